@@ -12,8 +12,8 @@ from benchmarks import reference as converged
 from benchmarks.billet import CASE, LATE, LENGTHS, Result, Settings, run
 from benchmarks.reference import Reference, load
 from benchmarks.report import Output, front, table
-from castfem.case import load_case
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.model import load_case
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -131,7 +131,7 @@ def cheapest(
 
 def draw(rows: list[dict[str, Any]]) -> Figure:
     """Errors against run time, temperature and heat, with the front of each scheme and cell."""
-    from castfem.plots.style import look, new_figure
+    from castfem.post.plots.style import look, new_figure
 
     colours = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
     with look():

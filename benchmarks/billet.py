@@ -15,17 +15,17 @@ from mpi4py import MPI
 
 import numpy as np
 
-from castfem.case import Case, from_document, load_case
-from castfem.results.run_state import RunState
-from castfem.results.sample import Sample
-from castfem.simulation.simulation import build
-from castfem.time_loop.loop import TimeLoop
-from castfem.values.constants import ZERO_CELSIUS
-from castfem.values.same_place import same_instant
-from castfem.values.types import Array
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.tolerances import same_instant
+from castfem.base.types import Array
+from castfem.model import Case, from_document, load_case
+from castfem.model.build.simulation import build
+from castfem.runs.loop import TimeLoop
+from castfem.runs.results.run_state import RunState
+from castfem.runs.results.sample import Sample
 
 if TYPE_CHECKING:
-    from castfem.time_loop.recorder import Recorder
+    from castfem.runs.recorder import Recorder
 
 
 CASE = Path(__file__).parents[1] / "cases" / "billet125" / "thermal.toml"

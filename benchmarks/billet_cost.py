@@ -16,11 +16,11 @@ import numpy as np
 
 from benchmarks.billet_run import CASES, MOULDS, NAMES, QUIET, every, mesh, touch
 from benchmarks.report import Output, table
-from castfem.case import load_case
-from castfem.mechanics.state import MechanicalResult
-from castfem.simulation.simulation import build
-from castfem.support.stopwatch import LIBRARIES, Stopwatch
-from castfem.time_loop.loop import TimeLoop
+from castfem.base.stopwatch import LIBRARIES, Stopwatch
+from castfem.model import load_case
+from castfem.model.build.simulation import build
+from castfem.physics.mechanics.state import MechanicalResult
+from castfem.runs.loop import TimeLoop
 
 RUBBED = 'mould.friction={law="coulomb", coefficient=0.3}'
 MOULDS: dict[str, tuple[str, tuple[str, ...]]] = {

@@ -10,7 +10,7 @@ from typing import Any
 
 from benchmarks.billet_run import COARSE, MOULDS, NAMES, Found, every, mesh, run
 from benchmarks.report import Output, table
-from castfem.report.headline import HEADLINE
+from castfem.runs.results.headline import HEADLINE
 
 FINE = (*mesh(0.35), every(0.05))
 PATIENCE = 900.0  # s

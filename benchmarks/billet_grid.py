@@ -14,8 +14,8 @@ from typing import Any
 import castfem
 from benchmarks.billet_run import CASES
 from benchmarks.report import Output, table
-from castfem.accuracy.sizes import changes, factors_of
-from castfem.case import load_case
+from castfem.model import load_case
+from castfem.studies.accuracy.sizes import changes, factors_of
 
 CARBONS = ("0.05", "0.10", "0.12", "0.17", "0.25", "0.42", "0.80")
 SPEEDS = {"100": "3 m/min", "130": "2.4 m/min", "180": "1.6 m/min", "240": "1.1 m/min"}

@@ -15,14 +15,14 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.report import ROOT
-from castfem.case import load_case
-from castfem.errors import CastfemError
-from castfem.report.remarks import OPEN, spells
-from castfem.results.run_state import RunState
-from castfem.results.sample import Sample
-from castfem.results.summary import quantities
-from castfem.simulation.simulation import build
-from castfem.time_loop.loop import TimeLoop
+from castfem.base.errors import CastfemError
+from castfem.model import load_case
+from castfem.model.build.simulation import build
+from castfem.post.report.remarks import OPEN, spells
+from castfem.runs.loop import TimeLoop
+from castfem.runs.results.run_state import RunState
+from castfem.runs.results.sample import Sample
+from castfem.runs.results.summary import quantities
 
 CASES = ROOT / "cases" / "billet125"
 MOULDS = ("idealised", "taper_3", "taper_1", "taper_0", "taper_minus_1", "taper_minus_3")

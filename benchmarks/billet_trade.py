@@ -114,7 +114,7 @@ DRAWN = ("worst", "von_mises_max")
 
 def draw(found: Mapping[str, Sequence[Mapping[str, Any]]]) -> Figure:
     """Error against processor time; the default ringed, the runs that none beats joined."""
-    from castfem.plots.style import look, new_figure
+    from castfem.post.plots.style import look, new_figure
 
     labels = {"worst": "largest error, in units of the text", "von_mises_max": "peak stress [MPa]"}
     with look():

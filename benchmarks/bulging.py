@@ -17,11 +17,11 @@ from mpi4py import MPI
 import numpy as np
 
 from benchmarks.report import ROOT, Output, table
-from castfem.bulging import CreepingStrip, Shell, Span
-from castfem.case import Case, load_case
-from castfem.constitutive import load_elasticity, load_law
-from castfem.output.summary import Summary
-from castfem.time_loop import loop
+from castfem.model import Case, load_case
+from castfem.physics.constitutive import load_elasticity, load_law
+from castfem.physics.machine.bulging import CreepingStrip, Shell, Span
+from castfem.runs import loop
+from castfem.runs.output.summary import Summary
 
 CASE = ROOT / "cases" / "slab1200" / "bulging.toml"
 FOLDER = ROOT / "results" / "benchmarks" / "bulging"

@@ -16,9 +16,9 @@ import numpy as np
 from benchmarks.accuracy import default_settings
 from benchmarks.billet import CASE, LENGTHS, Settings, time_table
 from benchmarks.report import Output, table
-from castfem.case import from_document, load_case
-from castfem.simulation.simulation import build
-from castfem.time_loop.loop import TimeLoop
+from castfem.model import from_document, load_case
+from castfem.model.build.simulation import build
+from castfem.runs.loop import TimeLoop
 
 LENGTH = 20.0  # m
 PLACES = (3.0, 6.0, 10.0, 15.0)  # m below the meniscus

@@ -14,7 +14,7 @@ import numpy as np
 import castfem
 from benchmarks.billet_run import CASES, COARSE, NAMES, QUIET
 from benchmarks.report import Output, table
-from castfem.case import load_case
+from castfem.model import load_case
 
 CELLS = {
     "1.94": ("1.94", "1.94", "15.5", "19.4"),

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import Output, table
-from castfem.values.types import Array
+from castfem.base.types import Array
 
 SOLIDUS, LIQUIDUS, WALL = 1490.7, 1523.6, 160.0  # degC; steel of 0.12 % C
 SUPERHEAT, TRANSITION = 28.0, 30.0  # K; the second from delta ferrite to austenite

@@ -18,7 +18,7 @@ from benchmarks.accuracy import default_settings
 from benchmarks.billet import Result, refined, run
 from benchmarks.probe import measure
 from benchmarks.report import Output, table
-from castfem.support.stopwatch import LIBRARIES, TIME_LOOP
+from castfem.base.stopwatch import LIBRARIES, TIME_LOOP
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -87,7 +87,7 @@ def exponent(rows: list[dict[str, Any]], stepping: str) -> float:
 
 def draw(rows: list[dict[str, Any]]) -> Figure:
     """Run time against the number of cells, beside the slopes 1 and 1.2."""
-    from castfem.plots.style import look, new_figure
+    from castfem.post.plots.style import look, new_figure
 
     with look():
         figure = new_figure(5.2, 3.6)

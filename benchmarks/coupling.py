@@ -16,12 +16,12 @@ import numpy as np
 from benchmarks.billet_run import CASES, COARSE, NAMES, QUIET
 from benchmarks.liquid import AS_THESIS
 from benchmarks.report import Output, table
-from castfem.case import load_case
-from castfem.results.run_state import RunState
-from castfem.results.sample import Sample
-from castfem.results.summary import summarise
-from castfem.simulation.simulation import build
-from castfem.time_loop.loop import TimeLoop
+from castfem.model import load_case
+from castfem.model.build.simulation import build
+from castfem.runs.loop import TimeLoop
+from castfem.runs.results.run_state import RunState
+from castfem.runs.results.sample import Sample
+from castfem.runs.results.summary import summarise
 
 # With fed liquid the corner of the first shell may melt open off the wall, which ends the run.
 STRONG = (

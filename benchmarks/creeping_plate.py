@@ -18,10 +18,10 @@ from numpy.polynomial.legendre import leggauss
 
 from benchmarks.lost_roll import COUNT, steel
 from benchmarks.report import Output, table
-from castfem.bulging import CreepingStrip, Shell, Span
-from castfem.bulging.uneven import UnevenRolls
-from castfem.constitutive.base import Law
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.physics.constitutive.base import Law
+from castfem.physics.machine.bulging import CreepingStrip, Shell, Span
+from castfem.physics.machine.bulging.uneven import UnevenRolls
 
 POWERS = (1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 5.5, 6.0)  # each begins at the one before
 TOLD = (1.0, 3.0, 5.0, 6.0)

@@ -15,7 +15,7 @@ from benchmarks.accuracy import GRADED, LEVELS, cheapest, errors, front, row_of,
 from benchmarks.billet import RADIUS, Settings, billet_case, run
 from benchmarks.reference import Reference, load
 from benchmarks.report import Output, table
-from castfem.simulation.simulation import build_mesh
+from castfem.model.build.simulation import build_mesh
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -156,7 +156,7 @@ def verdict(rows: list[dict[str, Any]], corner: str) -> list[dict[str, Any]]:
 
 def draw(rows: list[dict[str, Any]]) -> Figure:
     """Error against time of every run, and the front of each code, for both corners."""
-    from castfem.plots.style import look, new_figure
+    from castfem.post.plots.style import look, new_figure
 
     colours = {"castfem": "#0072b2", "scikit-fem": "#d55e00"}
     rows = [r | {"worst_K": worst(r)} for r in rows]

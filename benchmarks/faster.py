@@ -28,11 +28,11 @@ import numpy as np
 from benchmarks.billet_run import CASES, QUIET, every, mesh
 from benchmarks.billet_trade import COMPARED
 from benchmarks.report import ROOT, Output, table
-from castfem.case import load_case
-from castfem.mechanics.stepper import MechanicalStepper
-from castfem.results.summary import quantities
-from castfem.simulation.simulation import Simulation, build
-from castfem.time_loop.loop import TimeLoop
+from castfem.model import load_case
+from castfem.model.build.simulation import Simulation, build
+from castfem.physics.mechanics.stepper import MechanicalStepper
+from castfem.runs.loop import TimeLoop
+from castfem.runs.results.summary import quantities
 
 SHIPPED = "as shipped"
 BEFORE = "before"
@@ -130,8 +130,8 @@ def alone(root: Path, keys: Sequence[str]) -> tuple[float, int]:
     """Seconds and iterations of a run of a checkout in a process of its own."""
     code = (
         "import sys; from time import process_time as now; from mpi4py import MPI\n"
-        "from castfem.case import load_case; from castfem.time_loop.loop import TimeLoop\n"
-        "from castfem.simulation.simulation import build\n"
+        "from castfem.model import load_case; from castfem.runs.loop import TimeLoop\n"
+        "from castfem.model.build.simulation import build\n"
         "case = load_case(sys.argv[1], tuple(sys.argv[2:]))\n"
         "loop = TimeLoop(build(case, MPI.COMM_SELF)); start = now(); loop.run()\n"
         "print('took', now() - start, loop.run_state.counts.newton_mechanics)\n"

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from castfem.case import Case
-from castfem.errors import RunFailure
-from castfem.output.summary import Summary
-from castfem.time_loop import loop
+from castfem.base.errors import RunFailure
+from castfem.model import Case
+from castfem.runs import loop
+from castfem.runs.output.summary import Summary
 
 
 def finished_run(case: Case, folder: Path) -> tuple[Summary, str]:

@@ -15,11 +15,13 @@ import numpy as np
 
 from benchmarks.billet_run import CASES, COARSE, QUIET
 from benchmarks.report import ROOT, Output, table
-from castfem.case import load_case
-from castfem.case.build_mould import nominal_mould
-from castfem.hot_mould.model import HotMould, HotWall
-from castfem.mould.mould import Mould
-from castfem.mould_fit.coupled import (
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.stopwatch import peak_memory
+from castfem.model import load_case
+from castfem.model.build_mould import nominal_mould
+from castfem.physics.mould.hot.model import HotMould, HotWall
+from castfem.physics.mould.mould import Mould
+from castfem.studies.mould_fit.coupled import (
     MOST,
     Turn,
     copper_of,
@@ -28,9 +30,7 @@ from castfem.mould_fit.coupled import (
     hot_mould_of,
     settings_of,
 )
-from castfem.mould_fit.follow import follow
-from castfem.support.stopwatch import peak_memory
-from castfem.values.constants import ZERO_CELSIUS
+from castfem.studies.mould_fit.follow import follow
 
 TUBE = ("mould.tube.thickness=10 mm", "mould.length=600 mm")
 TUBES: tuple[tuple[str, tuple[str, ...]], ...] = (

@@ -15,13 +15,13 @@ import numpy as np
 from benchmarks.accuracy import default_settings
 from benchmarks.billet import Settings, billet_case
 from benchmarks.report import Output, table
-from castfem.case import from_document
-from castfem.results.run_state import RunState
-from castfem.results.sample import Sample
-from castfem.simulation.simulation import build
-from castfem.thermal.stepper import ThermalStepper
-from castfem.time_loop.loop import TimeLoop
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.model import from_document
+from castfem.model.build.simulation import build
+from castfem.physics.thermal.stepper import ThermalStepper
+from castfem.runs.loop import TimeLoop
+from castfem.runs.results.run_state import RunState
+from castfem.runs.results.sample import Sample
 
 COEFFICIENTS = (1.6, 8.0, 30.0)  # kW/m2K, to 25 degC, from the meniscus on
 STEPS = (0.5, 0.25)  # s

@@ -33,15 +33,15 @@ from scipy.sparse.linalg import splu
 
 from benchmarks.report import Output, table
 from castfem import meshes
-from castfem.fem.dolfinx_compat import assemble_matrix, assemble_owned
+from castfem.base.types import Array
+from castfem.fem.compat import assemble_matrix, assemble_owned
 from castfem.fem.section import Section
 from castfem.forms import heat
-from castfem.materials.curve import ThermalCurve
-from castfem.thermal.boundary import Cooling, Surface
-from castfem.thermal.flux_laws import Convection
-from castfem.thermal.problem import ThermalProblem
-from castfem.thermal.stepper import ThermalStepper
-from castfem.values.types import Array
+from castfem.physics.materials.curve import ThermalCurve
+from castfem.physics.thermal.boundary import Cooling, Surface
+from castfem.physics.thermal.flux_laws import Convection
+from castfem.physics.thermal.problem import ThermalProblem
+from castfem.physics.thermal.stepper import ThermalStepper
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -262,7 +262,7 @@ def compare(
 
 def draw(rows: list[dict[str, Any]]) -> Figure:
     """Lost heat and error of the front against the step, for each freezing range."""
-    from castfem.plots.style import look, new_figure
+    from castfem.post.plots.style import look, new_figure
 
     colours = ("#0072b2", "#d55e00", "#cc79a7", "#009e73")
     names = list(dict.fromkeys(r["form"] for r in rows))

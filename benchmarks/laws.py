@@ -24,7 +24,11 @@ from time import perf_counter
 
 import numpy as np
 
-from castfem.constitutive import (
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.tables import Constant
+from castfem.base.tables import celsius as rows
+from castfem.base.types import Array
+from castfem.physics.constitutive import (
     MaterialStep,
     NortonCreep,
     NortonHoff,
@@ -35,16 +39,12 @@ from castfem.constitutive import (
     load_elasticity,
     load_law,
 )
-from castfem.constitutive.curves import Austenite
-from castfem.constitutive.flow_laws import RadialReturn
-from castfem.constitutive.identification.fit import identify
-from castfem.constitutive.identification.measured import TensileData
-from castfem.constitutive.kernel import constants as k
-from castfem.tensile.thesis_tests import plot_tensile_tests
-from castfem.values.constants import ZERO_CELSIUS
-from castfem.values.tables import Constant
-from castfem.values.tables import celsius as rows
-from castfem.values.types import Array
+from castfem.physics.constitutive.curves import Austenite
+from castfem.physics.constitutive.flow_laws import RadialReturn
+from castfem.physics.constitutive.kernel import constants as k
+from castfem.runs.tensile.thesis_tests import plot_tensile_tests
+from castfem.studies.identification.fit import identify
+from castfem.studies.identification.measured import TensileData
 
 POINTS = 8100
 DT = 0.1  # s
@@ -308,7 +308,7 @@ def start_times() -> tuple[float, float]:
     code = (
         "from time import perf_counter; t = perf_counter()\n"
         "import numpy as np\n"
-        "from castfem.constitutive import Elasticity, MaterialStep, ThermoElastic\n"
+        "from castfem.physics.constitutive import Elasticity, MaterialStep, ThermoElastic\n"
         "law = ThermoElastic(Elasticity.constant(1e9, 0.3)); one = np.full(1, 300.0)\n"
         "law.integrate(MaterialStep(np.zeros((1, 4)), np.zeros(1), one, one, 1.0),"
         " np.zeros((1, 4)), law.initial_state(1))\n"

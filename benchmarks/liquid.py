@@ -1,7 +1,7 @@
 """What the liquid's numerical stiffness moves, and how far fed liquid gets without a wall.
 
 A cell that freezes is part liquid, and needs some stiffness to be solved for.  Where liquid is fed
-that is `STAND_IN` of `castfem.mechanics.material_points` times its pressure, and counts in that one
+that is `STAND_IN` of `castfem.physics.mechanics.material_points` times its pressure, and counts in that one
 layer of cells alone; where it is elastic all of the core has it.  Writes tables of
 docs/mechanics.md.
 """
@@ -16,7 +16,7 @@ from typing import Any
 from benchmarks.billet_run import COARSE, NAMES, QUIET, mesh, run
 from benchmarks.billet_study import picked
 from benchmarks.report import Output, table
-from castfem.mechanics import material_points
+from castfem.physics.mechanics import material_points
 
 FACTORS = (10.0, 30.0, 300.0)
 STIFFNESSES = (1e-2, 1e-7)

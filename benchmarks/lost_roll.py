@@ -13,7 +13,10 @@ import numpy as np
 
 from benchmarks.ode_strip import OdeStrip
 from benchmarks.report import Output, table
-from castfem.bulging import (
+from castfem.base.types import Array
+from castfem.physics.constitutive import ThermoElastic, load_elasticity, load_law
+from castfem.physics.constitutive.base import Law
+from castfem.physics.machine.bulging import (
     Bulge,
     CreepingStrip,
     ElasticStrip,
@@ -22,13 +25,10 @@ from castfem.bulging import (
     Span,
     over_rolls,
 )
-from castfem.bulging.creep import nodes
-from castfem.bulging.layers import Layers
-from castfem.bulging.result import deflected
-from castfem.bulging.uneven import UnevenRolls
-from castfem.constitutive import ThermoElastic, load_elasticity, load_law
-from castfem.constitutive.base import Law
-from castfem.values.types import Array
+from castfem.physics.machine.bulging.creep import nodes
+from castfem.physics.machine.bulging.layers import Layers
+from castfem.physics.machine.bulging.result import deflected
+from castfem.physics.machine.bulging.uneven import UnevenRolls
 
 THICKNESS, SURFACE, FRONT = 0.04, 1273.15, 1763.15
 PITCH, PRESSURE, SPEEDS = 0.25, 0.25e6, (0.02, 0.01)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from castfem import meshes
-from castfem.values.types import Array
+from castfem.base.types import Array
 
 Map = Callable[[Array, Array], tuple[Array, Array]]
 

@@ -19,18 +19,18 @@ from scipy.sparse.linalg import splu
 from benchmarks.mapped import RING_GROUPS, box, mapped, ring, skewed
 from benchmarks.report import Output, table
 from castfem import meshes
-from castfem.constitutive.elasticity import Elasticity
-from castfem.constitutive.flow_laws import NortonCreep, ThermoElastic
+from castfem.base.types import Array
 from castfem.fem import dof_values
 from castfem.fem.section import Section
-from castfem.mechanics.definition import Slice
-from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.problem import MechanicalProblem
-from castfem.mechanics.quadrature_rules import Integration
-from castfem.mechanics.state import MechanicalState
-from castfem.mechanics.stepper import MechanicalStepper
-from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
-from castfem.values.types import Array
+from castfem.physics.constitutive.elasticity import Elasticity
+from castfem.physics.constitutive.flow_laws import NortonCreep, ThermoElastic
+from castfem.physics.mechanics.definition import Slice
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.problem import MechanicalProblem
+from castfem.physics.mechanics.quadrature_rules import Integration
+from castfem.physics.mechanics.state import MechanicalState
+from castfem.physics.mechanics.stepper import MechanicalStepper
+from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
 
 Field = Callable[[Array, float], Array]
 

@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.probe import launch
 from benchmarks.report import Output, table
 from benchmarks.slice_probe import Run, cooling_slice, measure
-from castfem.fem.dolfinx_compat import assemble_into
+from castfem.fem.compat import assemble_into
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -165,7 +165,7 @@ COLOURS = {
 
 def draw(rows: list[dict[str, Any]]) -> Figure:
     """Time against cells beside slopes, and what it is made of."""
-    from castfem.plots.style import look, new_figure
+    from castfem.post.plots.style import look, new_figure
 
     cells = np.array([r["cells"] for r in rows], float)
     with look():

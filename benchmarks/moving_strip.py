@@ -24,11 +24,11 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from benchmarks.report import Output, table
-from castfem.bulging import Bulge, CreepingStrip, Rolls, Shell, Span, over_rolls
-from castfem.constitutive import ThermoElastic, load_elasticity, load_law
-from castfem.constitutive.base import Law, MaterialStep, Response
-from castfem.fem import dolfinx_compat
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.fem import compat
+from castfem.physics.constitutive import ThermoElastic, load_elasticity, load_law
+from castfem.physics.constitutive.base import Law, MaterialStep, Response
+from castfem.physics.machine.bulging import Bulge, CreepingStrip, Rolls, Shell, Span, over_rolls
 
 DEGREE = 2  # three points a triangle: creep does not lock
 ITERATIONS, TOLERANCE = 40, 1e-7
@@ -203,7 +203,7 @@ def _points(mesh: Any, space: Any) -> tuple[Any, Array, Array]:
     g = ufl.grad(u)
     root = np.sqrt(0.5)
     strain = ufl.as_vector([g[0, 0], g[1, 1], 0.0 * g[0, 0], root * (g[0, 1] + g[1, 0])])
-    form = dolfinx_compat.compile_form(ufl.inner(strain, q) * dx)
+    form = compat.compile_form(ufl.inner(strain, q) * dx)
     assembled = fem_petsc.assemble_matrix(form)
     assembled.assemble()
     start, columns, values = assembled.getValuesCSR()
@@ -212,7 +212,7 @@ def _points(mesh: Any, space: Any) -> tuple[Any, Array, Array]:
     place = ufl.SpatialCoordinate(mesh)
 
     def read(value: Any) -> Array:
-        form = dolfinx_compat.compile_form(value * q[0] * dx)
+        form = compat.compile_form(value * q[0] * dx)
         return np.array(fem.assemble_vector(form).array)[::4]
 
     weight = read(1.0)
@@ -225,7 +225,7 @@ def _pressure(mesh: Any, space: Any, depth: float, pressure: float) -> Array:
     facets = np.sort(dmesh.locate_entities_boundary(mesh, 1, lambda x: np.isclose(x[1], depth)))
     tags = dmesh.meshtags(mesh, 1, facets, np.ones(len(facets), np.int32))
     ds = ufl.Measure("ds", domain=mesh, subdomain_data=tags)(1)
-    form = dolfinx_compat.compile_form(-pressure * ufl.TestFunction(space)[1] * ds)
+    form = compat.compile_form(-pressure * ufl.TestFunction(space)[1] * ds)
     return np.array(fem.assemble_vector(form).array)
 
 

@@ -15,9 +15,9 @@ import numpy as np
 from scipy.integrate import cumulative_simpson, solve_ivp
 from scipy.optimize import fsolve
 
-from castfem.constitutive import Elasticity
-from castfem.constitutive.curves import Austenite
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.physics.constitutive import Elasticity
+from castfem.physics.constitutive.curves import Austenite
 
 MEGA = 1e6
 LEAST = 1e-14  # strain, of a back stress that has none yet

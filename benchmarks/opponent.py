@@ -27,7 +27,7 @@ from scipy.sparse import csc_matrix, diags
 from skfem import BilinearForm, FacetBasis, LinearForm, MeshQuad, MeshTri
 
 from benchmarks.plain_heat import HeatBalance, element_of, graded, laplacian, march, mass
-from castfem.values.types import Array
+from castfem.base.types import Array
 
 RHO, C, K, LATENT = 7400.0, 700.0, 30.0, 270e3
 SOLIDUS, LIQUIDUS, START = 1452.0, 1502.5, 1542.5  # degC

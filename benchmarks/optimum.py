@@ -18,10 +18,10 @@ from scipy.interpolate import PchipInterpolator
 
 from benchmarks.report import Output, table
 from castfem.api import load
-from castfem.design import Evaluator, Optimum, Study, Wanted
-from castfem.design.figure import draw
-from castfem.design.mould_table import mould_table
-from castfem.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.studies.optimisation import Evaluator, Optimum, Study, Wanted
+from castfem.studies.optimisation.figure import draw
+from castfem.studies.optimisation.mould_table import mould_table
 
 CASES = ("single", "corner", "double", "parabolic", "double_corner")
 # Ends [%/m] and runs along each variable, narrowed by hand: of one variable to where the six moulds

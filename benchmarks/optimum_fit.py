@@ -22,11 +22,11 @@ from scipy.stats import qmc
 from benchmarks.optimum_gradients import plain
 from benchmarks.report import Output, table
 from castfem.api import load
-from castfem.design.evaluator import lean, variant
-from castfem.design.question import Question, Wanted
-from castfem.design.response import fit
-from castfem.sensitivity.run import sensitivity
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.studies.optimisation.evaluator import lean, variant
+from castfem.studies.optimisation.question import Question, Wanted
+from castfem.studies.optimisation.response import fit
+from castfem.studies.sensitivity.run import sensitivity
 
 TAPER = 0.34, 0.84  # %/m: about the best one
 TRAINING, PLAIN, CARRYING = 32, (32,), (8, 12, 16, 24, 32)

@@ -22,14 +22,14 @@ from scipy.optimize import Bounds, NonlinearConstraint, minimize
 
 from benchmarks.report import Output, table
 from castfem.api import load
-from castfem.case import Case
-from castfem.design.evaluator import lean, variant
-from castfem.design.question import Question, Wanted
-from castfem.results.registry import columns_of, results_of
-from castfem.sensitivity.run import sensitivity
-from castfem.simulation.simulation import build
-from castfem.time_loop.loop import TimeLoop
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.model import Case
+from castfem.model.build.simulation import build
+from castfem.runs.loop import TimeLoop
+from castfem.runs.results.registry import columns_of, results_of
+from castfem.studies.optimisation.evaluator import lean, variant
+from castfem.studies.optimisation.question import Question, Wanted
+from castfem.studies.sensitivity.run import sensitivity
 
 LARGEST, SMOOTH = "von_mises_max", "von_mises_smooth"
 SEARCHED = (

@@ -11,7 +11,7 @@ from typing import Any
 from benchmarks.optimum import folder
 from benchmarks.report import Output, table
 from castfem.api import load
-from castfem.design import Evaluator, Optimum, Study
+from castfem.studies.optimisation import Evaluator, Optimum, Study
 
 SCENES: dict[str, tuple[int, dict[str, Any]]] = {
     "least stress, 99 % of the heat": (

@@ -12,11 +12,11 @@ from typing import Any
 from benchmarks.optimum import folder
 from benchmarks.report import Output, table
 from castfem.api import load
-from castfem.design import Evaluator, Optimum, Study, Wanted
-from castfem.design.figure import draw_front
-from castfem.design.mould_figure import draw_mould
-from castfem.design.mould_table import mould_table
-from castfem.design.spread_figure import draw_spread
+from castfem.studies.optimisation import Evaluator, Optimum, Study, Wanted
+from castfem.studies.optimisation.figure import draw_front
+from castfem.studies.optimisation.mould_figure import draw_mould
+from castfem.studies.optimisation.mould_table import mould_table
+from castfem.studies.optimisation.spread_figure import draw_spread
 
 INPUTS = {
     "cooling.mould.surface.0.coefficient [times]": "heat transfer, ± 10 %",

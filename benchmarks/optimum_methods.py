@@ -12,8 +12,8 @@ from typing import Any
 from benchmarks.optimum import folder
 from benchmarks.report import Output, table
 from castfem.api import load
-from castfem.design import Evaluator, Study
-from castfem.design.optimum import Optimum
+from castfem.studies.optimisation import Evaluator, Study
+from castfem.studies.optimisation.optimum import Optimum
 
 CASE = "billet125/optimum_double_corner"
 METHODS = {"cobyqa": "no", "slsqp": "yes"}

@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks.report import Output, table
 from castfem.api import load
-from castfem.design import Evaluation, Evaluator
+from castfem.studies.optimisation import Evaluation, Evaluator
 
 _APART, _AWAY = 0.004, 0.1  # %/m
 _TAPERS = (1.0, 0.59, 0.0, -1.0)

@@ -23,12 +23,12 @@ from scipy.optimize import brentq
 from benchmarks.optimum_gradients import MOST, SEARCHES, Runs, plain
 from benchmarks.report import Output, table
 from castfem.api import load
-from castfem.design import Evaluator, Study
-from castfem.design.evaluator import lean, variant
-from castfem.design.fidelity import at_level
-from castfem.design.question import Question
-from castfem.plots.style import look, new_figure
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.post.plots.style import look, new_figure
+from castfem.studies.optimisation import Evaluator, Study
+from castfem.studies.optimisation.evaluator import lean, variant
+from castfem.studies.optimisation.fidelity import at_level
+from castfem.studies.optimisation.question import Question
 
 CASE, START, SHARE = "billet125/optimum_single", 1.0, 0.99
 LEVELS = "coarse", "default", "fine"

@@ -13,12 +13,12 @@ from mpi4py import MPI
 
 from benchmarks.billet_run import CASES, COARSE, QUIET
 from benchmarks.report import Output, table
-from castfem.case import load_case
-from castfem.results.run_state import RunState
-from castfem.results.sample import Sample
-from castfem.simulation.simulation import build
-from castfem.time_loop.loop import TimeLoop
-from castfem.values.constants import ZERO_CELSIUS
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.model import load_case
+from castfem.model.build.simulation import build
+from castfem.runs.loop import TimeLoop
+from castfem.runs.results.run_state import RunState
+from castfem.runs.results.sample import Sample
 
 FINE = "coupling.interval=0.05 s"
 ORDERS = {

@@ -22,7 +22,7 @@ from scipy.sparse.linalg import LinearOperator, cg, splu
 from skfem import Basis, BilinearForm, ElementQuad1, ElementTriP1, MeshQuad, MeshTri
 from skfem.helpers import dot, grad
 
-from castfem.values.types import Array
+from castfem.base.types import Array
 
 GAMMA = 1.0 - 0.5**0.5
 NEWTON, TOLERANCE = 40, 1e-6  # K

@@ -57,7 +57,7 @@ def peak() -> float:
         found = re.search(r"VmHWM:\s+(\d+) kB", status.read_text())
         if found:
             return 1024.0 * float(found[1])
-    from castfem.support.stopwatch import peak_memory
+    from castfem.base.stopwatch import peak_memory
 
     return peak_memory()
 

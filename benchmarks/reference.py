@@ -31,7 +31,7 @@ from benchmarks.billet import (
     strip_case,
 )
 from benchmarks.report import Output, table
-from castfem.values.types import Array
+from castfem.base.types import Array
 
 FILE = Path(__file__).parents[1] / "docs" / "data" / "billet_reference.json"
 QUANTITIES = ("mid_face", "corner", "heat", "shell_mid_face", "shell_corner")

@@ -10,11 +10,11 @@ import numpy as np
 
 from benchmarks.billet_run import CASES, COARSE, QUIET
 from benchmarks.report import Output, table
-from castfem.case import Case, load_case
-from castfem.case.section import Rectangle
-from castfem.case.wall_shape import WallShape
-from castfem.mould_fit.follow import Followed, follow
-from castfem.mould_fit.section import (
+from castfem.model import Case, load_case
+from castfem.model.section import Rectangle
+from castfem.model.wall_shape import WallShape
+from castfem.studies.mould_fit.follow import Followed, follow
+from castfem.studies.mould_fit.section import (
     Attempt,
     find_section,
     natural_wall,
@@ -96,7 +96,7 @@ def _values(strand: Followed) -> dict[str, float]:
 
 
 def _figure(output: Output, case: Case, attempts: list[Attempt]) -> None:
-    from castfem.plots.section_shape import draw
+    from castfem.post.plots.section_shape import draw
 
     path = output.folder / "figures" / "section.png"
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -23,22 +23,22 @@ import numpy as np
 from benchmarks.plain_run import measure
 from benchmarks.report import ROOT, Output, table
 from castfem.api import load, run, sensitivities
-from castfem.case import Case
-from castfem.materials.curve import CurvePoint
-from castfem.sensitivity.followed_steps import followed
-from castfem.sensitivity.linear import StageTangent
-from castfem.sensitivity.parameters import Parameter, read_parameters
-from castfem.sensitivity.readings import Readings, asked_quantities
-from castfem.sensitivity.recorder import FollowedLoop, Recorder
-from castfem.sensitivity.result import Sensitivity
-from castfem.sensitivity.run import follow, sensitivity
-from castfem.sensitivity.varied import surface_heat
-from castfem.simulation.simulation import build, case_steel
-from castfem.thermal import problem as heat_balance
-from castfem.thermal.options import ITERATIVE
-from castfem.thermal.stepper import GAMMA
-from castfem.time_loop.loop import TimeLoop
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.model import Case
+from castfem.model.build.simulation import build, case_steel
+from castfem.physics.materials.curve import CurvePoint
+from castfem.physics.thermal import problem as heat_balance
+from castfem.physics.thermal.options import ITERATIVE
+from castfem.physics.thermal.stepper import GAMMA
+from castfem.runs.loop import TimeLoop
+from castfem.studies.sensitivity.differentiated_steps import followed
+from castfem.studies.sensitivity.linear import StageTangent
+from castfem.studies.sensitivity.parameters import Parameter, read_parameters
+from castfem.studies.sensitivity.perturbed_simulation import surface_heat
+from castfem.studies.sensitivity.readings import Readings, asked_quantities
+from castfem.studies.sensitivity.recorder import FollowedLoop, Recorder
+from castfem.studies.sensitivity.result import Sensitivity
+from castfem.studies.sensitivity.run import follow, sensitivity
 
 _Place = tuple[CurvePoint, Array, float]  # of StageTangent.factor
 

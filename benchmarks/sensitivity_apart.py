@@ -15,8 +15,8 @@ from mpi4py import MPI
 
 from benchmarks.report import Output, table
 from castfem.api import load, run
-from castfem.case import Case
-from castfem.sensitivity.run import sensitivity
+from castfem.model import Case
+from castfem.studies.sensitivity.run import sensitivity
 
 CASE = "billet125/taper_0"
 # The speed moves steps with it where windows are lengths of the strand, as in the derivatives.

@@ -13,12 +13,12 @@ from mpi4py import MPI
 
 from benchmarks.billet_run import CASES, QUIET
 from benchmarks.report import Output, table
-from castfem.case import Case, load_case
-from castfem.mould_fit.follow import follow
-from castfem.output.summary import from_si, unit_of_difference
-from castfem.sensitivity.parameters import Parameter
-from castfem.sensitivity.result import Sensitivity
-from castfem.sensitivity.run import sensitivity
+from castfem.model import Case, load_case
+from castfem.runs.output.summary import from_si, unit_of_difference
+from castfem.studies.mould_fit.follow import follow
+from castfem.studies.sensitivity.parameters import Parameter
+from castfem.studies.sensitivity.result import Sensitivity
+from castfem.studies.sensitivity.run import sensitivity
 
 DISTANCES = (0.01, 0.1)
 """Of the parameter, to either side."""

@@ -23,19 +23,19 @@ from dolfinx.fem import petsc as fem_petsc
 
 from benchmarks.report import Output, table
 from castfem import meshes
-from castfem.bulging import ElasticStrip, Shell, Span
-from castfem.bulging.plate import clamped_deflection
-from castfem.constitutive import Elasticity, ThermoElastic
-from castfem.contact.roll_support import Bed, GivenFoundation, RollSupport
-from castfem.fem import dolfinx_compat
+from castfem.base.types import Array
+from castfem.fem import compat
 from castfem.fem.section import Section
-from castfem.mechanics.definition import Slice
-from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.problem import MechanicalProblem
-from castfem.mechanics.stepper import MechanicalStepper
-from castfem.mechanics.supports import SurfacePressure
-from castfem.simulation.bulging import LEAST_BULGE
-from castfem.values.types import Array
+from castfem.model.build.bulging import LEAST_BULGE
+from castfem.physics.constitutive import Elasticity, ThermoElastic
+from castfem.physics.contact.roll_support import Bed, GivenFoundation, RollSupport
+from castfem.physics.machine.bulging import ElasticStrip, Shell, Span
+from castfem.physics.machine.bulging.plate import clamped_deflection
+from castfem.physics.mechanics.definition import Slice
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.problem import MechanicalProblem
+from castfem.physics.mechanics.stepper import MechanicalStepper
+from castfem.physics.mechanics.supports import SurfacePressure
 
 YOUNG, POISSON = 10e9, 0.3
 THICKNESS = 0.22  # of the slab
@@ -212,7 +212,7 @@ def solid_of(box: Box, layers: int = 2) -> tuple[Face, float]:
     points = np.column_stack([np.tile(flat.points, (count, 1)), np.repeat(z, n)])
     cells = np.concatenate([np.hstack([flat.cells + n * k, flat.cells + n * (k + 1)])
                             for k in range(count - 1)])  # fmt: skip
-    mesh = dolfinx_compat.create_mesh(MPI.COMM_SELF, cells, points, "hexahedron", 1)
+    mesh = compat.create_mesh(MPI.COMM_SELF, cells, points, "hexahedron", 1)
     space = fem.functionspace(mesh, ("Lagrange", 2, (3,)))
     u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     shear = YOUNG / (2.0 * (1.0 + POISSON))
@@ -223,7 +223,7 @@ def solid_of(box: Box, layers: int = 2) -> tuple[Face, float]:
         return bulk * ufl.tr(strain) * ufl.Identity(3) + 2.0 * shear * strain
 
     matrix = fem_petsc.assemble_matrix(
-        dolfinx_compat.compile_form(ufl.inner(stress(u), ufl.grad(v)) * ufl.dx)
+        compat.compile_form(ufl.inner(stress(u), ufl.grad(v)) * ufl.dx)
     )
     matrix.assemble()
     x = space.tabulate_dof_coordinates()
@@ -261,7 +261,7 @@ def _pressure(mesh: Any, space: Any, box: Box) -> Array:
     tags = dmesh.meshtags(mesh, 2, facets, np.ones(len(facets), np.int32))
     ds = ufl.Measure("ds", domain=mesh, subdomain_data=tags)(1)
     work = -box.pressure * ufl.dot(ufl.FacetNormal(mesh), ufl.TestFunction(space)) * ds
-    return np.array(fem.assemble_vector(dolfinx_compat.compile_form(work)).array)
+    return np.array(fem.assemble_vector(compat.compile_form(work)).array)
 
 
 def _solved(matrix: Any, load: Array) -> Array:

@@ -17,10 +17,10 @@ import numpy as np
 
 from benchmarks.finished_run import finished_run
 from benchmarks.report import ROOT, Output, table
-from castfem.case import Case, load_case
-from castfem.case.load import from_document
-from castfem.output.history import read_history
-from castfem.output.summary import Summary
+from castfem.model import Case, load_case
+from castfem.model.load import from_document
+from castfem.runs.output.history import read_history
+from castfem.runs.output.summary import Summary
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -23,9 +23,9 @@ import numpy as np
 from benchmarks.probe import peak
 from benchmarks.report import ROOT, Output, table
 from benchmarks.slab_error import CASES, QUIET, THICK, Setting
-from castfem.case import load_case
-from castfem.simulation.simulation import build, build_mesh
-from castfem.time_loop import loop
+from castfem.model import load_case
+from castfem.model.build.simulation import build, build_mesh
+from castfem.runs import loop
 
 SIZES = (7.5, 5.0, 3.5, 2.5, 1.8)  # mm, at the wide faces
 TO = "casting.length=1.4 m"

@@ -22,14 +22,14 @@ from benchmarks.finished_run import finished_run
 from benchmarks.report import ROOT, Output, table
 from benchmarks.slab_bending import found
 from benchmarks.slab_mould import ACROSS, TAPER
-from castfem.case import Case, load_case
-from castfem.case.load import from_document
-from castfem.output.history import read_history
-from castfem.results.run_state import RunState
-from castfem.results.sample import Sample
-from castfem.simulation.simulation import build
-from castfem.time_loop.loop import TimeLoop
-from castfem.values.constants import ZERO_CELSIUS
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.model import Case, load_case
+from castfem.model.build.simulation import build
+from castfem.model.load import from_document
+from castfem.runs.loop import TimeLoop
+from castfem.runs.output.history import read_history
+from castfem.runs.results.run_state import RunState
+from castfem.runs.results.sample import Sample
 
 CASE = ROOT / "cases" / "slab1200" / "slab.toml"
 FOLDER = ROOT / "results" / "benchmarks" / "slab_downstream"
@@ -100,7 +100,7 @@ class _Nothing:
     """What notes nothing of a run."""
 
     def step(self, run: RunState, sample: Sample) -> None:
-        """See `castfem.time_loop.recorder`."""
+        """See `castfem.runs.recorder`."""
 
 
 def main(output: Output, quick: bool) -> None:

@@ -18,12 +18,12 @@ import numpy as np
 
 from benchmarks.report import ROOT, Output, front, table
 from benchmarks.slab_line import SlabLine
-from castfem.case import Case, load_case
-from castfem.results.run_state import RunState
-from castfem.results.sample import Sample
-from castfem.simulation.simulation import Simulation, build
-from castfem.time_loop.loop import TimeLoop
-from castfem.values.constants import ZERO_CELSIUS
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.model import Case, load_case
+from castfem.model.build.simulation import Simulation, build
+from castfem.runs.loop import TimeLoop
+from castfem.runs.results.run_state import RunState
+from castfem.runs.results.sample import Sample
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -220,7 +220,7 @@ def verdict(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 def draw(rows: list[dict[str, Any]]) -> Figure:
     """Error against time of every run, and the front of each code."""
-    from castfem.plots.style import look, new_figure
+    from castfem.post.plots.style import look, new_figure
 
     rows = [r | {"worst_K": worst(r)} for r in rows]
     with look():

@@ -18,12 +18,12 @@ from mpi4py import MPI
 import numpy as np
 
 from benchmarks.report import ROOT, Output, front, table
-from castfem.case import Case, load_case
-from castfem.errors import RunFailure
-from castfem.output.history import read_history
-from castfem.output.summary import Summary
-from castfem.simulation.simulation import build, build_mesh
-from castfem.time_loop import loop
+from castfem.base.errors import RunFailure
+from castfem.model import Case, load_case
+from castfem.model.build.simulation import build, build_mesh
+from castfem.runs import loop
+from castfem.runs.output.history import read_history
+from castfem.runs.output.summary import Summary
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -321,7 +321,7 @@ DRAWN = {
 
 def draw(told: Sequence[Mapping[str, Any]]) -> Figure:
     """Error against processor time; the default ringed, runs that none beats joined."""
-    from castfem.plots.style import look, new_figure
+    from castfem.post.plots.style import look, new_figure
 
     rows = [row | {name: abs(row[name]) for name in DRAWN} for row in told]
     with look():

@@ -18,12 +18,12 @@ from mpi4py import MPI
 import numpy as np
 
 from benchmarks.report import ROOT, Output, table
-from castfem.case import Case, load_case
-from castfem.case.load import from_document
-from castfem.errors import RunFailure
-from castfem.output.history import read_history
-from castfem.output.summary import Summary
-from castfem.time_loop import loop
+from castfem.base.errors import RunFailure
+from castfem.model import Case, load_case
+from castfem.model.load import from_document
+from castfem.runs import loop
+from castfem.runs.output.history import read_history
+from castfem.runs.output.summary import Summary
 
 CASE = ROOT / "cases" / "slab1200" / "slab.toml"
 FOLDER = ROOT / "results" / "benchmarks" / "slab_extremes"

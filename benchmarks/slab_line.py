@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from castfem.values.types import Array
+from castfem.base.types import Array
 
 
 @dataclass(frozen=True, slots=True)

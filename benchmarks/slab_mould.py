@@ -15,8 +15,8 @@ from typing import Any
 
 from benchmarks.finished_run import finished_run
 from benchmarks.report import ROOT, Output, table
-from castfem.case import Case, load_case
-from castfem.case.load import from_document
+from castfem.model import Case, load_case
+from castfem.model.load import from_document
 
 CASE = ROOT / "cases" / "slab1200" / "base.toml"
 FOLDER = ROOT / "results" / "benchmarks" / "slab_mould"

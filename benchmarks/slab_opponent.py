@@ -26,7 +26,7 @@ from skfem import FacetBasis, MeshQuad, MeshTri
 
 from benchmarks.plain_heat import HeatBalance, element_of, graded, laplacian, march, mass
 from benchmarks.slab_line import SlabLine
-from castfem.values.types import Array
+from castfem.base.types import Array
 
 STEFAN_BOLTZMANN, KELVIN, WATER = 5.670374419e-8, 273.15, 1000.0
 UNITS = {

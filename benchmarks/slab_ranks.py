@@ -26,12 +26,12 @@ from benchmarks.probe import launch
 from benchmarks.report import Output, table
 from benchmarks.slab_error import CASES, QUIET, THICK, Setting
 from benchmarks.slice_probe import FACTOR, SOLVE, events
-from castfem.case import load_case
-from castfem.results.run_state import RunState
-from castfem.results.sample import Sample
-from castfem.results.summary import summarise
-from castfem.simulation.simulation import Simulation, build
-from castfem.time_loop.loop import TimeLoop
+from castfem.model import load_case
+from castfem.model.build.simulation import Simulation, build
+from castfem.runs.loop import TimeLoop
+from castfem.runs.results.run_state import RunState
+from castfem.runs.results.sample import Sample
+from castfem.runs.results.summary import summarise
 
 SIZE = 1.8  # mm at the wide faces: 3680 cells
 TO = "casting.length=1.25 m"
@@ -55,7 +55,7 @@ class _Clock:
         self._watch, self.rows = simulation.watch, [[0.0]]
 
     def step(self, run: RunState, sample: Sample) -> None:
-        """See `castfem.time_loop.recorder`."""
+        """See `castfem.runs.recorder`."""
         spent = self._watch.seconds
         parts = {"factor": events(FACTOR), "solve": events(SOLVE)} | {
             name: spent.get(name, 0.0) for name in ("assembly", "law")

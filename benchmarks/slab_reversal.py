@@ -21,16 +21,16 @@ from benchmarks.finished_run import finished_run
 from benchmarks.report import ROOT, Output, table
 from benchmarks.slab_bending import found
 from benchmarks.slab_error import CASES, QUIET, Setting
-from castfem.case import load_case
-from castfem.case.build_machine import build_machine
-from castfem.constitutive import load_elasticity, load_law
-from castfem.constitutive.base import Law
-from castfem.constitutive.hardening_laws import Hardening
-from castfem.constitutive.uniaxial import pull
-from castfem.machine import Machine
-from castfem.output.history import read_history
-from castfem.values.constants import ZERO_CELSIUS
-from castfem.values.types import Array
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.types import Array
+from castfem.model import load_case
+from castfem.model.build_machine import build_machine
+from castfem.physics.constitutive import load_elasticity, load_law
+from castfem.physics.constitutive.base import Law
+from castfem.physics.constitutive.hardening_laws import Hardening
+from castfem.physics.constitutive.uniaxial import pull
+from castfem.physics.machine import Machine
+from castfem.runs.output.history import read_history
 
 FOLDER = ROOT / "results" / "benchmarks" / "slab_reversal"
 KEYS = (*QUIET, *Setting(7.5, 100.0).changes, "mechanics.bulging=elastic", "casting.length=17.2 m")
@@ -75,7 +75,7 @@ class Memory:
         """The key of a case; a law that forgets gets a file in `folder`."""
         if self.forgets is None:
             return f"mechanics.law={self.law}"
-        import castfem.constitutive.parameters as shipped
+        import castfem.physics.constitutive.parameters as shipped
 
         source = Path(shipped.__file__).parent / "data" / f"{self.law}.toml"
         head, mark, data = source.read_text(encoding="utf-8").partition("[data]")

@@ -16,16 +16,16 @@ from mpi4py import MPI
 import numpy as np
 
 from benchmarks.report import ROOT, Output, table
-from castfem.case import Case, load_case
-from castfem.output.history import read_history
-from castfem.output.summary import Summary
-from castfem.plots.secondary import faces_met
-from castfem.time_loop import loop
+from castfem.model import Case, load_case
+from castfem.post.plots.secondary import faces_met
+from castfem.runs import loop
+from castfem.runs.output.history import read_history
+from castfem.runs.output.summary import Summary
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from castfem.machine.rolls import Rolls
+    from castfem.physics.machine.rolls import Rolls
 
 CASE = ROOT / "cases" / "slab1200" / "sprays.toml"
 FOLDER = ROOT / "results" / "benchmarks" / "slab_sprays"

@@ -13,11 +13,11 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.report import ROOT, Output, table
-from castfem.machine.stations import Stations
-from castfem.output.history import read_history
-from castfem.output.summary import Summary
-from castfem.output.surface_maps import SurfaceMaps
-from castfem.values.constants import ZERO_CELSIUS
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.physics.machine.stations import Stations
+from castfem.runs.output.history import read_history
+from castfem.runs.output.summary import Summary
+from castfem.runs.output.surface_maps import SurfaceMaps
 
 RUNS = ROOT / "results" / "slab1200"
 CASES = {

@@ -20,14 +20,14 @@ import numpy as np
 from benchmarks.probe import peak
 from benchmarks.slices import CoolingSlice, Heat
 from castfem import meshes
-from castfem.constitutive.elasticity import Solidity
-from castfem.constitutive.parameters import load_elasticity, load_law
-from castfem.machine import Machine, Steady
-from castfem.materials import load_steel
-from castfem.mechanics.definition import Slice
-from castfem.mechanics.ferrostatic import Ferrostatic
-from castfem.mechanics.planes import PlainPlanes, allowed_strains
-from castfem.thermal.flux_laws import Contact
+from castfem.physics.constitutive.elasticity import Solidity
+from castfem.physics.constitutive.parameters import load_elasticity, load_law
+from castfem.physics.machine import Machine, Steady
+from castfem.physics.materials import load_steel
+from castfem.physics.mechanics.definition import Slice
+from castfem.physics.mechanics.ferrostatic import Ferrostatic
+from castfem.physics.mechanics.planes import PlainPlanes, allowed_strains
+from castfem.physics.thermal.flux_laws import Contact
 
 SECTIONS = {
     "quarter": {"width": 0.125, "height": 0.125, "symmetry": "quarter"},

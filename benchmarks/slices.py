@@ -12,17 +12,17 @@ from mpi4py import MPI
 import numpy as np
 
 from castfem import meshes
+from castfem.base.stopwatch import Stopwatch
+from castfem.base.types import Array
 from castfem.fem.section import Section
-from castfem.materials import Steel
-from castfem.mechanics.definition import Slice
-from castfem.mechanics.problem import MechanicalProblem
-from castfem.mechanics.stepper import MechanicalStepper
-from castfem.support.stopwatch import Stopwatch
-from castfem.thermal.boundary import Cooling, Surface
-from castfem.thermal.flux_laws import PrescribedTemperature, SurfaceLaw
-from castfem.thermal.problem import ThermalProblem
-from castfem.thermal.stepper import ThermalStepper
-from castfem.values.types import Array
+from castfem.physics.materials import Steel
+from castfem.physics.mechanics.definition import Slice
+from castfem.physics.mechanics.problem import MechanicalProblem
+from castfem.physics.mechanics.stepper import MechanicalStepper
+from castfem.physics.thermal.boundary import Cooling, Surface
+from castfem.physics.thermal.flux_laws import PrescribedTemperature, SurfaceLaw
+from castfem.physics.thermal.problem import ThermalProblem
+from castfem.physics.thermal.stepper import ThermalStepper
 
 Field = Callable[[Array, float], Array]
 

@@ -12,16 +12,16 @@ from statistics import median
 from typing import Any
 
 from benchmarks.report import PAGE, ROOT, Output, table
-from castfem.accuracy.ladder import Level, levels
-from castfem.accuracy.memo import prepare
-from castfem.accuracy.printed import main_names, quantity_of
-from castfem.accuracy.sizes import AXES, axes_of, changes
-from castfem.accuracy.table import ErrorTable
-from castfem.case import Case, load_case
-from castfem.output.summary import Summary
-from castfem.report.headline import plain_label
-from castfem.sweep.local import run_locally
-from castfem.sweep.work import Job, Outcome
+from castfem.model import Case, load_case
+from castfem.post.report.error_table import main_names, quantity_of
+from castfem.runs.output.summary import Summary
+from castfem.runs.results.headline import plain_label
+from castfem.studies.accuracy.ladder import Level, levels
+from castfem.studies.accuracy.memo import prepare
+from castfem.studies.accuracy.sizes import AXES, axes_of, changes
+from castfem.studies.accuracy.table import ErrorTable
+from castfem.studies.sweep.local import run_locally
+from castfem.studies.sweep.work import Job, Outcome
 
 COARSE = ("mesh.surface_size=1.6 mm", "mesh.corner_size=1.6 mm", "mesh.face_size=12 mm",
           "mesh.core_size=16 mm", "coupling.interval=0.2 s")  # fmt: skip

@@ -14,8 +14,22 @@ from scipy.integrate import cumulative_simpson, quad
 from scipy.optimize import brentq
 
 from benchmarks.report import Output, table
-from castfem.bulging import CreepingStrip, ElasticStrip, Rolls, Shell, Span, creep, over_rolls
-from castfem.constitutive import Elasticity, NortonCreep, ThermoElastic, load_elasticity, load_law
+from castfem.physics.constitutive import (
+    Elasticity,
+    NortonCreep,
+    ThermoElastic,
+    load_elasticity,
+    load_law,
+)
+from castfem.physics.machine.bulging import (
+    CreepingStrip,
+    ElasticStrip,
+    Rolls,
+    Shell,
+    Span,
+    creep,
+    over_rolls,
+)
 
 SPAN, THICKNESS = Span(0.25, 0.2e6, 0.02), 0.03
 SHELL = Shell(THICKNESS, lambda depth: 1400.0)

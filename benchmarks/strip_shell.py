@@ -19,20 +19,20 @@ import numpy as np
 
 from benchmarks.finished_run import finished_run
 from benchmarks.report import ROOT, Output, table
-from castfem.bulging import CreepingStrip, ElasticStrip, Shell, Span
-from castfem.bulging.shell import stiffness
-from castfem.case import Case, load_case
-from castfem.case.load import from_document
-from castfem.constitutive import load_elasticity, load_law
-from castfem.constitutive.base import Law
+from castfem.base.types import Array
 from castfem.fem.line_probes import Profile
-from castfem.machine.rolls import Rolls
-from castfem.materials import Steel
-from castfem.output.history import read_history
-from castfem.simulation.shell_ahead import ShellAhead
-from castfem.simulation.simulation import build
-from castfem.time_loop.loop import TimeLoop
-from castfem.values.types import Array
+from castfem.model import Case, load_case
+from castfem.model.build.shell_prediction import ShellAhead
+from castfem.model.build.simulation import build
+from castfem.model.load import from_document
+from castfem.physics.constitutive import load_elasticity, load_law
+from castfem.physics.constitutive.base import Law
+from castfem.physics.machine.bulging import CreepingStrip, ElasticStrip, Shell, Span
+from castfem.physics.machine.bulging.shell import stiffness
+from castfem.physics.machine.rolls import Rolls
+from castfem.physics.materials import Steel
+from castfem.runs.loop import TimeLoop
+from castfem.runs.output.history import read_history
 
 CASE = ROOT / "cases" / "slab1200" / "slab.toml"
 FOLDER = ROOT / "results" / "benchmarks" / "strip_shell"
@@ -57,7 +57,7 @@ class _Heat:
         self.depth: Array = np.zeros(0)
 
     def step(self, run: object, sample: Any) -> None:
-        """See `castfem.time_loop.recorder`."""
+        """See `castfem.runs.recorder`."""
         profile = sample.profiles[PROBE]
         self.position.append(sample.position)
         self.temperature.append(profile.temperature)

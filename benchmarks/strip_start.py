@@ -14,11 +14,11 @@ import numpy as np
 
 from benchmarks import lost_roll
 from benchmarks.report import Output, table
-from castfem.bulging import CreepingStrip, Shell, Span
-from castfem.bulging.creep import STEPS
-from castfem.bulging.layers import Condition, Layers
-from castfem.bulging.shell import LAYERS
-from castfem.constitutive import load_elasticity, load_law
+from castfem.physics.constitutive import load_elasticity, load_law
+from castfem.physics.machine.bulging import CreepingStrip, Shell, Span
+from castfem.physics.machine.bulging.creep import STEPS
+from castfem.physics.machine.bulging.layers import Condition, Layers
+from castfem.physics.machine.bulging.shell import LAYERS
 
 SOUND = Shell(0.03, lambda depth: 1373.15 + 390.0 * depth / 0.03)
 PITCHES = {

@@ -40,8 +40,8 @@ PARTS = {
 
 def coarse() -> list[str]:
     """Assignments of `--accuracy coarse`."""
-    from castfem.accuracy.sizes import changes, factors_of
-    from castfem.case import load_case, shipped_cases
+    from castfem.model import load_case, shipped_cases
+    from castfem.studies.accuracy.sizes import changes, factors_of
 
     found = changes(load_case(shipped_cases.find(CASE)), factors_of("coarse"))
     return [f"{key}={value}" for key, value in found.items()]
@@ -54,10 +54,10 @@ def tapers(count: int) -> list[str]:
 
 def follow(count: int, freeze: bool) -> dict[str, float]:
     """Do runs as a worker does; processor time of its parts, s (in a process of its own)."""
-    from castfem.case import load_case, shipped_cases
-    from castfem.plots.figures import draw_figures
-    from castfem.sweep.work import Job, work
-    from castfem.time_loop.loop import TimeLoop
+    from castfem.model import load_case, shipped_cases
+    from castfem.post.plots.figures import draw_figures
+    from castfem.runs.loop import TimeLoop
+    from castfem.studies.sweep.work import Job, work
 
     begun, march = process_time(), [0.0]
     run = TimeLoop.run

@@ -18,14 +18,14 @@ import numpy as np
 
 from benchmarks.billet_run import CASES, COARSE, NAMES, QUIET, touch
 from benchmarks.report import Output, table
-from castfem.case import load_case
-from castfem.mechanics import problem as mechanical_problem
-from castfem.results.run_state import RunState
-from castfem.results.sample import MechanicalSample, Sample
-from castfem.results.summary import summarise
-from castfem.simulation.simulation import build
-from castfem.time_loop.loop import TimeLoop
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.model import load_case
+from castfem.model.build.simulation import build
+from castfem.physics.mechanics import problem as mechanical_problem
+from castfem.runs.loop import TimeLoop
+from castfem.runs.results.run_state import RunState
+from castfem.runs.results.sample import MechanicalSample, Sample
+from castfem.runs.results.summary import summarise
 
 
 @dataclass

@@ -11,16 +11,23 @@ import numpy as np
 from benchmarks.report import Output, front, table
 from benchmarks.slices import CoolingSlice, Heat
 from castfem import meshes
-from castfem.constitutive.elasticity import Elasticity, Solidity
-from castfem.constitutive.parameters import load_law
-from castfem.materials import load_steel
-from castfem.mechanics.definition import Slice
-from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import PrescribedDisplacement
-from castfem.thermal.flux_laws import PrescribedTemperature
-from castfem.values.constants import ZERO_CELSIUS
-from castfem.values.types import Array
-from castfem.verification.half_space import DIFFUSIVITY, POISSON, SURFACE, YIELD, YOUNG, HalfSpace
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.types import Array
+from castfem.physics.closed_forms.half_space import (
+    DIFFUSIVITY,
+    POISSON,
+    SURFACE,
+    YIELD,
+    YOUNG,
+    HalfSpace,
+)
+from castfem.physics.constitutive.elasticity import Elasticity, Solidity
+from castfem.physics.constitutive.parameters import load_law
+from castfem.physics.materials import load_steel
+from castfem.physics.mechanics.definition import Slice
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.supports import PrescribedDisplacement
+from castfem.physics.thermal.flux_laws import PrescribedTemperature
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -229,7 +236,7 @@ COLOURS = ("#0072b2", "#d55e00", "#cc79a7", "#009e73", "#e69f00", "#555555")
 
 def draw(rows: list[dict[str, Any]]) -> Figure:
     """The largest error against run time, with the front of each kind."""
-    from castfem.plots.style import look, new_figure
+    from castfem.post.plots.style import look, new_figure
 
     with look():
         figure = new_figure(6.4, 5.2)
@@ -253,7 +260,7 @@ def draw(rows: list[dict[str, Any]]) -> Figure:
 
 def draw_profiles() -> Figure:
     """Stress over depth at both instants against the closed form."""
-    from castfem.plots.style import look, new_figure
+    from castfem.post.plots.style import look, new_figure
 
     runs = [(0.5, 0.1, "#e69f00", "o"), (0.1, 0.1, "#0072b2", ".")]
     slices = [strip(Settings(size, step)) for size, step, *_ in runs]

@@ -13,11 +13,11 @@ from mpi4py import MPI
 
 from benchmarks.billet_run import CASES, COARSE, NAMES, QUIET, mesh
 from benchmarks.report import Output, table
-from castfem.case import load_case
-from castfem.errors import RunFailure
-from castfem.results.summary import summarise
-from castfem.simulation.simulation import build
-from castfem.time_loop.loop import TimeLoop
+from castfem.base.errors import RunFailure
+from castfem.model import load_case
+from castfem.model.build.simulation import build
+from castfem.runs.loop import TimeLoop
+from castfem.runs.results.summary import summarise
 
 MOULDS = {"taper_1": (1.2, COARSE), "taper_0": (1.2, COARSE), "taper_minus_3": (2.0, mesh(2.0))}
 """Cells at the surface [mm], and the keys that make them."""

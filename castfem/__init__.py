@@ -34,12 +34,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from castfem.support import dolfinx_import
+from castfem.base import dolfinx_import
 
 if TYPE_CHECKING:
     from castfem.api import Result, Snapshot, load, run, sensitivities
-    from castfem.errors import CastfemError, InputError, RunFailure
-    from castfem.studies import (
+    from castfem.base.errors import CastfemError, InputError, RunFailure
+    from castfem.several_runs import (
         comparison,
         error_table,
         find_section,

@@ -25,10 +25,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from castfem.errors import InputError
-from castfem.output.summary import Summary
-from castfem.support.closing import Closing
-from castfem.support.one_at_a_time import one_at_a_time
+from castfem.base.closing import Closing
+from castfem.base.errors import InputError
+from castfem.base.one_at_a_time import one_at_a_time
+from castfem.runs.output.summary import Summary
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -36,9 +36,9 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
 
-    from castfem.case import Case
-    from castfem.output.fields import Fields
-    from castfem.sensitivity.result import Sensitivity
+    from castfem.model import Case
+    from castfem.runs.output.fields import Fields
+    from castfem.studies.sensitivity.result import Sensitivity
 
 
 def load(name: str | Path) -> Case:
@@ -51,8 +51,8 @@ def load(name: str | Path) -> Case:
     Raises:
         InputError: There is no such case, or it is wrong: all mistakes, one line each.
     """
-    from castfem.case import load_case
-    from castfem.case.shipped_cases import find
+    from castfem.model import load_case
+    from castfem.model.shipped_cases import find
 
     return load_case(find(str(name)))
 
@@ -89,11 +89,11 @@ def run(
     """
     from mpi4py import MPI
 
-    from castfem.case import Case
+    from castfem.base import log
+    from castfem.base.progress import Progress
     from castfem.fem.root import on_root
-    from castfem.support import log
-    from castfem.support.progress import Progress
-    from castfem.time_loop import loop
+    from castfem.model import Case
+    from castfem.runs import loop
 
     comm = MPI.COMM_WORLD if comm is None else comm
     sound = load(case) if isinstance(case, str | Path) else case
@@ -154,8 +154,8 @@ def sensitivities(
     """
     from mpi4py import MPI
 
-    from castfem.sensitivity.run import sensitivity
-    from castfem.support.progress import Progress
+    from castfem.base.progress import Progress
+    from castfem.studies.sensitivity.run import sensitivity
 
     comm = MPI.COMM_WORLD if comm is None else comm
     sound = load(case) if isinstance(case, str | Path) else case
@@ -174,7 +174,7 @@ def sensitivities(
 
 def _may_run_in(folder: Path, case: Case, resume: bool, overwrite: bool) -> None:
     """Refuse a folder with a run that would be lost, see `existing_run.check`."""
-    from castfem.time_loop import existing_run
+    from castfem.runs import existing_run
 
     existing_run.check(folder, case, resume=resume, overwrite=overwrite, script=True)
 
@@ -248,14 +248,14 @@ class Result(Closing):
     @cached_property
     def case(self) -> Case:
         """The case that was run."""
-        from castfem.case import load_case
+        from castfem.model import load_case
 
         return load_case(self.folder / "case.toml")
 
     @cached_property
     def history(self) -> pandas.DataFrame:
         """One row a step; `history.attrs["units"]` has the unit of each column."""
-        from castfem.output.history import HISTORY_NAME, read_history
+        from castfem.runs.output.history import HISTORY_NAME, read_history
 
         return read_history(self.folder / HISTORY_NAME)
 
@@ -270,7 +270,7 @@ class Result(Closing):
         Raises:
             InputError: It is no position, or the run has not been there.
         """
-        from castfem.results.places import quantities_at, read_number
+        from castfem.runs.results.places import quantities_at, read_number
 
         place = read_number("at", position, "m")
         if place is None:
@@ -281,8 +281,8 @@ class Result(Closing):
     @cached_property
     def probes(self) -> dict[str, pandas.DataFrame]:
         """Name of each [[output.probe]] to its table, one row a step, as `history` has them."""
-        from castfem.output.folder import PROBES_NAME
-        from castfem.output.history import read_history
+        from castfem.runs.output.folder import PROBES_NAME
+        from castfem.runs.output.history import read_history
 
         return {
             probe.name: read_history(self.folder / PROBES_NAME / f"{probe.name}.csv")
@@ -314,7 +314,7 @@ class Result(Closing):
         Raises:
             InputError: Both are given, one is none or beyond the run, or there are no fields.
         """
-        from castfem.results.places import read_number
+        from castfem.runs.results.places import read_number
 
         if time is not None and position is not None:
             raise InputError("fields: give the time or the position, not both")
@@ -342,9 +342,9 @@ class Result(Closing):
         Raises:
             InputError: There is no such column, or units differ.
         """
-        from castfem.output.chosen_units import units_of_run
-        from castfem.plots.interactive import plot_columns
-        from castfem.values.shown_units import shown_in
+        from castfem.base.shown_units import shown_in
+        from castfem.post.plots.interactive import plot_columns
+        from castfem.runs.output.chosen_units import units_of_run
 
         with shown_in(units_of_run(self.folder)):
             return plot_columns(self.history, names, axes)
@@ -362,10 +362,10 @@ class Result(Closing):
         Raises:
             InputError: There is no such field, or the run has not been there.
         """
-        from castfem.output.chosen_units import units_of_run
-        from castfem.plots.interactive import plot_field
-        from castfem.results.places import read_number
-        from castfem.values.shown_units import shown_in
+        from castfem.base.shown_units import shown_in
+        from castfem.post.plots.interactive import plot_field
+        from castfem.runs.output.chosen_units import units_of_run
+        from castfem.runs.results.places import read_number
 
         place = read_number("at", at, "m")
         with self._fields() as file:
@@ -388,8 +388,8 @@ class Result(Closing):
         """The results as a notebook shows them."""
         from html import escape
 
-        from castfem.output.chosen_units import units_of_run
-        from castfem.values.shown_units import label_shown, plain_unit, scale_of, shown_in
+        from castfem.base.shown_units import label_shown, plain_unit, scale_of, shown_in
+        from castfem.runs.output.chosen_units import units_of_run
 
         rows = ""
         with shown_in(units_of_run(self.folder)):
@@ -402,7 +402,7 @@ class Result(Closing):
         return f"<table><caption>{title}</caption>{rows}</table>"
 
     def _fields(self) -> Fields:
-        from castfem.output.fields import Fields
+        from castfem.runs.output.fields import Fields
 
         return Fields(self.folder)
 

@@ -56,7 +56,7 @@ def fingerprint(page: str) -> str:
 
 def beside(count: int = 2) -> tuple[Figure, list[Axes]]:
     """A small figure with panels beside one another."""
-    from castfem.plots.style import new_figure
+    from castfem.post.plots.style import new_figure
 
     figure = new_figure(*SIZE, layout="constrained")
     return figure, list(figure.subplots(1, count, squeeze=False)[0])

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from castfem.plots.style import look, new_figure
+from castfem.post.plots.style import look, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from castfem.values.types import Array
+    from castfem.base.types import Array
 
 TARGET = Path(__file__).parent / "figures" / "model.png"
 LIQUID, SHELL, COPPER, ROLL, WATER = "#f4a261", "#7f8c8d", "#b5651d", "#bdc3c7", "#56b4e9"

@@ -12,20 +12,20 @@ from pathlib import Path
 from PIL import Image
 
 from castfem.api import sensitivities
-from castfem.case import load_any, load_case
-from castfem.case.build_extraction import known_resistance
-from castfem.case.build_mould import build_mould
-from castfem.case.tensile import TensileCase
 from castfem.cli.hot_mould import draw_hot_mould
-from castfem.constitutive.uniaxial import pull
-from castfem.plots.extraction import draw as draw_extraction
-from castfem.plots.figures import draw_figures
-from castfem.plots.machine import draw as draw_machine
-from castfem.plots.mould import draw as draw_mould
-from castfem.plots.style import new_figure
-from castfem.plots.tornado import draw_tornado
-from castfem.tensile.tensile_test import TensileTest
-from castfem.time_loop import loop
+from castfem.model import load_any, load_case
+from castfem.model.build_extraction import known_resistance
+from castfem.model.build_mould import build_mould
+from castfem.model.tensile import TensileCase
+from castfem.physics.constitutive.uniaxial import pull
+from castfem.post.plots.extraction import draw as draw_extraction
+from castfem.post.plots.figures import draw_figures
+from castfem.post.plots.machine import draw as draw_machine
+from castfem.post.plots.mould import draw as draw_mould
+from castfem.post.plots.style import new_figure
+from castfem.post.plots.tornado import draw_tornado
+from castfem.runs import loop
+from castfem.runs.tensile.tensile_test import TensileTest
 
 HERE = Path(__file__).parent
 WIDTH, COLOURS = 900, 256  # pixels in all, and a palette that keeps the file small

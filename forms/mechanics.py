@@ -15,7 +15,7 @@ rule, cells of second order lock where flow leaves the volume unchanged.  On eac
 pressure and change of volume are linear in x and y (docs/mechanics.md): the fields of the forms are
 so, and the law sees a strain whose trace is.  In the stiffness that makes products of integrals
 over a cell, int K P(tr eps(u)) P(tr eps(v)), P the projection on 1, x, y; UFL cannot say them, they
-are added to these forms cell by cell (`castfem.mechanics.volume`).
+are added to these forms cell by cell (`castfem.physics.mechanics.volume`).
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """

@@ -7,7 +7,7 @@ from typing import Any
 
 from small_case import small
 
-from castfem.case import Case
+from castfem.model import Case
 
 HALF = 0.05  # m: of the thickness
 RADIUS = 5.0  # m: of the extrados

@@ -71,7 +71,7 @@ def collect_together() -> Iterator[None]:
 @pytest.fixture
 def told(caplog: pytest.LogCaptureFixture) -> Iterator[pytest.LogCaptureFixture]:
     """What castfem warns of, whatever a test before has done to its logger."""
-    from castfem.support.log import end_file, logger
+    from castfem.base.log import end_file, logger
 
     end_file()  # of a run before, made without the command line
     before, logger.propagate = logger.propagate, False
@@ -110,6 +110,6 @@ def strained_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def table(strained_run: Path) -> pd.DataFrame:
     """Its history."""
-    from castfem.output.history import read_history
+    from castfem.runs.output.history import read_history
 
     return read_history(strained_run / "history.csv")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from castfem.support.progress import Progress
+from castfem.base.progress import Progress
 
 
 class Interrupted(Progress):

@@ -7,7 +7,7 @@ from typing import Any
 
 from small_case import small
 
-from castfem.case import Case
+from castfem.model import Case
 
 SECONDARY: dict[str, Any] = {
     "ambient": "60 degC",

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from castfem.case import Case
+    from castfem.model import Case
 
 SMALL = """
 title = "coarse billet"
@@ -106,7 +106,7 @@ def strip(changes: Mapping[str, Any] | None = None) -> Case:
 
 
 def _changed(text: str, changes: Mapping[str, Any]) -> Case:
-    from castfem.case.load import from_document
+    from castfem.model.load import from_document
 
     data = tomllib.loads(text)
     for key, value in changes.items():

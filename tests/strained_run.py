@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from synthetic_run import COLUMNS, HALF, LIQUIDUS, SOLIDUS, rectangle, rows, summary, temperature
 
-from castfem.output.folder import OutputFolder
-from castfem.output.history import History
-from castfem.output.xdmf import FieldWriter
+from castfem.runs.output.folder import OutputFolder
+from castfem.runs.output.history import History
+from castfem.runs.output.xdmf import FieldWriter
 
 LOST, REGAINED = 0.12, 0.36  # m; where the corner leaves the wall, and comes back
 MECHANICS = [

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from scipy.special import erf
 
-from castfem.output.folder import OutputFolder
-from castfem.output.history import History
-from castfem.output.summary import Quantity, Reference, Summary, Zone, compare
-from castfem.output.xdmf import FieldWriter
+from castfem.runs.output.folder import OutputFolder
+from castfem.runs.output.history import History
+from castfem.runs.output.summary import Quantity, Reference, Summary, Zone, compare
+from castfem.runs.output.xdmf import FieldWriter
 
 SOLIDUS, LIQUIDUS = 1725.15, 1775.65
 SPEED, LENGTH, HALF = 0.06, 0.6, 0.0625

@@ -64,7 +64,7 @@ def test_types_count(packages: ModuleType, tmp_path: Path) -> None:
     path = tmp_path / "module.py"
     path.write_text(
         "from typing import TYPE_CHECKING\n"
-        "if TYPE_CHECKING:\n    from castfem.coupling.staggered import Coupler\n"
+        "if TYPE_CHECKING:\n    from castfem.physics.coupling.staggered import Coupler\n"
         "def f():\n    import castfem.cli\n    from castfem import forms\n"
     )
     assert {name for _, name in packages.imported(path)} == {"coupling", "cli", "forms"}

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from castfem.thermal.spray_water import OfCorrelation
-from castfem.thermal.sprays import CORRELATIONS
-from castfem.values.constants import ZERO_CELSIUS
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.physics.thermal.spray_water import OfCorrelation
+from castfem.physics.thermal.sprays import CORRELATIONS
 
 HERE = Path(__file__).parent
 WATER = 25.0  # degC

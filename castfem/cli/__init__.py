@@ -10,9 +10,9 @@ import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
+from castfem.base import signals
+from castfem.base.errors import CastfemError, InputError
 from castfem.cli import parallel
-from castfem.errors import CastfemError, InputError
-from castfem.support import signals
 
 _INTERRUPTED = 130
 ALL_RANKS = ("run", "sweep", "error", "optimise", "calibrate", "sensitivity", "section")

@@ -9,29 +9,29 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem.accuracy.ladder import BASE, levels
-from castfem.accuracy.memo import Ladder, prepare
-from castfem.accuracy.printed import main_names, printed, quantity_of, unknown
-from castfem.accuracy.proposal import propose, read_share
-from castfem.accuracy.sizes import cell_count, changes
-from castfem.accuracy.table import ErrorTable, attach
-from castfem.case import load_case, shipped_cases
+from castfem.base.errors import InputError
+from castfem.base.shown_units import place_said, shown_in
+from castfem.base.tolerances import ROUNDING
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import chosen, read_from
-from castfem.errors import InputError
-from castfem.output.chosen_units import units_of_run
-from castfem.output.folder import ERROR_ENDING, ERROR_NAME
-from castfem.output.run_record import RUN_NAME
-from castfem.report.headline import plain_label
-from castfem.report.numbers import duration
-from castfem.sweep.work import Job, Outcome
-from castfem.values.same_place import ROUNDING
-from castfem.values.shown_units import place_said, shown_in
+from castfem.model import load_case, shipped_cases
+from castfem.post.report.error_table import main_names, printed, quantity_of, unknown
+from castfem.runs.output.chosen_units import units_of_run
+from castfem.runs.output.folder import ERROR_ENDING, ERROR_NAME
+from castfem.runs.output.run_record import RUN_NAME
+from castfem.runs.results.headline import plain_label
+from castfem.runs.results.numbers import duration
+from castfem.studies.accuracy.ladder import BASE, levels
+from castfem.studies.accuracy.memo import Ladder, prepare
+from castfem.studies.accuracy.proposal import propose, read_share
+from castfem.studies.accuracy.sizes import cell_count, changes
+from castfem.studies.accuracy.table import ErrorTable, attach
+from castfem.studies.sweep.work import Job, Outcome
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from castfem.case import Case
+    from castfem.model import Case
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ from typing import Any
 import click
 
 from castfem import __version__
+from castfem.base.errors import InputError
 from castfem.cli import options, pictures, studies
 from castfem.cli.command import Argument, Group, command
 from castfem.cli.options import (
@@ -25,7 +26,6 @@ from castfem.cli.options import (
     overrides,
     quiet,
 )
-from castfem.errors import InputError
 
 
 @command('run billet125/thermal --set casting.speed="3 m/min" -o slow')
@@ -54,8 +54,8 @@ def run(case: str, output: Path | None, quiet: bool, verbose: int, **given: Any)
 @quiet
 def check(case: str, overrides: tuple[str, ...], quiet: bool) -> None:
     """Check a case, its steel and its mesh without running it."""
-    from castfem.case.shipped_cases import find
     from castfem.cli.checking import check_case
+    from castfem.model.shipped_cases import find
 
     text = check_case(case, find(case), overrides)
     if not quiet:
@@ -65,7 +65,7 @@ def check(case: str, overrides: tuple[str, ...], quiet: bool) -> None:
 @command("cases")
 def cases() -> None:
     """List the cases shipped with castfem."""
-    from castfem.case import shipped_cases
+    from castfem.model import shipped_cases
 
     shipped = shipped_cases.shipped()
     width = max((len(name) for name in shipped), default=0)
@@ -102,11 +102,11 @@ def show(folder: Path, at: tuple[str, ...], units: tuple[str, ...]) -> None:
         raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
     from castfem.cli import parallel
     from castfem.cli.options import chosen
-    from castfem.output.folder import ERROR_NAME
-    from castfem.output.run_record import RUN_NAME
-    from castfem.report import error_pages
-    from castfem.report.show import show as show_folder
-    from castfem.sweep.record import SWEEP_NAME
+    from castfem.post.report import error_pages
+    from castfem.post.report.show import show as show_folder
+    from castfem.runs.output.folder import ERROR_NAME
+    from castfem.runs.output.run_record import RUN_NAME
+    from castfem.studies.sweep.record import SWEEP_NAME
 
     if (folder / ERROR_NAME).is_file() and not (folder / RUN_NAME).is_file():
         from castfem.cli.accuracy import show_errors
@@ -120,7 +120,7 @@ def show(folder: Path, at: tuple[str, ...], units: tuple[str, ...]) -> None:
         return
     if (folder / SWEEP_NAME).is_file() and not (folder / RUN_NAME).is_file():
         raise InputError(f"{folder}: it is a sweep: castfem compare {folder}")
-    from castfem.results.places import read_positions
+    from castfem.runs.results.places import read_positions
 
     with chosen(units):
         show_folder(folder, parallel.console(), at=read_positions(at))
@@ -177,7 +177,7 @@ def compare(
     """Print runs side by side and draw their histories over one another."""
     from castfem.cli.comparing import compare_runs
     from castfem.cli.options import chosen
-    from castfem.results.places import read_positions
+    from castfem.runs.results.places import read_positions
 
     places = read_positions(at)
     with chosen(units):
@@ -194,8 +194,8 @@ def report(
 ) -> None:
     """Write a run, or several side by side, as one HTML file that opens offline and prints."""
     from castfem.cli.options import chosen
-    from castfem.html_report.page import REPORT_NAME, write
-    from castfem.results.places import read_positions
+    from castfem.post.html.page import REPORT_NAME, write
+    from castfem.runs.results.places import read_positions
 
     beside = folders[0] if len(folders) == 1 else folders[0].resolve().parent
     with chosen(units):
@@ -210,7 +210,7 @@ def report(
 def strand(folder: Path, output: Path | None, every: str) -> None:
     """Write the slices of a run, stacked along its caster, for ParaView."""
     from castfem.cli.strand import write
-    from castfem.output.folder import STRAND_NAME
+    from castfem.runs.output.folder import STRAND_NAME
 
     write(folder, file_for(output or folder, STRAND_NAME), every)
 
@@ -244,8 +244,8 @@ def identify(
 @click.option("--markdown", is_flag=True, help="Print the reference page of case files instead.")
 def schema(markdown: bool) -> None:
     """Print the JSON schema of case files, for editors."""
-    from castfem.case.json_schema import schema_text
-    from castfem.case.reference_page import markdown_page
+    from castfem.model.json_schema import schema_text
+    from castfem.model.reference_page import markdown_page
 
     sys.stdout.write(markdown_page() if markdown else schema_text())
 

@@ -10,24 +10,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from castfem.case import Case, load_case, shipped_cases
-from castfem.case.shown_units import units_of
-from castfem.case.varied_keys import faults_of_key
+from castfem.base.errors import InputError
+from castfem.base.shown_units import scale_of, shown_in
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import chosen
-from castfem.design.calibrate import Free, read_free
-from castfem.design.calibration import Calibration, calibrate, followed, scaled, write
-from castfem.design.evaluator import Evaluator, serve
-from castfem.design.measured import Measured, read_measured
-from castfem.design.probe_data import is_of_probe, lacking
-from castfem.errors import InputError
-from castfem.output.summary import from_si, unit_of_difference
-from castfem.plots.calibration import Compared, draw_calibration
-from castfem.plots.style import save
-from castfem.report.numbers import error_shown, shown, unit_shown
-from castfem.results.of_case import faults_of
-from castfem.sweep.view import View
-from castfem.values.shown_units import scale_of, shown_in
+from castfem.model import Case, load_case, shipped_cases
+from castfem.model.shown_units import units_of
+from castfem.model.varied_keys import faults_of_key
+from castfem.post.plots.calibration import Compared, draw_calibration
+from castfem.post.plots.style import save
+from castfem.runs.output.summary import from_si, unit_of_difference
+from castfem.runs.results.numbers import error_shown, shown, unit_shown
+from castfem.runs.results.of_case import faults_of
+from castfem.studies.optimisation.calibrate import Free, read_free
+from castfem.studies.optimisation.calibration import Calibration, calibrate, followed, scaled, write
+from castfem.studies.optimisation.evaluator import Evaluator, serve
+from castfem.studies.optimisation.measured import Measured, read_measured
+from castfem.studies.optimisation.probe_data import is_of_probe, lacking
+from castfem.studies.sweep.view import View
 
 if TYPE_CHECKING:
     from rich.table import Table

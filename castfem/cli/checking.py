@@ -7,23 +7,23 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem.case import AnyCase, Case, Reading, TensileCase, plausibility, read_case
-from castfem.case.cooling import Radiation
-from castfem.case.lacking import no_emissivity, no_expansion
-from castfem.case.probe import outside
-from castfem.case.problems import Problem
+from castfem.base import log
+from castfem.base.errors import InputError
+from castfem.base.tables import Table
+from castfem.base.tolerances import ROUNDING
+from castfem.base.units import convert
 from castfem.cli.options import read_from
-from castfem.errors import InputError
-from castfem.support import log
-from castfem.values.same_place import ROUNDING
-from castfem.values.tables import Table
-from castfem.values.units import convert
+from castfem.model import AnyCase, Case, Reading, TensileCase, plausibility, read_case
+from castfem.model.cooling import Radiation
+from castfem.model.missing_data import no_emissivity, no_expansion
+from castfem.model.probe import outside
+from castfem.model.problems import Problem
 
 if TYPE_CHECKING:
-    from castfem.case.secondary import Secondary
-    from castfem.constitutive.base import Law
-    from castfem.materials import Steel
     from castfem.meshes import SectionMesh
+    from castfem.model.secondary import Secondary
+    from castfem.physics.constitutive.base import Law
+    from castfem.physics.materials import Steel
 
 
 _COMPONENTS = {"displacement": 3, "stress": 9, "strain": 9, "viscoplastic_strain": 9}
@@ -91,7 +91,7 @@ def _steel(reading: Reading) -> Steel | None:
     table = reading.case.steel if isinstance(reading.case, Case) else None
     if table is None or None in (table.name, table.composition, table.overrides):
         return None
-    from castfem.materials import load_steel
+    from castfem.physics.materials import load_steel
 
     return load_steel(
         table.name,
@@ -110,8 +110,8 @@ def _try_mechanics(
     table = reading.case.mechanics if isinstance(reading.case, Case) else None
     if table is None or steel is None or reading.problems:
         return None, None
-    from castfem.constitutive.parameters import law_carbon
-    from castfem.simulation.law import build_law
+    from castfem.model.build.law import build_law
+    from castfem.physics.constitutive.parameters import law_carbon
 
     law = build_law(table, steel, reading.law, reading.elasticity)
     return law, law_carbon(table.law)
@@ -145,7 +145,7 @@ def _solvers(reading: Reading, case: Case) -> list[str]:
     for table, options in tables.items():
         if not options:
             continue
-        from castfem.simulation.solver_options import try_solver
+        from castfem.model.build.solver_options import try_solver
 
         try:
             try_solver(table, options)
@@ -157,7 +157,7 @@ def _solvers(reading: Reading, case: Case) -> list[str]:
 def _try_law(reading: Reading, case: TensileCase) -> None:
     """Make the law of a tensile test, if all of the test is sound."""
     if not reading.problems:
-        from castfem.tensile.tensile_test import TensileTest
+        from castfem.runs.tensile.tensile_test import TensileTest
 
         TensileTest(case, reading.steel)
 
@@ -205,7 +205,7 @@ def _search_faults(case: Case, path: Path) -> list[str]:
     """What of the table [optimise] no search could begin with: keys, ranges, results."""
     if case.optimise is None:
         return []
-    from castfem.design.question import Question
+    from castfem.studies.optimisation.question import Question
 
     try:
         Question(case, str(path)).check_results()
@@ -219,8 +219,8 @@ def drive_faults(case: Case) -> Iterator[str]:
     machine = case.machine
     if machine is None or machine.extraction is None:
         return
-    from castfem.case.build_extraction import known_resistance
-    from castfem.extraction.drives import StrandStopsError
+    from castfem.model.build_extraction import known_resistance
+    from castfem.physics.machine.extraction.drives import StrandStopsError
 
     try:
         known_resistance(machine.extraction, machine)
@@ -261,7 +261,7 @@ def describe(name: str, case: Case, steel: Steel, mesh: SectionMesh) -> str:
         f"  mesh of {len(mesh.cells)} cells",
     ]
     if case.mechanics is not None:
-        from castfem.constitutive.parameters import law_carbon
+        from castfem.physics.constitutive.parameters import law_carbon
 
         walls = "free" if case.mould is None else "in a rigid mould"
         carbon = law_carbon(case.mechanics.law)

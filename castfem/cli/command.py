@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from castfem.values.units import nearest
+from castfem.base.units import nearest
 
 _STATUS = "Exit status: 0 if all went well, 1 for bad input, 2 for a run that could not go on."
 

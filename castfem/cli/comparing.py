@@ -6,14 +6,14 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+from castfem.base.errors import InputError
+from castfem.base.shown_units import shown_in
 from castfem.cli import parallel
-from castfem.compare.remarks import remarks
-from castfem.compare.runs import Run, base_of, read_runs
-from castfem.compare.table import CSV_NAME, Line, lines, printed, write_csv
-from castfem.errors import InputError
-from castfem.output.chosen_units import units_of_run
-from castfem.report import error_pages
-from castfem.values.shown_units import shown_in
+from castfem.post.compare.remarks import remarks
+from castfem.post.compare.runs import Run, base_of, read_runs
+from castfem.post.compare.table import CSV_NAME, Line, lines, printed, write_csv
+from castfem.post.report import error_pages
+from castfem.runs.output.chosen_units import units_of_run
 
 
 def compare_runs(
@@ -49,7 +49,7 @@ def compare_runs(
     written = write_csv(target, runs, table)
     print(f"table in {written}")
     if figures:
-        from castfem.compare.drawing import draw
+        from castfem.post.compare.drawing import draw
 
         with shown_in(units_of_run(measure.folder)):
             drawn = draw(target, runs, measure)

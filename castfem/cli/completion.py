@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 from click.shell_completion import CompletionItem, get_completion_class
 
-from castfem.errors import InputError
+from castfem.base.errors import InputError
 
 VARIABLE = "_CASTFEM_COMPLETE"
 """Of the environment: what a shell asks for, such as "bash_complete"; click reads it."""
@@ -71,7 +71,7 @@ class CaseName(click.ParamType):
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
         """Case files beside, and shipped cases, that begin so; without one, any file."""
-        from castfem.case import shipped_cases
+        from castfem.model import shipped_cases
 
         beside = Path().glob(f"{incomplete}*.toml") if "/" not in incomplete else ()
         names = [name for name in shipped_cases.shipped() if name.startswith(incomplete)]
@@ -91,9 +91,9 @@ class Assignment(click.ParamType):
 
         Those of zones with a blank in their name are left out: they would be two words.
         """
-        from castfem.case import document, shipped_cases
-        from castfem.case.key_names import all_keys
-        from castfem.case.model import Case
+        from castfem.model import document, shipped_cases
+        from castfem.model.case import Case
+        from castfem.model.key_names import all_keys
 
         data = {}
         # An option without its value yet leaves the words before it where they are.

@@ -7,9 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem.case import Case
-from castfem.case.section_mesh import meshing
-from castfem.errors import InputError
+from castfem.base.errors import InputError
+from castfem.model import Case
+from castfem.model.section_mesh import meshing
 
 if TYPE_CHECKING:
     from castfem.meshes import SectionMesh
@@ -72,8 +72,8 @@ def draw_material(name: str, composition: Iterable[str], picture: Path) -> None:
     """
     amounts = _composition(composition)
     check_picture(picture)
-    from castfem.materials import describe_steel, load_steel
-    from castfem.materials.plot import plot_steel
+    from castfem.physics.materials import describe_steel, load_steel
+    from castfem.physics.materials.plot import plot_steel
 
     steel = load_steel(name, Path.cwd(), composition=amounts, origin="steel")
     print_rows(describe_steel(steel))

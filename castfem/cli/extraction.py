@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from castfem.case import Case
-from castfem.case.build_extraction import capacities, known_resistance
+from castfem.base.types import Array
 from castfem.cli.drawing import drawing
 from castfem.cli.machine import aligned
 from castfem.cli.machine_run import drives_of
-from castfem.plots.extraction import draw
-from castfem.values.types import Array
+from castfem.model import Case
+from castfem.model.build_extraction import capacities, known_resistance
+from castfem.post.plots.extraction import draw
 
 if TYPE_CHECKING:
-    from castfem.machine.rolls import Rolls
+    from castfem.physics.machine.rolls import Rolls
 
 
 def tell_of_drives(case: Case, rolls: Rolls, picture: Path, run: Path | None = None) -> None:

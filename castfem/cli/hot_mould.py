@@ -9,13 +9,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem.case import Case
+from castfem.base.constants import ZERO_CELSIUS
 from castfem.cli.drawing import aligned, check_picture, drawing, print_rows
-from castfem.values.constants import ZERO_CELSIUS
+from castfem.model import Case
 
 if TYPE_CHECKING:
-    from castfem.hot_mould.model import HotWall
-    from castfem.mould_fit.coupled import Drawing, Turn
+    from castfem.physics.mould.hot.model import HotWall
+    from castfem.studies.mould_fit.coupled import Drawing, Turn
 
 _ROWS = 12
 """Steps of the table along the mould."""
@@ -47,12 +47,12 @@ def draw_hot_mould(case: Case, picture: Path, origin: str, *, coupled: bool) -> 
     """
     from mpi4py import MPI
 
-    from castfem.case.build_mould import nominal_mould
-    from castfem.case.wall_shape import write_wall
-    from castfem.hot_mould.vtk_file import write_tube
-    from castfem.mould_fit.coupled import MOST, hot_mould_of, table_of
-    from castfem.mould_fit.coupled import drawing as drawn
-    from castfem.plots.hot_mould import draw
+    from castfem.model.build_mould import nominal_mould
+    from castfem.model.wall_shape import write_wall
+    from castfem.physics.mould.hot.vtk_file import write_tube
+    from castfem.post.plots.hot_mould import draw
+    from castfem.studies.mould_fit.coupled import MOST, hot_mould_of, table_of
+    from castfem.studies.mould_fit.coupled import drawing as drawn
 
     check_picture(picture)
     table, comm = table_of(case, origin), MPI.COMM_WORLD
@@ -88,7 +88,7 @@ def draw_hot_mould(case: Case, picture: Path, origin: str, *, coupled: bool) -> 
 
 def hot_rows(wall: HotWall) -> list[tuple[str, str]]:
     """Return label and value of what characterises a tube at work."""
-    from castfem.hot_mould.copper import SOFTENS
+    from castfem.physics.mould.hot.copper import SOFTENS
 
     heated, distorted = wall.heated, wall.distorted
     hottest = heated.hottest

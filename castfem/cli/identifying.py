@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal, cast, get_args
 
-from castfem.errors import InputError, RunFailure
+from castfem.base.errors import InputError, RunFailure
 
 Softening = Literal["positive", "free", "none"]
 
@@ -19,7 +19,7 @@ def identify_law(
         data: CSV with the columns temperature, strain rate, strain, stress and their units.
         output: The material file; by default the data's name with .toml.
         degree: Of the polynomials over temperature; None fits each temperature by itself.
-        softening: Bounds of p1, see `castfem.constitutive.identification.fit.IdentifyOptions`.
+        softening: Bounds of p1, see `castfem.studies.identification.fit.IdentifyOptions`.
         overwrite: Replace a material file and a picture that are there.
 
     Raises:
@@ -35,8 +35,8 @@ def identify_law(
         raise InputError(
             f"{there[0]}: is there already; choose another file with -o, or give --overwrite"
         )
-    from castfem.constitutive.identification.fit import IdentifyOptions, identify
-    from castfem.support.atomic_files import write_text
+    from castfem.base.atomic_files import write_text
+    from castfem.studies.identification.fit import IdentifyOptions, identify
 
     options = IdentifyOptions(degree=degree, softening=cast(Softening, softening))
     found = identify(data, options)

@@ -7,16 +7,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem.case import Case
-from castfem.case.machine import thickness_of
+from castfem.base.errors import InputError
 from castfem.cli.drawing import check_picture, drawing, print_rows
-from castfem.errors import InputError
+from castfem.model import Case
+from castfem.model.machine import thickness_of
 
 if TYPE_CHECKING:
-    from castfem.case.secondary import Secondary
-    from castfem.machine.line import Bent
-    from castfem.machine.rolls import Rolls
-    from castfem.plots.machine import Spray
+    from castfem.model.secondary import Secondary
+    from castfem.physics.machine.line import Bent
+    from castfem.physics.machine.rolls import Rolls
+    from castfem.post.plots.machine import Spray
 
 
 def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None) -> None:
@@ -34,7 +34,7 @@ def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None
             cannot be written.
     """
     from castfem.cli.machine_run import ended
-    from castfem.plots.machine import draw
+    from castfem.post.plots.machine import draw
 
     check_picture(picture)
     rolls = None if case.machine is None else case.machine.pairs()
@@ -71,8 +71,8 @@ def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None
 
 def _sprays(case: Case) -> list[Spray]:
     """The sprays of the wide faces, as they are seen from the side."""
-    from castfem.plots.machine import Spray
-    from castfem.simulation.secondary import rows_of
+    from castfem.model.build.secondary import rows_of
+    from castfem.post.plots.machine import Spray
 
     if case.secondary is None:
         return []
@@ -89,11 +89,11 @@ def _sprays(case: Case) -> list[Spray]:
 
 def circuit_lines(case: Case, table: Secondary, rolls: Rolls, thickness: float) -> list[str]:
     """Return the table of the circuits of water, at their largest flows, and their defects."""
-    from castfem.case.defects import Nozzles
-    from castfem.case.water import PER_LITRE_AND_KG, Supply, steel_per_length
     from castfem.cli.drawing import build_mesh
-    from castfem.machine.sprays import footprint, gap_below, longest_spray
-    from castfem.materials import load_steel
+    from castfem.model.defects import Nozzles
+    from castfem.model.water import PER_LITRE_AND_KG, Supply, steel_per_length
+    from castfem.physics.machine.sprays import footprint, gap_below, longest_spray
+    from castfem.physics.materials import load_steel
 
     steel = load_steel(
         case.steel.name, Path.cwd(), composition=case.steel.composition,
@@ -141,7 +141,7 @@ def _near(rolls: Rolls, position: float) -> str:
 
 def machine_rows(rolls: Rolls, thickness: float) -> list[tuple[str, str]]:
     """Return label and value of what characterises a machine."""
-    from castfem.machine.phases import off_stretches, phases
+    from castfem.physics.machine.phases import off_stretches, phases
 
     line, pairs = rolls.line(thickness), rolls.pairs
     drives = [pair for pair in pairs if pair.driven]

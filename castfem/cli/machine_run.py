@@ -8,15 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from castfem.case import Case, load_case
-from castfem.errors import InputError
-from castfem.machine.rolls import Pair, Rolls
-from castfem.output.folder import CASE_NAME
-from castfem.output.history import HISTORY_NAME, read_history
-from castfem.output.summary import Summary
-from castfem.values.same_place import ROUNDING
-from castfem.values.types import Array
-from castfem.values.units import factor_and_zero
+from castfem.base.errors import InputError
+from castfem.base.tolerances import ROUNDING
+from castfem.base.types import Array
+from castfem.base.units import factor_and_zero
+from castfem.model import Case, load_case
+from castfem.physics.machine.rolls import Pair, Rolls
+from castfem.runs.output.folder import CASE_NAME
+from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.summary import Summary
 
 _DEFECTS = ("offset", "locked", "lost")
 _SAME = ("position", "diameter", "aperture", *_DEFECTS, "radius", "driven", "capacity")

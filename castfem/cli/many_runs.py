@@ -7,17 +7,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+from castfem.base.errors import CastfemError, InputError
 from castfem.cli import parallel
-from castfem.errors import CastfemError, InputError
-from castfem.output.run_record import RUN_NAME
-from castfem.sweep.record import Record
-from castfem.sweep.work import Job, Outcome
+from castfem.runs.output.run_record import RUN_NAME
+from castfem.studies.sweep.record import Record
+from castfem.studies.sweep.work import Job, Outcome
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from castfem.case import Case
-    from castfem.design.evaluator import Evaluator
+    from castfem.model import Case
+    from castfem.studies.optimisation.evaluator import Evaluator
 
 NOISE_NAME = "sweep.log"
 Prepared = TypeVar("Prepared")
@@ -75,12 +75,12 @@ def assist(comm: MPI.Intracomm, ranks: int = 1) -> None:
         ranks: Of each run; with more than one, the first rank of a group notes how it has ended.
     """
     if ranks == 1:
-        from castfem.sweep.ranks import run_on_ranks
+        from castfem.studies.sweep.ranks import run_on_ranks
 
         run_on_ranks(comm, (), _nothing, _nothing, _nothing)
         return
-    from castfem.sweep.groups import run_in_groups
-    from castfem.sweep.view import View
+    from castfem.studies.sweep.groups import run_in_groups
+    from castfem.studies.sweep.view import View
 
     record = Record(comm.bcast(None))
     view = View(0, 0, quiet=True, terminal=False)
@@ -119,7 +119,7 @@ def run_all(
         noted: Called when a run has ended and has been noted; not in groups of ranks.
         ranks: Of each run, under a launcher (`run_in_groups`).
     """
-    from castfem.sweep.view import View
+    from castfem.studies.sweep.view import View
 
     view = View(len(jobs) + finished, finished, quiet)
 
@@ -131,17 +131,17 @@ def run_all(
 
     try:
         if comm is not None and ranks > 1:
-            from castfem.sweep.groups import run_in_groups
+            from castfem.studies.sweep.groups import run_in_groups
 
             comm.bcast(record.folder)
             run_in_groups(comm, ranks, jobs, view.begun, ended)
             record.reload()
         elif comm is not None:
-            from castfem.sweep.ranks import run_on_ranks
+            from castfem.studies.sweep.ranks import run_on_ranks
 
             run_on_ranks(comm, jobs, view.begun, ended, view.tick)
         elif jobs:
-            from castfem.sweep.local import run_locally
+            from castfem.studies.sweep.local import run_locally
 
             count = min(processes or cores(), len(jobs))
             run_locally(jobs, count, record.folder / NOISE_NAME, view.begun, ended, view.tick)
@@ -161,7 +161,7 @@ def evaluator(case: Case, folder: Path, processes: int | None, ranks: int = 1) -
     Raises:
         InputError: The folder is none, or holds something else.
     """
-    from castfem.design.evaluator import Evaluator
+    from castfem.studies.optimisation.evaluator import Evaluator
 
     check_folder(folder)
     comm = parallel.communicator()
@@ -199,7 +199,7 @@ def check_processes(processes: int | None, ranks: bool, of_each: int = 1) -> Non
     if processes is not None and processes < 1:
         raise InputError(f"-j {processes}: at least one process is needed")
     if of_each != 1:
-        from castfem.sweep.groups import check
+        from castfem.studies.sweep.groups import check
 
         check(of_each, parallel.rank_and_size()[1])
 

@@ -9,13 +9,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem.case import Case
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.errors import InputError
 from castfem.cli.drawing import aligned, check_picture, drawing, print_rows
-from castfem.errors import InputError
-from castfem.values.constants import ZERO_CELSIUS
+from castfem.model import Case
 
 if TYPE_CHECKING:
-    from castfem.mould import Mould, Zone
+    from castfem.physics.mould import Mould, Zone
 
 
 def draw_mould(case: Case, picture: Path, origin: str) -> None:
@@ -29,8 +29,8 @@ def draw_mould(case: Case, picture: Path, origin: str) -> None:
     Raises:
         InputError: The case has no mould, or the picture cannot be written.
     """
-    from castfem.case.build_mould import build_mould
-    from castfem.plots.mould import draw
+    from castfem.model.build_mould import build_mould
+    from castfem.post.plots.mould import draw
 
     table = case.mould
     if table is None:

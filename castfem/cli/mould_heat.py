@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from castfem.case.build_machine import build_machine
-from castfem.case.check_cooling import law_groups
-from castfem.case.even_flux import TOLD, is_even, mend
-from castfem.case.heat_law import Extent, Surroundings
-from castfem.case.measured_heat import ScaledLaw
-from castfem.case.mould_laws import Contact
-from castfem.case.shared_heat import fixed_heat
-from castfem.thermal.mould_flux import MOULD_FLUXES, heat_to_mould
-from castfem.values.tables import Table
+from castfem.base.tables import Table
+from castfem.model.build_machine import build_machine
+from castfem.model.check_cooling import law_groups
+from castfem.model.even_flux import TOLD, is_even, mend
+from castfem.model.heat_law import Extent, Surroundings
+from castfem.model.measured_heat import ScaledLaw
+from castfem.model.mould_laws import Contact
+from castfem.model.shared_heat import fixed_heat
+from castfem.physics.thermal.mould_flux import MOULD_FLUXES, heat_to_mould
 
 if TYPE_CHECKING:
-    from castfem.case import Case
-    from castfem.case.cooling import Zone
-    from castfem.machine import Machine
-    from castfem.materials import Steel
     from castfem.meshes import SectionMesh
+    from castfem.model import Case
+    from castfem.model.cooling import Zone
+    from castfem.physics.machine import Machine
+    from castfem.physics.materials import Steel
 
 _FAR = 3.0  # times a published flux, or this part of it: another unit was meant
 

@@ -7,29 +7,29 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem.case import load_case, shipped_cases
-from castfem.case.shared_heat import fixed_while_varied
-from castfem.case.shown_units import units_of
+from castfem.base.atomic_files import write_json
+from castfem.base.errors import RunFailure
+from castfem.base.shown_units import scale_of, shown_in
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import chosen
-from castfem.design.evaluator import serve
-from castfem.design.fidelity import THERMAL
-from castfem.design.front import TABLE_NAME as FRONT_TABLE
-from castfem.design.front import write_front
-from castfem.design.mould_table import MOULD_NAME, mould_table, write_mould_table
-from castfem.design.study import Study
-from castfem.design.told import told
-from castfem.errors import RunFailure
-from castfem.output.summary import Summary
-from castfem.report.cautions import cautions_of_all
-from castfem.report.narrow import keep_words
-from castfem.support.atomic_files import write_json
-from castfem.sweep.record import check_own
-from castfem.sweep.work import Job, Outcome
-from castfem.values.shown_units import scale_of, shown_in
+from castfem.model import load_case, shipped_cases
+from castfem.model.shared_heat import fixed_while_varied
+from castfem.model.shown_units import units_of
+from castfem.post.report.cautions import cautions_of_all
+from castfem.post.report.table_layout import keep_words
+from castfem.runs.output.summary import Summary
+from castfem.studies.optimisation.evaluator import serve
+from castfem.studies.optimisation.fidelity import THERMAL
+from castfem.studies.optimisation.front import TABLE_NAME as FRONT_TABLE
+from castfem.studies.optimisation.front import write_front
+from castfem.studies.optimisation.mould_table import MOULD_NAME, mould_table, write_mould_table
+from castfem.studies.optimisation.study import Study
+from castfem.studies.optimisation.told import told
+from castfem.studies.sweep.record import check_own
+from castfem.studies.sweep.work import Job, Outcome
 
 if TYPE_CHECKING:
-    from castfem.design.optimum import Optimum
+    from castfem.studies.optimisation.optimum import Optimum
 
 OPTIMUM_NAME = "optimum.json"
 _WRITTEN = OPTIMUM_NAME, MOULD_NAME, FRONT_TABLE
@@ -170,8 +170,8 @@ def _told(study: Study, optimum: Optimum, target: Path, options: Options) -> int
 
 def _drawn(study: Study, optimum: Optimum, target: Path) -> list[str]:
     """Draw the answer, and return the names of the files."""
-    from castfem.design import figure, mould_figure, spread_figure
-    from castfem.design.chosen_units import spread_scale
+    from castfem.studies.optimisation import figure, mould_figure, spread_figure
+    from castfem.studies.optimisation.chosen_units import spread_scale
 
     names = [figure.FIGURE_NAME]
     figure.draw(optimum, target / figure.FIGURE_NAME)

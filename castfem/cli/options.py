@@ -9,9 +9,9 @@ from typing import Any
 
 import click
 
+from castfem.base.errors import CaseError
 from castfem.cli import completion
 from castfem.cli.command import Argument
-from castfem.errors import CaseError
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 """What adds an argument or an option to a function that becomes a command."""
@@ -111,8 +111,8 @@ def chosen(units: Sequence[str]) -> Iterator[None]:
     if not units:
         yield
         return
-    from castfem.case.shown_units import read_choice
-    from castfem.values.shown_units import shown_in
+    from castfem.base.shown_units import shown_in
+    from castfem.model.shown_units import read_choice
 
     with shown_in(read_choice(units)):
         yield
@@ -139,8 +139,8 @@ def above_zero(option: str, text: str, unit: str) -> float:
     Raises:
         InputError: It is no such quantity, or not above 0.
     """
-    from castfem.errors import InputError
-    from castfem.values.units import parse
+    from castfem.base.errors import InputError
+    from castfem.base.units import parse
 
     try:
         value = parse(text, unit)

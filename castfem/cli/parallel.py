@@ -8,7 +8,7 @@ import time
 from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING
 
-from castfem.errors import InputError
+from castfem.base.errors import InputError
 
 if TYPE_CHECKING:
     from mpi4py import MPI

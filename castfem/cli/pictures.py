@@ -16,10 +16,10 @@ from castfem.cli.options import PATH, case_name, file_for, output, overrides
 @overrides
 def mesh(case: str, output: Path | None, overrides: tuple[str, ...]) -> None:
     """Draw the mesh of a case and print its counts and quality."""
-    from castfem.case import load_case
-    from castfem.case.shipped_cases import find
     from castfem.cli.drawing import draw_mesh
     from castfem.cli.options import read_from
+    from castfem.model import load_case
+    from castfem.model.shipped_cases import find
 
     path = find(case)
     with read_from(path):
@@ -40,9 +40,9 @@ def mould(
     case: str, output: Path | None, hot: bool, coupled: bool, overrides: tuple[str, ...]
 ) -> None:
     """Print size and taper of a case's mould, and draw it; --hot, --coupled: cold and at work."""
-    from castfem.case import load_case
-    from castfem.case.shipped_cases import find
     from castfem.cli.mould import draw_mould
+    from castfem.model import load_case
+    from castfem.model.shipped_cases import find
 
     path = find(case)
     if hot or coupled:
@@ -61,9 +61,9 @@ def mould(
 @overrides
 def section(case: str, output: Path | None, at: str | None, overrides: tuple[str, ...]) -> None:
     """Find the outline at the meniscus whose strand has the case's section further down."""
-    from castfem.case import load_case
-    from castfem.case.shipped_cases import find
     from castfem.cli.section import find as find_outline
+    from castfem.model import load_case
+    from castfem.model.shipped_cases import find
 
     path = find(case)
     target = file_for(output, f"{path.stem}_section.png")
@@ -77,9 +77,9 @@ def section(case: str, output: Path | None, at: str | None, overrides: tuple[str
 @overrides
 def machine(case: str, output: Path | None, run: Path | None, overrides: tuple[str, ...]) -> None:
     """Print the rolls of a case, and draw its caster."""
-    from castfem.case import load_case
-    from castfem.case.shipped_cases import find
     from castfem.cli.machine import draw_machine
+    from castfem.model import load_case
+    from castfem.model.shipped_cases import find
 
     path = find(case)
     target = file_for(output, f"{path.stem}_machine.png")

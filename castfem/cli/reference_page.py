@@ -13,8 +13,8 @@ from pathlib import Path
 
 import click
 
+from castfem.base.atomic_files import write_text
 from castfem.cli.app import app
-from castfem.support.atomic_files import write_text
 
 _HEAD = """\
 # Commands

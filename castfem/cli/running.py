@@ -8,17 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from castfem.case import AnyCase, TensileCase, load_case, shipped_cases
+from castfem.base import log
+from castfem.base.errors import CastfemError, InputError
+from castfem.base.progress import Progress
 from castfem.cli import parallel
 from castfem.cli.checking import problems_of
 from castfem.cli.options import read_from
-from castfem.errors import CastfemError, InputError
-from castfem.output.folder import CASE_NAME, ERROR_ENDING, ERROR_NAME
-from castfem.output.run_record import RUN_NAME
-from castfem.report import error_pages
-from castfem.support import log
-from castfem.support.progress import Progress
-from castfem.time_loop import existing_run
+from castfem.model import AnyCase, TensileCase, load_case, shipped_cases
+from castfem.post.report import error_pages
+from castfem.runs import existing_run
+from castfem.runs.output.folder import CASE_NAME, ERROR_ENDING, ERROR_NAME
+from castfem.runs.output.run_record import RUN_NAME
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -106,7 +106,7 @@ def _scaled(path: Path, options: Options) -> list[str]:
     """
     if options.accuracy == _DEFAULT:
         return []
-    from castfem.accuracy.sizes import assignments
+    from castfem.studies.accuracy.sizes import assignments
 
     if options.resume and (path.parent / RUN_NAME).is_file():
         raise InputError("--resume goes on with the sizes of the run: leave out --accuracy")
@@ -137,9 +137,9 @@ def _run_case(case: AnyCase, target: Path, comm: MPI.Intracomm | None, options: 
     """Hand the case to the engine; on rank 0 print the table of the run and draw its figures."""
     run: Callable[..., Any]
     if isinstance(case, TensileCase):
-        from castfem.tensile.tensile_test import run
+        from castfem.runs.tensile.tensile_test import run
     else:
-        from castfem.time_loop.loop import run
+        from castfem.runs.loop import run
 
     root = parallel.rank_of(comm) == 0
     progress = Progress(options.verbosity) if root else None
@@ -166,7 +166,7 @@ def _take_errors(target: Path) -> None:
     path = whole.with_name(whole.name + ERROR_ENDING) / ERROR_NAME
     if not path.is_file():
         return
-    from castfem.accuracy.table import ErrorTable, attach
+    from castfem.studies.accuracy.table import ErrorTable, attach
 
     try:
         attach(ErrorTable.load(path), target)
@@ -177,7 +177,7 @@ def _take_errors(target: Path) -> None:
 def _show(target: Path, quiet: bool, *, figures: bool) -> None:
     if quiet and not figures:
         return
-    from castfem.report.show import show
+    from castfem.post.report.show import show
 
     show(target, parallel.console(quiet=quiet), figures=figures)
     if not quiet:

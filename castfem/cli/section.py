@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem.case import Case
+from castfem.base.atomic_files import replacing
+from castfem.base.errors import InputError
+from castfem.base.quantities import Kind
 from castfem.cli.drawing import check_picture, drawing
-from castfem.errors import InputError
-from castfem.support.atomic_files import replacing
-from castfem.values.quantities import Kind
+from castfem.model import Case
 
 if TYPE_CHECKING:
-    from castfem.mould_fit.section import Attempt, Outline
+    from castfem.studies.mould_fit.section import Attempt, Outline
 
 
 def find(case: Case, picture: Path, origin: str, at: str | None) -> None:
@@ -30,9 +30,9 @@ def find(case: Case, picture: Path, origin: str, at: str | None) -> None:
     """
     from mpi4py import MPI
 
-    from castfem.case.wall_shape import write_wall
-    from castfem.mould_fit.section import find_section, natural_wall, sides_of_section
-    from castfem.plots.section_shape import draw
+    from castfem.model.wall_shape import write_wall
+    from castfem.post.plots.section_shape import draw
+    from castfem.studies.mould_fit.section import find_section, natural_wall, sides_of_section
 
     check_picture(picture)
     try:

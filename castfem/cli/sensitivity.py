@@ -7,23 +7,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem.case import load_case, shipped_cases
-from castfem.case.shared_heat import fixed_while_varied
-from castfem.case.shown_units import units_of
+from castfem.base import log
+from castfem.base.errors import InputError
+from castfem.base.progress import Progress
+from castfem.base.shown_units import label_shown, place_said, said, scale_of, shown_in
 from castfem.cli import parallel
 from castfem.cli.options import chosen, read_from
-from castfem.errors import InputError
-from castfem.output.folder import RUN_NAME
-from castfem.report.numbers import shown, unit_shown, with_error
-from castfem.support import log
-from castfem.support.progress import Progress
-from castfem.values.shown_units import label_shown, place_said, said, scale_of, shown_in
+from castfem.model import load_case, shipped_cases
+from castfem.model.shared_heat import fixed_while_varied
+from castfem.model.shown_units import units_of
+from castfem.runs.output.folder import RUN_NAME
+from castfem.runs.results.numbers import shown, unit_shown, with_error
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from castfem.case import Case
-    from castfem.sensitivity.result import Row, Sensitivity
+    from castfem.model import Case
+    from castfem.studies.sensitivity.result import Row, Sensitivity
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ def sensitivity_of_case(options: Options) -> None:
         InputError: Something the user wrote cannot be used.
         RunFailure: The run fails, or a file cannot be written.
     """
-    from castfem.sensitivity.run import sensitivity
+    from castfem.studies.sensitivity.run import sensitivity
 
     comm = parallel.communicator()
     root = parallel.rank_of(comm) == 0
@@ -69,7 +69,7 @@ def sensitivity_of_case(options: Options) -> None:
     path = shipped_cases.find(options.name)
     case = load_case(path, options.overrides)
     if options.accuracy != "default":
-        from castfem.accuracy.sizes import assignments
+        from castfem.studies.accuracy.sizes import assignments
 
         sizes = assignments(case, options.accuracy)
         case = load_case(path, (*options.overrides, *sizes))
@@ -96,8 +96,8 @@ def sensitivity_of_case(options: Options) -> None:
 
 def _tell(found: Sensitivity, case: Case, target: Path, options: Options) -> None:
     """Draw and print."""
-    from castfem.plots.tornado import FIGURE_NAME, draw_tornado
-    from castfem.sensitivity.result import CSV_NAME, JSON_NAME
+    from castfem.post.plots.tornado import FIGURE_NAME, draw_tornado
+    from castfem.studies.sensitivity.result import CSV_NAME, JSON_NAME
 
     written = [CSV_NAME, JSON_NAME]
     if options.figures:
@@ -139,7 +139,7 @@ def head_of(found: Sensitivity) -> str:
 
 
 def _cells(row: Row) -> tuple[str, str, str]:
-    from castfem.sensitivity.chosen_units import ShownRow
+    from castfem.studies.sensitivity.chosen_units import ShownRow
 
     one = ShownRow.of(row)
     at = f"{one.at:.6g} {unit_shown(one.at_unit)}".rstrip()
@@ -200,7 +200,7 @@ def _cut(found: Sensitivity) -> str:
 
 def remarks(found: Sensitivity) -> list[str]:
     """Return what else is to be known of the derivatives, a line each."""
-    from castfem.sensitivity.chosen_units import ShownRow
+    from castfem.studies.sensitivity.chosen_units import ShownRow
 
     lines = [_told(found, p.name) for p in found.parameters]
     lines = [line for line in [*lines, _in_steps(found), _cut(found)] if line]

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from castfem.case.check_cooling import law_groups
-from castfem.case.spray import Spray
-from castfem.case.water import PER_LITRE_AND_KG, Supply, steel_per_length
-from castfem.thermal.sprays import WATER_DENSITY
+from castfem.model.check_cooling import law_groups
+from castfem.model.spray import Spray
+from castfem.model.water import PER_LITRE_AND_KG, Supply, steel_per_length
+from castfem.physics.thermal.sprays import WATER_DENSITY
 
 if TYPE_CHECKING:
-    from castfem.case import Case
-    from castfem.materials import Steel
     from castfem.meshes import SectionMesh
+    from castfem.model import Case
+    from castfem.physics.materials import Steel
 
 LITRES_A_MINUTE = 6e4  # in a m3/s
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from castfem.case import load_case
-from castfem.case.machine import thickness_of
+from castfem.base.errors import InputError
 from castfem.cli.options import above_zero
-from castfem.errors import InputError
-from castfem.output.folder import CASE_NAME
+from castfem.model import load_case
+from castfem.model.machine import thickness_of
+from castfem.runs.output.folder import CASE_NAME
 
 
 def write(folder: Path, target: Path, every: str) -> None:
@@ -23,8 +23,8 @@ def write(folder: Path, target: Path, every: str) -> None:
         InputError: The folder holds no run of a strand between rolls, or `every` is no length.
         RunFailure: The file cannot be written.
     """
-    from castfem.machine.side import Side
-    from castfem.output.stacked_slices import write_strand
+    from castfem.physics.machine.side import Side
+    from castfem.runs.output.stacked_slices import write_strand
 
     distance = above_zero("--every", every, "m")
     if not (folder / CASE_NAME).is_file():

@@ -10,10 +10,10 @@ from typing import Any
 
 import click
 
+from castfem.base.errors import InputError
 from castfem.cli import completion, options
 from castfem.cli.command import command
 from castfem.cli.options import PATH, case_name, jobs, output, overrides, quiet, sound_units
-from castfem.errors import InputError
 
 
 @command('sweep billet125/thermal --set casting.speed="3 m/min","4 m/min"')
@@ -63,7 +63,7 @@ def sweep(
 ) -> int:
     """Run a case with several values, in parallel. What is finished is not run again."""
     from castfem.cli.sweeping import Options, sweep_case
-    from castfem.results.places import read_positions
+    from castfem.runs.results.places import read_positions
 
     if given["resume"] and given["overwrite"]:
         raise InputError("--resume and --overwrite exclude each other")
@@ -110,7 +110,7 @@ def error(
 ) -> int:
     """Run a case on other meshes, with other steps and windows: the error of each number."""
     from castfem.cli.accuracy import Options, error_of_case
-    from castfem.results.places import read_positions
+    from castfem.runs.results.places import read_positions
 
     return error_of_case(
         Options(

@@ -8,22 +8,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem.case import Case, load_case, shipped_cases
-from castfem.case.shared_heat import shared_heat
+from castfem.base.atomic_files import folder_refused
+from castfem.base.errors import InputError, RunFailure
+from castfem.base.shown_units import shown_in
+from castfem.base.tolerances import ROUNDING
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import chosen
-from castfem.errors import InputError, RunFailure
-from castfem.output.chosen_units import units_of_run
-from castfem.output.summary import Summary
-from castfem.report.cautions import cautions_of_all
-from castfem.support.atomic_files import folder_refused
-from castfem.sweep.plan import Variant, plan
-from castfem.sweep.record import Record, check_own
-from castfem.sweep.results import TABLE_NAME, printed, rows, write_table
-from castfem.sweep.share import Share
-from castfem.sweep.work import Job, Outcome
-from castfem.values.same_place import ROUNDING
-from castfem.values.shown_units import shown_in
+from castfem.model import Case, load_case, shipped_cases
+from castfem.model.shared_heat import shared_heat
+from castfem.post.report.cautions import cautions_of_all
+from castfem.runs.output.chosen_units import units_of_run
+from castfem.runs.output.summary import Summary
+from castfem.studies.sweep.plan import Variant, plan
+from castfem.studies.sweep.record import Record, check_own
+from castfem.studies.sweep.results import TABLE_NAME, printed, rows, write_table
+from castfem.studies.sweep.share import Share
+from castfem.studies.sweep.work import Job, Outcome
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -136,7 +136,7 @@ def _base(path: Path, accuracy: str) -> Case:
     case = load_case(path)
     if accuracy == "default":
         return case
-    from castfem.accuracy.sizes import assignments
+    from castfem.studies.accuracy.sizes import assignments
 
     return load_case(path, assignments(case, accuracy))
 
@@ -173,7 +173,7 @@ def _alone(options: Options) -> int:
     """
     variants, target = _planned(options)
     if options.script is not None:
-        from castfem.sweep.slurm import write_script
+        from castfem.studies.sweep.slurm import write_script
 
         words = [options.name, "-o", str(target)]
         words += [word for given in options.assignments for word in ("--set", given)]

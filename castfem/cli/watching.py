@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from castfem.base.errors import RunFailure
 from castfem.cli import parallel
 from castfem.cli.options import above_zero
-from castfem.errors import RunFailure
 
 _TERMINAL, _LINES = 1.0, 10.0  # s between two looks: at a terminal, and elsewhere
 
@@ -24,14 +24,14 @@ def watch_folder(folder: Path, html: Path | None, every: str, *, wait: bool = Fa
         InputError: The folder holds no run, or `every` is no time.
         RunFailure: The page cannot be written.
     """
-    from castfem.watch.terminal import Viewing, watch
+    from castfem.post.watch.terminal import Viewing, watch
 
     console = parallel.console()
     usual = _TERMINAL if console.is_terminal else _LINES
     interval = above_zero("--every", every, "s") if every else usual
     page = None
     if html is not None:
-        from castfem.watch.page import Page
+        from castfem.post.watch.page import Page
 
         page = Page(folder, html, max(interval, _LINES) if not every else interval, wait=wait)
     try:

@@ -15,9 +15,9 @@ from petsc4py import PETSc
 
 import numpy as np
 
+from castfem.base.types import Array, Indices
 from castfem.fem import factorisation
 from castfem.fem.snes import Options, SolverOptions
-from castfem.values.types import Array, Indices
 
 
 class BorderedSystem:

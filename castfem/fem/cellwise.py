@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from castfem.base.types import Array
 from castfem.fem.section import Section
-from castfem.values.types import Array
 
 
 class Cellwise:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from dolfinx import fem, la
 from scipy import sparse
 
-from castfem.values.types import Array, Indices
+from castfem.base.types import Array, Indices
 
 
 def owned_of(space: fem.FunctionSpace) -> int:

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from castfem.base import log
 from castfem.fem import reductions
-from castfem.support import log
 
 ROOM = (100, 400, 1600)  # per cent beyond what MUMPS expects to need, ICNTL(14); its own is 20
 NO_ROOM = (-8, -9, -11, -14, -15, -17, -19, -20)  # INFOG(1): a workspace was too small

@@ -29,9 +29,9 @@ from typing import TypeVar
 
 from mpi4py import MPI
 
-from castfem.errors import RunFailure
+from castfem.base.errors import RunFailure
+from castfem.base.log import logger
 from castfem.fem.root import on_root
-from castfem.support.log import logger
 
 T = TypeVar("T")
 WAIT = 10  # s: of FFCx for a form that another process compiles

@@ -11,10 +11,10 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from castfem.base.types import Array, Indices
 from castfem.fem import reductions
 from castfem.fem.locate import locate
 from castfem.fem.section import Section
-from castfem.values.types import Array, Indices
 
 if TYPE_CHECKING:
     from scipy import sparse

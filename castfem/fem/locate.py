@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import geometry
 
-from castfem.fem import dolfinx_compat, reductions
+from castfem.base.types import Array, Indices
+from castfem.fem import compat, reductions
 from castfem.fem.section import Section
-from castfem.values.types import Array, Indices
 
 _NEARLY = 1e-2  # of a cell: how far outside a sample may lie (a curved face, cut by straight cells)
 
@@ -41,8 +41,8 @@ def locate(
         tree = geometry.bb_tree(mesh, 2, entities=np.arange(local, dtype=np.int32), padding=1e-9)
         xyz = np.column_stack([points, np.zeros(n)])
         near = geometry.compute_collisions_points(tree, xyz)
-        node_of, x = dolfinx_compat.geometry_dofmap(mesh), mesh.geometry.x[:, :2]
-        cmap = dolfinx_compat.coordinate_map(mesh)
+        node_of, x = compat.geometry_dofmap(mesh), mesh.geometry.x[:, :2]
+        cmap = compat.coordinate_map(mesh)
         for i in range(n):
             for cell in near.links(i):
                 corners = np.ascontiguousarray(x[node_of[cell]])

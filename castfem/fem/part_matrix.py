@@ -7,7 +7,7 @@ from petsc4py import PETSc
 import numpy as np
 from dolfinx import fem
 
-from castfem.values.types import Flags, Indices
+from castfem.base.types import Flags, Indices
 
 
 def matrix_of_nodes(

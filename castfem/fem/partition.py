@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from castfem.values.types import Array, Flags, Indices
+from castfem.base.types import Array, Flags, Indices
 
 DIRECTIONS = np.array([(0.0, 1.0), (1.0, 0.0), (1.0, 1.0), (1.0, -1.0)])
 LAYERS = 6  # cells of a shell's thickness: so much work hangs on a cell of the rim

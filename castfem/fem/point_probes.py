@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from castfem.base.types import Array
 from castfem.fem import reductions
 from castfem.fem.locate import locate
 from castfem.fem.section import Section
-from castfem.values.types import Array
 
 
 class PointProbes:

@@ -11,8 +11,8 @@ from typing import TypeVar
 
 from mpi4py import MPI
 
-from castfem.errors import CastfemError
-from castfem.support.closing import Closing
+from castfem.base.closing import Closing
+from castfem.base.errors import CastfemError
 
 T = TypeVar("T")
 

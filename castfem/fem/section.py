@@ -12,10 +12,10 @@ import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
-from castfem.errors import InputError
-from castfem.fem import dolfinx_compat
+from castfem.base.errors import InputError
+from castfem.base.types import Array
+from castfem.fem import compat
 from castfem.fem.partition import straight_cuts
-from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from castfem.meshes import SectionMesh
@@ -61,7 +61,7 @@ class Section:
         else:
             points, cells = np.zeros((0, 2)), np.zeros((0, per_cell), np.int64)
             parts = np.zeros(0, np.int32)
-        self.mesh = dolfinx_compat.create_mesh(comm, cells, points, cell, order, parts)
+        self.mesh = compat.create_mesh(comm, cells, points, cell, order, parts)
         self.vertex_space = fem.functionspace(self.mesh, ("Lagrange", 1))
         self.cells = int(self.mesh.topology.index_map(2).size_local)
         self._number_nodes()
@@ -79,17 +79,17 @@ class Section:
     def compile(self, name: str, form: ufl.Form) -> fem.Form:
         """Compile `form`, noting `name`: what a simulation compiled is part of its record."""
         self.compiled.append(name)
-        return dolfinx_compat.compile_form(form)
+        return compat.compile_form(form)
 
-    def compile_on_cells(self, name: str, form: ufl.Form) -> dolfinx_compat.CellForm:
+    def compile_on_cells(self, name: str, form: ufl.Form) -> compat.CellForm:
         """The same for a form that is to be integrated over some of the cells."""
         self.compiled.append(name)
-        return dolfinx_compat.CellForm(self.mesh, form)
+        return compat.CellForm(self.mesh, form)
 
     def _number_nodes(self) -> None:
         """Find the input node of each vertex and of each degree of freedom of `vertex_space`."""
         corners = 3 if self.cell == "triangle" else 4
-        nodes = dolfinx_compat.geometry_dofmap(self.mesh)[:, :corners]
+        nodes = compat.geometry_dofmap(self.mesh)[:, :corners]
         original = np.asarray(self.mesh.geometry.input_global_indices)
         dofs = np.asarray(self.vertex_space.dofmap.list)[:, :corners]
         index_map = self.vertex_space.dofmap.index_map

@@ -16,9 +16,9 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from castfem.errors import InputError
-from castfem.support.log import logger
-from castfem.support.stopwatch import Stopwatch
+from castfem.base.errors import InputError
+from castfem.base.log import logger
+from castfem.base.stopwatch import Stopwatch
 
 Options = Mapping[str, Any]
 

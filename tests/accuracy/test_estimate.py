@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from castfem.accuracy.estimate import FEW, LEAST, SAFETY, convergence_index, estimate
+from castfem.studies.accuracy.estimate import FEW, LEAST, SAFETY, convergence_index, estimate
 
 R = 2.0**0.5
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from castfem.accuracy.proposal import propose, read_share
-from castfem.accuracy.table import Entry, ErrorTable, Part, Ran
-from castfem.errors import InputError
+from castfem.base.errors import InputError
+from castfem.studies.accuracy.proposal import propose, read_share
+from castfem.studies.accuracy.table import Entry, ErrorTable, Part, Ran
 
 RUNS = (
     Ran("base", "", 1.0, 10.0),

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from small_case import small
 
-from castfem.accuracy import sizes
-from castfem.accuracy.estimate import SAFETY
-from castfem.accuracy.ladder import Level, levels
-from castfem.accuracy.table import gather
-from castfem.case import load_case
-from castfem.output.summary import Quantity, Summary
+from castfem.model import load_case
+from castfem.runs.output.summary import Quantity, Summary
+from castfem.studies.accuracy import sizes
+from castfem.studies.accuracy.estimate import SAFETY
+from castfem.studies.accuracy.ladder import Level, levels
+from castfem.studies.accuracy.table import gather
 
 CASES = Path(__file__).parents[2] / "cases"
 TAPERED = CASES / "billet125" / "taper_0.toml"

@@ -12,8 +12,8 @@ from matplotlib import pyplot
 from small_case import write_small
 
 import castfem
-from castfem.errors import InputError
-from castfem.values.shown_units import ShownUnits, shown_in
+from castfem.base.errors import InputError
+from castfem.base.shown_units import ShownUnits, shown_in
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import castfem
-from castfem.case import load_case
+from castfem.model import load_case
 
 ROOT = Path(__file__).parents[2]
 # What the page leaves out, and its mesh and steps.

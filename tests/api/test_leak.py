@@ -13,7 +13,7 @@ from small_case import write_small
 from time_loop.billet_runs import billet
 
 import castfem
-from castfem.case import Case
+from castfem.model import Case
 
 MOULDED = (
     "casting.length=30 mm", 'output.fields=["temperature", "stress"]',

@@ -12,9 +12,9 @@ import pytest
 from small_case import write_small
 
 import castfem
-from castfem.accuracy.table import ErrorTable
-from castfem.case import Case
 from castfem.cli import execute
+from castfem.model import Case
+from castfem.studies.accuracy.table import ErrorTable
 
 CELLS = {
     "mesh.surface_size": "3 mm",

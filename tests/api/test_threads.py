@@ -11,8 +11,8 @@ import pytest
 from small_case import small
 
 import castfem
-from castfem.errors import InputError
-from castfem.support.one_at_a_time import one_at_a_time
+from castfem.base.errors import InputError
+from castfem.base.one_at_a_time import one_at_a_time
 
 
 @contextmanager

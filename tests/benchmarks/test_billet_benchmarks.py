@@ -19,8 +19,8 @@ from benchmarks import accuracy, caster, costs, reference
 from benchmarks.accuracy import GRADED, cheapest, default_settings, errors, sweep
 from benchmarks.billet import CASE, INSTANTS, Settings, billet_case, refined, run
 from benchmarks.report import Output
-from castfem.case import load_case
-from castfem.simulation.simulation import build_mesh
+from castfem.model import load_case
+from castfem.model.build.simulation import build_mesh
 
 COARSE = Settings(
     cell="triangle", surface_size=1.5, corner_size=1.5, face_size=6.0, core_size=8.0, step=0.25

@@ -13,7 +13,7 @@ from benchmarks import billet_convergence, billet_sensitivity, billet_study
 from benchmarks.billet_inputs import variants
 from benchmarks.billet_run import CASES, COARSE, Found, Listener, every, mesh, run
 from benchmarks.report import Output
-from castfem.case import load_case
+from castfem.model import load_case
 
 SMALL = (*mesh(3.0), every(0.25), "casting.length=150 mm")
 

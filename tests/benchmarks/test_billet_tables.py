@@ -9,7 +9,7 @@ import pytest
 from benchmarks import billet_cost, billet_error, billet_moved, billet_trade, liquid
 from benchmarks.billet_run import Found, every, mesh
 from benchmarks.report import Output
-from castfem.mechanics import material_points
+from castfem.physics.mechanics import material_points
 
 
 def found(**values: float) -> Found:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.optimum_fit import _Point, misses
-from castfem.values.types import Array
+from castfem.base.types import Array
 
 PLACES = 2.0 * np.random.default_rng(1).random((36, 5)) - 1.0
 

@@ -14,8 +14,8 @@ from benchmarks.billet_sensitivity import PEAKS
 from benchmarks.quoted import pages, quotations, rewrite, wrong
 from benchmarks.report import PAGE, Output
 from benchmarks.sensitivity_errors import within
-from castfem.case import load_case
-from castfem.case.shipped_cases import find
+from castfem.model import load_case
+from castfem.model.shipped_cases import find
 
 DOCS = PAGE.parent
 BEGIN = re.compile(r"<!-- begin (.+?) -->\n(.*?)<!-- end \1 -->", re.DOTALL)

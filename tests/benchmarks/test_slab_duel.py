@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from benchmarks import slab_duel
-from castfem.case import from_document
-from castfem.simulation.simulation import build, build_mesh
+from castfem.model import from_document
+from castfem.model.build.simulation import build, build_mesh
 
 pytest.importorskip("skfem", reason="scikit-fem is an extra: pip install 'castfem[benchmark]'")
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from benchmarks import slab_reversal as study
-from castfem.case import load_case
-from castfem.machine import Machine
+from castfem.model import load_case
+from castfem.physics.machine import Machine
 
 Caster = tuple[Machine, np.ndarray]
 

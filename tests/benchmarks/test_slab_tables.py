@@ -20,10 +20,10 @@ from benchmarks import (
     slabs,
 )
 from benchmarks.report import Output
-from castfem.case import load_case
-from castfem.machine.rolls import Rolls
-from castfem.machine.stations import Stations
-from castfem.output.surface_line import SurfaceLine
+from castfem.model import load_case
+from castfem.physics.machine.rolls import Rolls
+from castfem.physics.machine.stations import Stations
+from castfem.runs.output.surface_line import SurfaceLine
 
 CASES = Path(__file__).parents[2] / "cases" / "slab1200"
 

@@ -12,9 +12,9 @@ import html5lib
 import pytest
 
 from castfem.cli import execute
-from castfem.html_report.page import LARGEST
-from castfem.output.fields import Fields
-from castfem.output.folder import OutputFolder
+from castfem.post.html.page import LARGEST
+from castfem.runs.output.fields import Fields
+from castfem.runs.output.folder import OutputFolder
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -158,8 +158,8 @@ def test_a_page_at_work_is_read_again_until_the_run_has_ended(
     """`castfem watch --html`: the browser takes the new version by itself, then leaves it alone."""
     import shutil
 
-    from castfem.watch.look import Watcher
-    from castfem.watch.page import Page as Written
+    from castfem.post.watch.page import Page as Written
+    from castfem.post.watch.run_status import Watcher
 
     folder = tmp_path / "run"
     shutil.copytree(runs / "billet", folder)

@@ -10,13 +10,27 @@ import pytest
 from scipy.integrate import cumulative_simpson, quad
 from scipy.optimize import brentq
 
-from castfem.bulging import CreepingStrip, ElasticStrip, Shell, Span, creep, layers, stiffness
-from castfem.bulging.creep import accumulates, nodes
-from castfem.bulging.layers import Condition, Layers
-from castfem.constitutive import Elasticity, NortonCreep, ThermoElastic, load_elasticity, load_law
-from castfem.constitutive.base import Law
-from castfem.errors import RunFailure
-from castfem.values.tables import Table
+from castfem.base.errors import RunFailure
+from castfem.base.tables import Table
+from castfem.physics.constitutive import (
+    Elasticity,
+    NortonCreep,
+    ThermoElastic,
+    load_elasticity,
+    load_law,
+)
+from castfem.physics.constitutive.base import Law
+from castfem.physics.machine.bulging import (
+    CreepingStrip,
+    ElasticStrip,
+    Shell,
+    Span,
+    creep,
+    layers,
+    stiffness,
+)
+from castfem.physics.machine.bulging.creep import accumulates, nodes
+from castfem.physics.machine.bulging.layers import Condition, Layers
 
 SPAN = Span(0.25, 0.2e6, 0.02)
 SHELL = Shell(0.03, lambda depth: 1400.0)
@@ -305,8 +319,8 @@ def test_steps_are_close_at_the_rolls() -> None:
 
 
 def test_a_shell_beyond_its_plastic_moment_is_a_failure() -> None:
-    from castfem.constitutive import PerfectlyPlastic
-    from castfem.values.tables import Constant
+    from castfem.base.tables import Constant
+    from castfem.physics.constitutive import PerfectlyPlastic
 
     law = PerfectlyPlastic(Elasticity.constant(10e9, 0.3), Constant(1e6))
     with pytest.raises(RunFailure, match=r"the shell of 30 mm cannot carry the moment"):

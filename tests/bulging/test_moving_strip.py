@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from benchmarks.moving_strip import AUSTENITE, SPEED, MovingStrip, shell_of, single
-from castfem.bulging import CreepingStrip, ElasticStrip, Shell, Span
-from castfem.constitutive import Elasticity, ThermoElastic
+from castfem.physics.constitutive import Elasticity, ThermoElastic
+from castfem.physics.machine.bulging import CreepingStrip, ElasticStrip, Shell, Span
 
 
 @pytest.mark.parametrize("thickness", [0.02, 0.04])

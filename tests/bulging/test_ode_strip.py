@@ -7,9 +7,9 @@ import pytest
 
 from benchmarks.lost_roll import CLAMPED, ELASTIC, PITCH, PRESSURE, SHELL, austenite, kept_curvature
 from benchmarks.ode_strip import OdeStrip
-from castfem.bulging import CreepingStrip, Rolls, Span, over_rolls
-from castfem.bulging.creep import nodes
-from castfem.bulging.result import deflected
+from castfem.physics.machine.bulging import CreepingStrip, Rolls, Span, over_rolls
+from castfem.physics.machine.bulging.creep import nodes
+from castfem.physics.machine.bulging.result import deflected
 
 SPEED = 0.02
 STRIP = CreepingStrip(austenite())

@@ -8,14 +8,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.bulging import Bulge, ElasticStrip, Shell, Span, ThesisPlate
-from castfem.bulging.plate import (
+from castfem.physics.constitutive import Elasticity
+from castfem.physics.machine.bulging import Bulge, ElasticStrip, Shell, Span, ThesisPlate
+from castfem.physics.machine.bulging.plate import (
     borne_share,
     clamped_deflection,
     free_deflection,
     spring_stiffness,
 )
-from castfem.constitutive import Elasticity
 
 P, LENGTH, WIDTH = 0.2e6, 0.25, 1.2
 BENDING = 10e9 * 0.03**3 / 12.0 / (1.0 - 0.3**2)

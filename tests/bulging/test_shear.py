@@ -9,8 +9,16 @@ import numpy as np
 import pytest
 
 from benchmarks.lost_roll import austenite
-from castfem.bulging import CreepingStrip, ElasticStrip, Rolls, Shell, Span, over_rolls, stiffness
-from castfem.constitutive import ThermoElastic, load_elasticity
+from castfem.physics.constitutive import ThermoElastic, load_elasticity
+from castfem.physics.machine.bulging import (
+    CreepingStrip,
+    ElasticStrip,
+    Rolls,
+    Shell,
+    Span,
+    over_rolls,
+    stiffness,
+)
 
 DATA = Path(__file__).parents[2] / "docs" / "data" / "moving_strip.csv"
 ELASTIC = load_elasticity()

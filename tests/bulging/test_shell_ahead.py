@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from castfem.fem.line_probes import Profile
-from castfem.materials import load_steel
-from castfem.simulation.shell_ahead import ShellAhead
-from castfem.verification.closed_forms import closed_form
+from castfem.model.build.shell_prediction import ShellAhead
+from castfem.physics.closed_forms.by_name import closed_form
+from castfem.physics.materials import load_steel
 
 STEEL = load_steel("alloy_similarity")
 EXACT = closed_form("alloy_similarity", STEEL, 1300.0, STEEL.liquidus + 25.0)

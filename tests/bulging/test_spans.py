@@ -5,10 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.bulging import CreepingStrip, Rolls, Shell, over_rolls, stiffness
-from castfem.constitutive import Elasticity, NortonCreep, ThermoElastic, load_elasticity, load_law
-from castfem.constitutive.base import Law
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.physics.constitutive import (
+    Elasticity,
+    NortonCreep,
+    ThermoElastic,
+    load_elasticity,
+    load_law,
+)
+from castfem.physics.constitutive.base import Law
+from castfem.physics.machine.bulging import CreepingStrip, Rolls, Shell, over_rolls, stiffness
 
 PITCH, PRESSURE, SPEED = 0.31, 0.2e6, 0.02
 SHELL = Shell(0.04, lambda depth: 1273.15 + 490.0 * depth / 0.04)

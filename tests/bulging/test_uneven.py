@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.bulging import CreepingStrip, Rolls, Shell, Span, over_rolls
-from castfem.bulging.creep import STEPS
-from castfem.bulging.uneven import ABOVE, BELOW, UnevenRolls
-from castfem.constitutive import ThermoElastic, load_elasticity, load_law
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.physics.constitutive import ThermoElastic, load_elasticity, load_law
+from castfem.physics.machine.bulging import CreepingStrip, Rolls, Shell, Span, over_rolls
+from castfem.physics.machine.bulging.creep import STEPS
+from castfem.physics.machine.bulging.uneven import ABOVE, BELOW, UnevenRolls
 
 PITCH, PRESSURE, SPEED = 0.31, 0.2e6, 0.02
 LOAD = PITCH * PRESSURE

@@ -11,17 +11,17 @@ import pytest
 from rich.console import Console
 
 from castfem import run
-from castfem.case.casting import MOST_STATES, usual_interval
+from castfem.base.errors import InputError
 from castfem.cli.checking import check_case, describe
 from castfem.cli.drawing import build_mesh
-from castfem.errors import InputError
-from castfem.materials import load_steel
-from castfem.output.run_record import RunRecord
-from castfem.report.show import _print_effort
+from castfem.model.casting import MOST_STATES, usual_interval
+from castfem.physics.materials import load_steel
+from castfem.post.report.show import _print_effort
+from castfem.runs.output.run_record import RunRecord
 from tests.small_case import small, strip
 
 if TYPE_CHECKING:
-    from castfem.case import Case
+    from castfem.model import Case
 
 FLUX = {"law": "contact", "wall": "160 degC", "flux": "2 MW/m^2"}
 CORNER = "the same flux everywhere round the section"

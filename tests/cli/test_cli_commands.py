@@ -13,9 +13,9 @@ import click
 import pytest
 
 import castfem as package
-from castfem.case import load_case
-from castfem.case.reference_page import markdown_page
 from castfem.cli.app import app
+from castfem.model import load_case
+from castfem.model.reference_page import markdown_page
 
 
 def test_version(castfem):
@@ -185,7 +185,7 @@ def test_the_example_of_a_command_is_understood(castfem, name):
 
 
 def test_unexpected_error_asks_for_a_report(castfem, monkeypatch):
-    from castfem.case import shipped_cases
+    from castfem.model import shipped_cases
 
     def broken():
         raise error
@@ -332,7 +332,7 @@ def test_an_interrupted_command_prints_one_line(castfem, monkeypatch):
     def interrupted():
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("castfem.case.shipped_cases.shipped", interrupted)
+    monkeypatch.setattr("castfem.model.shipped_cases.shipped", interrupted)
     outcome = castfem("cases")
     assert (outcome.status, outcome.out, outcome.err) == (130, "", "castfem: interrupted\n")
 
@@ -342,7 +342,7 @@ def test_what_nobody_interrupted_is_not_called_interrupted(castfem, monkeypatch,
     def fails():
         raise error
 
-    monkeypatch.setattr("castfem.case.shipped_cases.shipped", fails)
+    monkeypatch.setattr("castfem.model.shipped_cases.shipped", fails)
     outcome = castfem("cases")
     assert outcome.status == 2 and "interrupted" not in outcome.err
     assert outcome.err.startswith(f"castfem: unexpected {type(error).__name__}")

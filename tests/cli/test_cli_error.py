@@ -11,10 +11,10 @@ import pytest
 from ranks import python_on
 from small_case import SMALL, write_small
 
-from castfem.accuracy.sizes import described, factors_between
-from castfem.accuracy.table import ErrorTable
-from castfem.case import load_case
-from castfem.output.summary import Summary
+from castfem.model import load_case
+from castfem.runs.output.summary import Summary
+from castfem.studies.accuracy.sizes import described, factors_between
+from castfem.studies.accuracy.table import ErrorTable
 
 WORDS = ("error", "small", "-j", 1)
 
@@ -132,7 +132,7 @@ def test_a_plain_run_knows_nothing_of_it(tmp_path) -> None:
     script = (
         "import sys; from castfem.cli import execute; "
         "assert execute(['run', 'small', '-q', '--set', 'casting.length=10 mm']) == 0; "
-        "parts = ('castfem.accuracy', 'castfem.sweep', 'castfem.design'); "
+        "parts = ('castfem.studies.accuracy', 'castfem.studies.sweep', 'castfem.studies.optimisation'); "
         "print([m for m in sys.modules if m.startswith(parts)])"
     )
     done = python_on(1, "-c", script, folder=tmp_path)
@@ -164,7 +164,7 @@ def test_bad_input_runs_nothing(castfem, tmp_path, words, message) -> None:
 
 
 def test_a_damaged_table_is_told(tmp_path) -> None:
-    from castfem.errors import InputError
+    from castfem.base.errors import InputError
 
     path = tmp_path / "error.json"
     path.write_text('{"format": "castfem error"}')

@@ -27,7 +27,7 @@ def test_identify_writes_the_law_it_finds(castfem, tmp_path):
     assert outcome.status == 0
     assert "1200" in outcome.out
     assert target.with_suffix(".png").is_file()
-    from castfem.constitutive import load_elasticity, load_law
+    from castfem.physics.constitutive import load_elasticity, load_law
 
     law = load_law(str(target), load_elasticity())
     found = law.p3(np.array([1273.15, 1473.15]))

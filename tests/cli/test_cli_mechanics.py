@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from castfem.constitutive import available_laws
+from castfem.physics.constitutive import available_laws
 
 ALL_LAWS = "one of " + ", ".join(available_laws())
 

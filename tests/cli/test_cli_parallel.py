@@ -19,15 +19,15 @@ pytestmark = needs_mpirun
 ENGINE = """
 import sys, types
 import castfem.fem.root as together
-from castfem.errors import InputError, RunFailure
+from castfem.base.errors import InputError, RunFailure
 def run(case, folder, *, comm=None, resume=False, profile=False, progress=None):
     {body}
-module = types.ModuleType("castfem.time_loop.loop")
+module = types.ModuleType("castfem.runs.loop")
 module.run = run
-sys.modules["castfem.time_loop.loop"] = module
-shown = types.ModuleType("castfem.report.show")
+sys.modules["castfem.runs.loop"] = module
+shown = types.ModuleType("castfem.post.report.show")
 shown.show = lambda folder, console, figures: console.print("the table", style="bold red")
-sys.modules["castfem.report.show"] = shown
+sys.modules["castfem.post.report.show"] = shown
 from castfem.cli import main
 main(sys.argv[1:])
 """

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from castfem.errors import CaseError, InputError, RunFailure
+from castfem.base.errors import CaseError, InputError, RunFailure
 
 
 def test_run_hands_over_the_case(castfem, engine, case_file):

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from small_case import SMALL
 
-from castfem.output.run_record import RunRecord
+from castfem.runs.output.run_record import RunRecord
 
 pytestmark = pytest.mark.slow
 

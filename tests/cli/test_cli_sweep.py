@@ -16,12 +16,12 @@ import pytest
 from ranks import needs_mpirun, python_on
 from small_case import write_small
 
-from castfem.case import load_case
-from castfem.sweep.local import run_locally
-from castfem.sweep.plan import plan
-from castfem.sweep.record import Record
-from castfem.sweep.results import rows
-from castfem.sweep.work import Job
+from castfem.model import load_case
+from castfem.studies.sweep.local import run_locally
+from castfem.studies.sweep.plan import plan
+from castfem.studies.sweep.record import Record
+from castfem.studies.sweep.results import rows
+from castfem.studies.sweep.work import Job
 
 pytestmark = pytest.mark.slow
 

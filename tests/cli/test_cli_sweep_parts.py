@@ -16,14 +16,14 @@ from ranks import needs_mpirun, python_on
 from small_case import write_small
 
 import castfem as api
-from castfem.accuracy.sizes import MESH, factors_of
+from castfem.base.errors import InputError
 from castfem.cli import sweeping
-from castfem.errors import InputError
-from castfem.sweep.groups import check
-from castfem.sweep.local import run_locally
-from castfem.sweep.plan import plan
-from castfem.sweep.share import Share
-from castfem.sweep.work import Job
+from castfem.studies.accuracy.sizes import MESH, factors_of
+from castfem.studies.sweep.groups import check
+from castfem.studies.sweep.local import run_locally
+from castfem.studies.sweep.plan import plan
+from castfem.studies.sweep.share import Share
+from castfem.studies.sweep.work import Job
 
 pytestmark = pytest.mark.slow
 

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from castfem.errors import RunFailure
-from castfem.output.history import read_history
-from castfem.tensile.thesis_tests import TESTS
+from castfem.base.errors import RunFailure
+from castfem.runs.output.history import read_history
+from castfem.runs.tensile.thesis_tests import TESTS
 
 NAMES = ("constant_rate", "rate_jump", "softening", "unloading", "unloading_softening")
 
@@ -184,7 +184,7 @@ def test_no_checkpoint_no_mesh(castfem):
 
 def test_a_failure_keeps_what_was_reached(castfem, monkeypatch):
     """The law stops answering after 50 steps: status 2, the reason, and 50 good rows."""
-    from castfem.constitutive import uniaxial
+    from castfem.physics.constitutive import uniaxial
 
     whole = uniaxial._balanced
     calls = []

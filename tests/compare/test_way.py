@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from castfem.compare.table import _way
+from castfem.post.compare.table import _way
 
 
 @pytest.mark.parametrize(

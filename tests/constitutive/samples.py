@@ -10,7 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from castfem.constitutive import (
+from castfem.base.tables import Constant, celsius
+from castfem.base.types import Array
+from castfem.physics.constitutive import (
     Elasticity,
     MaterialStep,
     NortonCreep,
@@ -22,10 +24,8 @@ from castfem.constitutive import (
     load_elasticity,
     load_law,
 )
-from castfem.constitutive.flow_laws import RadialReturn
-from castfem.constitutive.hardening_laws import RATE, TENSOR
-from castfem.values.tables import Constant, celsius
-from castfem.values.types import Array
+from castfem.physics.constitutive.flow_laws import RadialReturn
+from castfem.physics.constitutive.hardening_laws import RATE, TENSOR
 
 ZERO = 273.15
 SOLIDUS, LIQUIDUS = 1723.0, 1775.0

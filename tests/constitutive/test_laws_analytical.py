@@ -8,17 +8,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.constitutive import (
+from castfem.base.tables import Constant
+from castfem.physics.constitutive import (
     Elasticity,
     NortonCreep,
     NortonHoff,
     PerfectlyPlastic,
     ThermoElastic,
 )
-from castfem.constitutive.analytical import axial_stress
-from castfem.constitutive.curves import modified_norton_hoff, yield_limit
-from castfem.constitutive.uniaxial import pull
-from castfem.values.tables import Constant
+from castfem.physics.constitutive.analytical import axial_stress
+from castfem.physics.constitutive.curves import modified_norton_hoff, yield_limit
+from castfem.physics.constitutive.uniaxial import pull
 
 E, T = 20e9, 1373.15
 EL = Elasticity.constant(E, 0.3)

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from castfem.constitutive import MaterialStep, NortonHoff, Response, equivalent_stress
-from castfem.constitutive.base import ResponseChange, StepChange
-from castfem.constitutive.flow_laws import RadialReturn
-from castfem.constitutive.kernel import constants
-from castfem.values.tables import Constant
-from castfem.values.types import Array, Flags
+from castfem.base.tables import Constant
+from castfem.base.types import Array, Flags
+from castfem.physics.constitutive import MaterialStep, NortonHoff, Response, equivalent_stress
+from castfem.physics.constitutive.base import ResponseChange, StepChange
+from castfem.physics.constitutive.flow_laws import RadialReturn
+from castfem.physics.constitutive.kernel import constants
 
 from .samples import SOLIDUS, every_law, random_states, steel_like
 

@@ -11,7 +11,8 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
-from castfem.constitutive import (
+from castfem.base.tables import Constant
+from castfem.physics.constitutive import (
     Elasticity,
     MaterialStep,
     NortonCreep,
@@ -20,15 +21,14 @@ from castfem.constitutive import (
     UnifiedSteel,
     load_law,
 )
-from castfem.constitutive.curves import (
+from castfem.physics.constitutive.curves import (
     Austenite,
     DeltaFerrite,
     modified_norton_hoff,
     norton_relaxation,
     yield_limit,
 )
-from castfem.constitutive.uniaxial import pull
-from castfem.values.tables import Constant
+from castfem.physics.constitutive.uniaxial import pull
 
 from .samples import ZERO, one
 

@@ -10,10 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from castfem.constitutive import Elasticity, MaterialStep, Solidity, ThermoElastic, load_elasticity
-from castfem.materials import load_steel
-from castfem.values.tables import Constant, Table, celsius
-from castfem.values.types import Array
+from castfem.base.tables import Constant, Table, celsius
+from castfem.base.types import Array
+from castfem.physics.constitutive import (
+    Elasticity,
+    MaterialStep,
+    Solidity,
+    ThermoElastic,
+    load_elasticity,
+)
+from castfem.physics.materials import load_steel
 
 from .samples import LIQUIDUS, SOLIDUS, ZERO, one, steel_like
 

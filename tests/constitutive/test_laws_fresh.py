@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.constitutive.base import MaterialStep, equivalent_stress
-from castfem.constitutive.elasticity import Solidity
-from castfem.constitutive.parameters import load_elasticity, load_law
+from castfem.physics.constitutive.base import MaterialStep, equivalent_stress
+from castfem.physics.constitutive.elasticity import Solidity
+from castfem.physics.constitutive.parameters import load_elasticity, load_law
 
 N = 4001
 

@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from castfem.constitutive import (
+from castfem.base.tables import Constant
+from castfem.base.types import Array
+from castfem.physics.constitutive import (
     Elasticity,
     MaterialStep,
     NortonHoff,
@@ -23,12 +25,10 @@ from castfem.constitutive import (
     equivalent_stress,
     load_law,
 )
-from castfem.constitutive.curves import Austenite
-from castfem.constitutive.flow_laws import RadialReturn
-from castfem.constitutive.hardening_laws import TENSOR
-from castfem.constitutive.uniaxial import AXIAL, pull
-from castfem.values.tables import Constant
-from castfem.values.types import Array
+from castfem.physics.constitutive.curves import Austenite
+from castfem.physics.constitutive.flow_laws import RadialReturn
+from castfem.physics.constitutive.hardening_laws import TENSOR
+from castfem.physics.constitutive.uniaxial import AXIAL, pull
 
 from .samples import ZERO, hardening_laws, random_states, steel_like
 

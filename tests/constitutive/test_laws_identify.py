@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from castfem.constitutive import NortonHoff, load_elasticity, load_law
-from castfem.constitutive.curves import Austenite, modified_norton_hoff
-from castfem.constitutive.identification.fit import IdentifyOptions, identify
-from castfem.constitutive.identification.measured import TensileData, read_tensile
-from castfem.constitutive.identification.result import IdentifiedLaw
-from castfem.errors import InputError
-from castfem.values.types import Array
+from castfem.base.errors import InputError
+from castfem.base.types import Array
+from castfem.physics.constitutive import NortonHoff, load_elasticity, load_law
+from castfem.physics.constitutive.curves import Austenite, modified_norton_hoff
+from castfem.studies.identification.fit import IdentifyOptions, identify
+from castfem.studies.identification.measured import TensileData, read_tensile
+from castfem.studies.identification.result import IdentifiedLaw
 
 from .samples import ZERO
 

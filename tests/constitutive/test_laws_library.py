@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from castfem.constitutive import (
+from castfem.base.errors import InputError
+from castfem.base.tables import Constant, Table
+from castfem.physics.constitutive import (
     NortonCreep,
     NortonHoff,
     PerfectlyPlastic,
@@ -19,12 +21,10 @@ from castfem.constitutive import (
     load_elasticity,
     load_law,
 )
-from castfem.constitutive.base import Law
-from castfem.constitutive.curves import Austenite, modified_norton_hoff
-from castfem.constitutive.parameters import FOLDER, delta_share_of
-from castfem.constitutive.uniaxial import pull
-from castfem.errors import InputError
-from castfem.values.tables import Constant, Table
+from castfem.physics.constitutive.base import Law
+from castfem.physics.constitutive.curves import Austenite, modified_norton_hoff
+from castfem.physics.constitutive.parameters import FOLDER, delta_share_of
+from castfem.physics.constitutive.uniaxial import pull
 
 from .samples import ZERO
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from castfem.constitutive import (
+from castfem.base.types import Array
+from castfem.physics.constitutive import (
     MaterialStep,
     NortonHoff,
     Response,
@@ -15,10 +16,9 @@ from castfem.constitutive import (
     equivalent_strain,
     equivalent_stress,
 )
-from castfem.constitutive.flow_laws import RadialReturn
-from castfem.constitutive.hardening_laws import Hardening
-from castfem.constitutive.kernel import constants
-from castfem.values.types import Array
+from castfem.physics.constitutive.flow_laws import RadialReturn
+from castfem.physics.constitutive.hardening_laws import Hardening
+from castfem.physics.constitutive.kernel import constants
 
 from .samples import FADING, every_law, random_states
 

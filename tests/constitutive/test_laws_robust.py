@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from castfem.constitutive import MaterialStep, Response, ThermoElastic, equivalent_stress
-from castfem.constitutive.base import rotation
-from castfem.constitutive.flow_laws import RadialReturn
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.physics.constitutive import MaterialStep, Response, ThermoElastic, equivalent_stress
+from castfem.physics.constitutive.base import rotation
+from castfem.physics.constitutive.flow_laws import RadialReturn
 
 from .samples import every_law, hardening_laws, random_states, steel_like
 

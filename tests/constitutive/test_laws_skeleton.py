@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from castfem.constitutive import (
+from castfem.base.tables import Constant
+from castfem.base.types import Array
+from castfem.physics.constitutive import (
     Elasticity,
     MaterialStep,
     NortonCreep,
@@ -16,10 +18,8 @@ from castfem.constitutive import (
     load_elasticity,
     load_law,
 )
-from castfem.constitutive.base import equivalent_stress
-from castfem.constitutive.flow_laws import RadialReturn, ThermoElastic
-from castfem.values.tables import Constant
-from castfem.values.types import Array
+from castfem.physics.constitutive.base import equivalent_stress
+from castfem.physics.constitutive.flow_laws import RadialReturn, ThermoElastic
 
 from .samples import LIQUIDUS, SOLIDUS
 

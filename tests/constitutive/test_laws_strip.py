@@ -16,7 +16,9 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from castfem.constitutive import (
+from castfem.base.tables import Constant
+from castfem.base.types import Array
+from castfem.physics.constitutive import (
     Elasticity,
     MaterialStep,
     NortonHoff,
@@ -25,9 +27,7 @@ from castfem.constitutive import (
     load_elasticity,
     load_law,
 )
-from castfem.constitutive.flow_laws import RadialReturn
-from castfem.values.tables import Constant
-from castfem.values.types import Array
+from castfem.physics.constitutive.flow_laws import RadialReturn
 
 from .samples import ZERO
 

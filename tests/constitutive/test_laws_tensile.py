@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from castfem.constitutive import (
+from castfem.base.errors import RunFailure
+from castfem.physics.constitutive import (
     Elasticity,
     NortonCreep,
     NortonHoff,
@@ -15,11 +16,10 @@ from castfem.constitutive import (
     load_elasticity,
     load_law,
 )
-from castfem.constitutive.base import equivalent_strain, equivalent_stress
-from castfem.constitutive.curves import modified_norton_hoff
-from castfem.constitutive.uniaxial import pull
-from castfem.errors import RunFailure
-from castfem.tensile.thesis_tests import (
+from castfem.physics.constitutive.base import equivalent_strain, equivalent_stress
+from castfem.physics.constitutive.curves import modified_norton_hoff
+from castfem.physics.constitutive.uniaxial import pull
+from castfem.runs.tensile.thesis_tests import (
     P3,
     P4,
     RATE,

@@ -12,17 +12,17 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from castfem.case import TensileCase, load_any
-from castfem.constitutive.base import Parameter
-from castfem.constitutive.elasticity import Curve
-from castfem.constitutive.flow_laws import FlowCurve, RadialReturn
-from castfem.constitutive.kernel import constants
-from castfem.constitutive.parameters import law_from, load_elasticity
-from castfem.errors import InputError
-from castfem.output.history import read_history
-from castfem.tensile.tensile_test import run
-from castfem.values.quantities import Kind
-from castfem.values.types import Array
+from castfem.base.errors import InputError
+from castfem.base.quantities import Kind
+from castfem.base.types import Array
+from castfem.model import TensileCase, load_any
+from castfem.physics.constitutive.base import Parameter
+from castfem.physics.constitutive.elasticity import Curve
+from castfem.physics.constitutive.flow_laws import FlowCurve, RadialReturn
+from castfem.physics.constitutive.kernel import constants
+from castfem.physics.constitutive.parameters import law_from, load_elasticity
+from castfem.runs.output.history import read_history
+from castfem.runs.tensile.tensile_test import run
 
 TEST = """
 title = "a law of its own"

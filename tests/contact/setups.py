@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from mechanics import setups
 
-from castfem.contact.settings import Contact
-from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure, Traction
+from castfem.base.types import Array
 from castfem.meshes import SectionMesh
-from castfem.mould.wall import GapFunction
-from castfem.values.types import Array
+from castfem.physics.contact.settings import Contact
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure, Traction
+from castfem.physics.mould.wall import GapFunction
 
 PLANE_STRAIN = PlainPlanes(free=())
 

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from mechanics.casting import STEEL, CastSetup, billet_mesh
 
-from castfem.contact.checkpoint import ContactCheckpoint
-from castfem.contact.friction import Coulomb
-from castfem.contact.settings import Contact
-from castfem.contact.summary import summary
-from castfem.machine import Machine, Steady
-from castfem.mechanics.ferrostatic import Ferrostatic
-from castfem.mechanics.surface_gap import SurfaceGap
-from castfem.mould import Mould, RectangleCavity, Taper, same
+from castfem.physics.contact.checkpoint import ContactCheckpoint
+from castfem.physics.contact.friction import Coulomb
+from castfem.physics.contact.settings import Contact
+from castfem.physics.contact.summary import summary
+from castfem.physics.machine import Machine, Steady
+from castfem.physics.mechanics.ferrostatic import Ferrostatic
+from castfem.physics.mechanics.surface_gap import SurfaceGap
+from castfem.physics.mould import Mould, RectangleCavity, Taper, same
 
 SPEED, HALF = 0.06, 0.0625
 

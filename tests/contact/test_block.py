@@ -7,7 +7,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from castfem.contact.summary import summary
+from castfem.physics.contact.summary import summary
 from contact.setups import tapered_block
 
 # With the penalty the wall is a spring: to 0.05 % it must be 500 times as stiff as a cell.

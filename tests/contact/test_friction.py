@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from mechanics.setups import SliceSetup, elastic, mapped, skewed
 
-from castfem.contact.friction import Coulomb, Lubricant, Tresca, Viscous, return_friction
-from castfem.contact.settings import Contact
-from castfem.contact.state import SLIP, STICK
-from castfem.contact.summary import summary
-from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
+from castfem.physics.contact.friction import Coulomb, Lubricant, Tresca, Viscous, return_friction
+from castfem.physics.contact.settings import Contact
+from castfem.physics.contact.state import SLIP, STICK
+from castfem.physics.contact.summary import summary
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from contact.setups import FOOT, dragged_block
 
 METHODS = ("penalty", "nitsche")

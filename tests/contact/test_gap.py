@@ -12,16 +12,16 @@ from dolfinx import fem
 from mechanics.setups import SliceSetup, box, elastic, expansion, mapped, skewed
 from scipy.optimize import brentq
 
-from castfem.constitutive.elasticity import Elasticity, Solidity
-from castfem.constitutive.flow_laws import ThermoElastic
-from castfem.contact.settings import Contact
-from castfem.contact.state import OPEN
-from castfem.contact.summary import summary
-from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import SurfacePressure
-from castfem.mechanics.surface_gap import SurfaceGap
-from castfem.mould import Mould, RectangleCavity, Taper, same
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.physics.constitutive.elasticity import Elasticity, Solidity
+from castfem.physics.constitutive.flow_laws import ThermoElastic
+from castfem.physics.contact.settings import Contact
+from castfem.physics.contact.state import OPEN
+from castfem.physics.contact.summary import summary
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.supports import SurfacePressure
+from castfem.physics.mechanics.surface_gap import SurfaceGap
+from castfem.physics.mould import Mould, RectangleCavity, Taper, same
 from contact.setups import LineWall
 
 METHODS = ("penalty", "nitsche")

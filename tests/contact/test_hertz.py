@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from mechanics.setups import SliceSetup, elastic, mapped
 
-from castfem.contact.settings import Contact
-from castfem.contact.state import ContactState
-from castfem.contact.summary import summary
-from castfem.mechanics.supports import PrescribedDisplacement
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.physics.contact.settings import Contact
+from castfem.physics.contact.state import ContactState
+from castfem.physics.contact.summary import summary
+from castfem.physics.mechanics.supports import PrescribedDisplacement
 from contact.setups import PLANE_STRAIN, LineWall
 
 RADIUS, SIZE, YOUNG, POISSON = 100e-3, 16e-3, 200e9, 0.3

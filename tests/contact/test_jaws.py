@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from mechanics.setups import SliceSetup, expansion, mapped
 
-from castfem.constitutive.elasticity import Elasticity
-from castfem.constitutive.flow_laws import NortonCreep
-from castfem.contact.friction import Coulomb
-from castfem.contact.settings import Contact
-from castfem.contact.summary import summary
-from castfem.mould.wall import GapFunction
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.physics.constitutive.elasticity import Elasticity
+from castfem.physics.constitutive.flow_laws import NortonCreep
+from castfem.physics.contact.friction import Coulomb
+from castfem.physics.contact.settings import Contact
+from castfem.physics.contact.summary import summary
+from castfem.physics.mould.wall import GapFunction
 from contact.setups import PLANE_STRAIN
 
 WIDTH, HEIGHT, CLOSURE, MU = 20e-3, 14e-3, 0.3e-3, 0.2

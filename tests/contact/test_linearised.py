@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from mechanics.setups import SliceSetup
 
-from castfem.contact.linearised import GivenChanges, LinearisedContact, WallMet
-from castfem.contact.state import CONTACT, OPEN, SLIP
-from castfem.mechanics.force_operators import ForceOperators
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.physics.contact.linearised import GivenChanges, LinearisedContact, WallMet
+from castfem.physics.contact.state import CONTACT, OPEN, SLIP
+from castfem.physics.mechanics.force_operators import ForceOperators
 from contact.test_tangent import at_a_round_wall, touching
 
 SIZE = 2e-5

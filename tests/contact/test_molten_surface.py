@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from mechanics.setups import SliceSetup, box, mapped
 
-from castfem.constitutive.elasticity import Elasticity, Solidity
-from castfem.constitutive.flow_laws import ThermoElastic
-from castfem.contact.friction import Coulomb, Friction, Lubricant
-from castfem.contact.settings import Contact
-from castfem.contact.state import SLIP
-from castfem.contact.summary import summary
-from castfem.mechanics.ferrostatic import Ferrostatic
-from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import PrescribedDisplacement
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.physics.constitutive.elasticity import Elasticity, Solidity
+from castfem.physics.constitutive.flow_laws import ThermoElastic
+from castfem.physics.contact.friction import Coulomb, Friction, Lubricant
+from castfem.physics.contact.settings import Contact
+from castfem.physics.contact.state import SLIP
+from castfem.physics.contact.summary import summary
+from castfem.physics.mechanics.ferrostatic import Ferrostatic
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.supports import PrescribedDisplacement
 from contact.setups import FOOT
 
 SOLIDUS, LIQUIDUS, HEAD = 1700.0, 1750.0, 2e5

@@ -11,15 +11,15 @@ from dolfinx import fem
 from mechanics.setups import SliceSetup, box, elastic, mapped
 from mechanics.test_tangent import jacobians
 
-from castfem.contact.interaction import Interaction
-from castfem.contact.interfaces import Motion, Solid
-from castfem.contact.surface_interaction import SurfaceInteraction
-from castfem.errors import InputError
+from castfem.base.errors import InputError
+from castfem.base.types import Array
 from castfem.fem.section import Section
 from castfem.forms.mechanics import Direction, Expr
-from castfem.mechanics.supports import PrescribedDisplacement
-from castfem.mechanics.varied_problem import VariedProblem
-from castfem.values.types import Array
+from castfem.physics.contact.interaction import Interaction
+from castfem.physics.contact.interfaces import Motion, Solid
+from castfem.physics.contact.surface_interaction import SurfaceInteraction
+from castfem.physics.mechanics.supports import PrescribedDisplacement
+from castfem.physics.mechanics.varied_problem import VariedProblem
 from contact.test_roll_support import GROUPS, PLANE_STRAIN, YOUNG
 
 

@@ -10,11 +10,11 @@ import ufl
 from mechanics.setups import Map, SliceSetup, box, elastic, mapped, skewed
 from time_loop.billet_runs import billet
 
-from castfem.constitutive.base import MaterialStep
-from castfem.contact.settings import FACTOR, LEAST_NITSCHE, Contact
-from castfem.errors import InputError
-from castfem.mechanics.planes import PlainPlanes
-from castfem.values.types import Array
+from castfem.base.errors import InputError
+from castfem.base.types import Array
+from castfem.physics.constitutive.base import MaterialStep
+from castfem.physics.contact.settings import FACTOR, LEAST_NITSCHE, Contact
+from castfem.physics.mechanics.planes import PlainPlanes
 from contact.setups import LineWall
 
 SHAPES: dict[str, Map] = {

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from mechanics.setups import SliceSetup, elastic, mapped, skewed
 
-from castfem.contact.settings import Contact
-from castfem.contact.state import OPEN
-from castfem.contact.summary import summary
-from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
-from castfem.mould import Contour, GapFunction, Straight
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.physics.contact.settings import Contact
+from castfem.physics.contact.state import OPEN
+from castfem.physics.contact.summary import summary
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
+from castfem.physics.mould import Contour, GapFunction, Straight
 from contact.setups import LineWall
 
 METHODS = ("penalty", "nitsche")

@@ -15,15 +15,15 @@ import pytest
 from mechanics.setups import SliceSetup, box, elastic, expansion, mapped, skewed
 from mechanics.test_tangent import jacobians
 
-from castfem.constitutive.elasticity import Elasticity
-from castfem.constitutive.flow_laws import NortonCreep
-from castfem.contact.roll_support import Bed, GivenFoundation, RollSupport
-from castfem.errors import InputError
-from castfem.mechanics.checkpoint import MechanicalCheckpoint
-from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.problem import MechanicalProblem
-from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
-from castfem.values.types import Array
+from castfem.base.errors import InputError
+from castfem.base.types import Array
+from castfem.physics.constitutive.elasticity import Elasticity
+from castfem.physics.constitutive.flow_laws import NortonCreep
+from castfem.physics.contact.roll_support import Bed, GivenFoundation, RollSupport
+from castfem.physics.mechanics.checkpoint import MechanicalCheckpoint
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.problem import MechanicalProblem
+from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
 
 GROUPS = ("left", "bottom", "right", "top")
 PLANE_STRAIN = PlainPlanes(())
@@ -384,8 +384,8 @@ def test_bad_beds_are_refused() -> None:
 
 def test_what_has_no_rolls_knows_nothing_of_them() -> None:
     code = (
-        "import sys, castfem.simulation.mechanics, castfem.mechanics.stepper\n"
-        "sys.exit('castfem.contact.roll_support' in sys.modules"
+        "import sys, castfem.model.build.mechanics, castfem.physics.mechanics.stepper\n"
+        "sys.exit('castfem.physics.contact.roll_support' in sys.modules"
         " or 'castfem.forms.supports' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

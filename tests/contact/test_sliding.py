@@ -10,13 +10,13 @@ import pytest
 from mechanics.setups import SliceSetup, box, elastic, mapped
 from scipy.optimize import brentq
 
-from castfem.contact.friction import Coulomb, Lubricant, Tresca, Viscous
-from castfem.contact.settings import Contact
-from castfem.contact.state import SLIP, STICK
-from castfem.contact.summary import summary
-from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.physics.contact.friction import Coulomb, Lubricant, Tresca, Viscous
+from castfem.physics.contact.settings import Contact
+from castfem.physics.contact.state import SLIP, STICK
+from castfem.physics.contact.summary import summary
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from contact.setups import FOOT, LineWall, dragged_block
 
 METHODS = ("penalty", "nitsche")

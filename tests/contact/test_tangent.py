@@ -9,15 +9,15 @@ import pytest
 from mechanics.setups import SliceSetup, expansion, mapped, ring, skewed
 from mechanics.test_tangent import jacobians
 
-from castfem.constitutive.elasticity import Elasticity, Solidity
-from castfem.constitutive.flow_laws import NortonCreep, ThermoElastic
-from castfem.contact.friction import Coulomb, Lubricant, Tresca, Viscous
-from castfem.contact.settings import Contact
-from castfem.contact.state import OPEN, SLIP, STICK
-from castfem.mechanics.ferrostatic import Ferrostatic
-from castfem.mechanics.planes import PlainPlanes
-from castfem.mould import Circular, Contour, GapFunction
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.physics.constitutive.elasticity import Elasticity, Solidity
+from castfem.physics.constitutive.flow_laws import NortonCreep, ThermoElastic
+from castfem.physics.contact.friction import Coulomb, Lubricant, Tresca, Viscous
+from castfem.physics.contact.settings import Contact
+from castfem.physics.contact.state import OPEN, SLIP, STICK
+from castfem.physics.mechanics.ferrostatic import Ferrostatic
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mould import Circular, Contour, GapFunction
 from contact.setups import TwoWalls
 
 GROUPS = ("left", "bottom", "right", "top")

@@ -19,11 +19,11 @@ from typing import Any
 import pytest
 from PIL import Image
 
-from castfem.case import load_case
-from castfem.case.shipped_cases import find
 from castfem.cli import execute
-from castfem.sweep import local
-from castfem.sweep.work import Job, work
+from castfem.model import load_case
+from castfem.model.shipped_cases import find
+from castfem.studies.sweep import local
+from castfem.studies.sweep.work import Job, work
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = ["getting_started.md", *sorted(f"how_to/{p.name}" for p in DOCS.glob("how_to/*.md"))]

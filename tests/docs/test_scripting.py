@@ -10,9 +10,9 @@ import matplotlib.pyplot as plt
 import pytest
 
 import castfem
-from castfem.case import Case
-from castfem.design import Evaluation
-from castfem.output.summary import Quantity
+from castfem.model import Case
+from castfem.runs.output.summary import Quantity
+from castfem.studies.optimisation import Evaluation
 
 pytestmark = pytest.mark.slow
 

@@ -8,13 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from castfem.case import load_case
-from castfem.errors import RunFailure
-from castfem.extraction.drives import Shares, StrandStopsError, refuse_standstill, share, taken
-from castfem.extraction.resistance import friction, steps_of
-from castfem.machine.rolls import Rolls
-from castfem.values.csv_files import read_csv
-from castfem.values.types import Array
+from castfem.base.csv_files import read_csv
+from castfem.base.errors import RunFailure
+from castfem.base.types import Array
+from castfem.model import load_case
+from castfem.physics.machine.extraction.drives import (
+    Shares,
+    StrandStopsError,
+    refuse_standstill,
+    share,
+    taken,
+)
+from castfem.physics.machine.extraction.resistance import friction, steps_of
+from castfem.physics.machine.rolls import Rolls
 
 FOLDER = Path(__file__).parents[2] / "cases" / "slab1200"
 TONNE = 9.80665e3  # N

@@ -9,15 +9,15 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 import pytest
 
-from castfem.extraction.drives import StrandStopsError
-from castfem.extraction.effort import (
+from castfem.base.types import Array
+from castfem.physics.machine.extraction.drives import StrandStopsError
+from castfem.physics.machine.extraction.effort import (
     CoupledResistance,
     KnownResistance,
     Pairs,
     Passing,
     Withdrawal,
 )
-from castfem.values.types import Array
 
 PLACES = [1.0, 1.2, 1.5, 1.8, 2.2]
 STEPS = [2e3, 3e3, 4e3, 5e3, 6e3]

@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.extraction.resistance import (
+from castfem.base.tables import Table
+from castfem.physics.machine.extraction.resistance import (
     bending_force,
     bending_forces,
     friction,
@@ -18,7 +19,6 @@ from castfem.extraction.resistance import (
     steps_of,
     tributary_lengths,
 )
-from castfem.values.tables import Table
 
 AXIS, SURFACE = 0.015, 0.30
 

@@ -19,8 +19,8 @@ import pytest
 import ufl
 from dolfinx import fem, mesh
 
-from castfem.errors import RunFailure
-from castfem.fem import dolfinx_compat, form_cache
+from castfem.base.errors import RunFailure
+from castfem.fem import compat, form_cache
 
 SIZE = 2.5
 AREA = f"""
@@ -194,7 +194,7 @@ def test_that_there_is_no_compiler_is_told_in_a_line(
 def test_forms_are_spread_over_folders(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Each look-up lists a folder: none grows with all that was ever compiled."""
     listed: list[Path] = []
-    monkeypatch.setattr(dolfinx_compat, "jit_options", lambda: {"cache_dir": tmp_path})
+    monkeypatch.setattr(compat, "jit_options", lambda: {"cache_dir": tmp_path})
 
     def noted(comm: MPI.Comm, cache: Path, make: Any) -> None:
         listed.append(cache)
@@ -203,7 +203,7 @@ def test_forms_are_spread_over_folders(monkeypatch: pytest.MonkeyPatch, tmp_path
     cells = mesh.create_rectangle(MPI.COMM_SELF, [(0.0, 0.0), (SIZE, 1.0)], (2, 2))
     x = ufl.SpatialCoordinate(cells)
     for power in range(40):
-        dolfinx_compat.compile_form(x[0] ** power * ufl.dx(domain=cells))
-    dolfinx_compat.Tabulation(cells, x, np.zeros((3, 2)))
+        compat.compile_form(x[0] ** power * ufl.dx(domain=cells))
+    compat.Tabulation(cells, x, np.zeros((3, 2)))
     assert {path.parent for path in listed} == {tmp_path}
     assert listed[-1].name == "at_3" and len(set(listed)) > 8

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 
-from castfem.fem import dolfinx_compat
+from castfem.fem import compat
 
 
 @pytest.fixture
@@ -36,7 +36,7 @@ def test_a_mesh_gives_back_what_earlier_ones_held(without_collector: None) -> No
     cells = np.array([[0, 1, 2], [1, 2, 3]])
     handles = []
     for _ in range(6):
-        mesh = dolfinx_compat.create_mesh(MPI.COMM_SELF, cells, square, "triangle", 1)
+        mesh = compat.create_mesh(MPI.COMM_SELF, cells, square, "triangle", 1)
         ring: list[object] = [fem.functionspace(mesh, ("Lagrange", 1))]
         ring.append(ring)  # as a problem and its solver hold each other
         handles.append(next_handle())

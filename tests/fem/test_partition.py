@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from castfem.fem.partition import straight_cuts
-from castfem.mechanics.options import SEVERAL_RANKS, split_options
 from castfem.meshes import SectionMesh, build
+from castfem.physics.mechanics.options import SEVERAL_RANKS, split_options
 
 
 def slab() -> SectionMesh:

@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 import pytest
 
-from castfem.errors import RunFailure
+from castfem.base.errors import RunFailure
 from castfem.fem.root import shared_out
 
 COMM = MPI.COMM_WORLD

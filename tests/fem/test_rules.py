@@ -9,7 +9,7 @@ import pytest
 import ufl
 from dolfinx import fem, mesh
 
-from castfem.fem.dolfinx_compat import CELLS, CellForm, compile_form, jit_options
+from castfem.fem.compat import CELLS, CellForm, compile_form, jit_options
 
 TOP, OTHERS = 1, 2
 

@@ -9,7 +9,7 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 
-from castfem.errors import InputError
+from castfem.base.errors import InputError
 from castfem.fem.snes import SnesSolver
 
 

@@ -7,13 +7,13 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 
-from castfem.errors import RunFailure
-from castfem.hot_mould.conduction import Conduction, FaceLoad
-from castfem.hot_mould.copper import CONDUCTIVITY, EXPANSION, Copper
-from castfem.hot_mould.distortion import Distortion
-from castfem.hot_mould.solvers import LinearSolver
-from castfem.values.tables import Constant
-from castfem.values.types import Array
+from castfem.base.errors import RunFailure
+from castfem.base.tables import Constant
+from castfem.base.types import Array
+from castfem.physics.mould.hot.conduction import Conduction, FaceLoad
+from castfem.physics.mould.hot.copper import CONDUCTIVITY, EXPANSION, Copper
+from castfem.physics.mould.hot.distortion import Distortion
+from castfem.physics.mould.hot.solvers import LinearSolver
 
 from .tubes import COLD, plain_copper, square_tube
 

@@ -14,11 +14,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.hot_mould.conduction import Conduction, FaceLoad
-from castfem.hot_mould.copper import Copper
-from castfem.hot_mould.distortion import Distortion
-from castfem.values.tables import Constant, Table
-from castfem.values.types import Array
+from castfem.base.tables import Constant, Table
+from castfem.base.types import Array
+from castfem.physics.mould.hot.conduction import Conduction, FaceLoad
+from castfem.physics.mould.hot.copper import Copper
+from castfem.physics.mould.hot.distortion import Distortion
 
 from .tubes import COLD, plain_copper, round_tube
 

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from dolfinx import fem
 
-from castfem.errors import RunFailure
-from castfem.hot_mould.copper import Copper
-from castfem.hot_mould.flux import FluxMap, of_strand, profile
-from castfem.hot_mould.model import HotMould, HotWall, TubeSettings
-from castfem.hot_mould.vtk_file import write_tube
-from castfem.mould import Mould, RectangleCavity, RoundCavity, Taper, same
-from castfem.mould.perimeter import Places, corner_of, lengths, sides_of
-from castfem.values.constants import ZERO_CELSIUS
-from castfem.values.tables import Constant, Table
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.errors import RunFailure
+from castfem.base.tables import Constant, Table
+from castfem.physics.mould import Mould, RectangleCavity, RoundCavity, Taper, same
+from castfem.physics.mould.hot.copper import Copper
+from castfem.physics.mould.hot.flux import FluxMap, of_strand, profile
+from castfem.physics.mould.hot.model import HotMould, HotWall, TubeSettings
+from castfem.physics.mould.hot.vtk_file import write_tube
+from castfem.physics.mould.perimeter import Places, corner_of, lengths, sides_of
 
 from .tubes import ROUND, SQUARE
 

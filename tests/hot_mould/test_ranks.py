@@ -11,10 +11,10 @@ from mpi4py import MPI
 import numpy as np
 sys.path.insert(0, {tests!r})
 from hot_mould.tubes import SQUARE, tube_mesh
-from castfem.hot_mould.conduction import Conduction, FaceLoad
-from castfem.hot_mould.copper import Copper
-from castfem.hot_mould.distortion import Distortion
-from castfem.hot_mould.tube import Tube
+from castfem.physics.mould.hot.conduction import Conduction, FaceLoad
+from castfem.physics.mould.hot.copper import Copper
+from castfem.physics.mould.hot.distortion import Distortion
+from castfem.physics.mould.hot.tube import Tube
 comm = MPI.COMM_WORLD
 mesh = tube_mesh(SQUARE, (1, 2, 6), 0.01, 0.3) if comm.rank == 0 else None
 for method, support in (("direct", "hung"), ("multigrid", "free")):

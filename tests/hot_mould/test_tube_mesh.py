@@ -9,11 +9,18 @@ import numpy as np
 import pytest
 
 from castfem.meshes.tube import brick_nodes, graded, tube
-from castfem.mould.cavity import FreeCavity, RectangleCavity, RoundCavity, Sides, Tapers, same
-from castfem.mould.contour import Contour
-from castfem.mould.perimeter import Places, lengths, sides_of
-from castfem.mould.segments import Straight
-from castfem.mould.taper import Taper
+from castfem.physics.mould.cavity import (
+    FreeCavity,
+    RectangleCavity,
+    RoundCavity,
+    Sides,
+    Tapers,
+    same,
+)
+from castfem.physics.mould.contour import Contour
+from castfem.physics.mould.perimeter import Places, lengths, sides_of
+from castfem.physics.mould.segments import Straight
+from castfem.physics.mould.taper import Taper
 
 from .tubes import ROUND, SQUARE, round_tube, tube_mesh
 
@@ -39,7 +46,7 @@ def test_places_lie_on_the_contour(sides: Sides) -> None:
         (a, b), (p, q), r = sides.middle, sides.ends, sides.radius
         cavity = RectangleCavity(2 * a, 2 * b, r)
         assert isinstance(cavity, RectangleCavity)
-        from castfem.mould.cavity import rectangle
+        from castfem.physics.mould.cavity import rectangle
 
         contour = rectangle(Sides((a, b), (p, q), r))
     assert isinstance(contour, Contour)

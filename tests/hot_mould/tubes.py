@@ -6,12 +6,12 @@ from mpi4py import MPI
 
 import numpy as np
 
-from castfem.hot_mould.copper import Copper
-from castfem.hot_mould.tube import Tube
+from castfem.base.tables import Constant
 from castfem.meshes.tube import TubeMesh, tube
-from castfem.mould.cavity import Sides
-from castfem.mould.perimeter import Places
-from castfem.values.tables import Constant
+from castfem.physics.mould.cavity import Sides
+from castfem.physics.mould.hot.copper import Copper
+from castfem.physics.mould.hot.tube import Tube
+from castfem.physics.mould.perimeter import Places
 
 ROUND = Sides((0.06, 0.06), (0.06, 0.06), 0.06)
 SQUARE = Sides((0.0625, 0.0625), (0.0625, 0.0625), 0.005)

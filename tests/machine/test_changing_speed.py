@@ -10,12 +10,12 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from castfem.case import Case, load_case
-from castfem.errors import InputError
-from castfem.machine import Changing
-from castfem.output.history import read_history
-from castfem.output.summary import Summary
-from castfem.time_loop import loop
+from castfem.base.errors import InputError
+from castfem.model import Case, load_case
+from castfem.physics.machine import Changing
+from castfem.runs import loop
+from castfem.runs.output.history import read_history
+from castfem.runs.output.summary import Summary
 
 CASES = Path(__file__).parents[2] / "cases" / "billet125"
 COARSE = (

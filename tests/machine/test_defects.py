@@ -10,16 +10,16 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
-from castfem.case import Case, load_case
-from castfem.case.build_extraction import coupled_pairs, known_resistance
-from castfem.case.defects import Defect, RollDefect
-from castfem.case.machine import machine_warnings
+from castfem.base.errors import InputError
+from castfem.base.types import Array
 from castfem.cli import checking
-from castfem.errors import InputError
-from castfem.extraction.resistance import tributary_lengths
-from castfem.machine.defects import circle, out_of_line, with_radii
-from castfem.machine.rolls import Pair, Rolls
-from castfem.values.types import Array
+from castfem.model import Case, load_case
+from castfem.model.build_extraction import coupled_pairs, known_resistance
+from castfem.model.defects import Defect, RollDefect
+from castfem.model.machine import machine_warnings
+from castfem.physics.machine.defects import circle, out_of_line, with_radii
+from castfem.physics.machine.extraction.resistance import tributary_lengths
+from castfem.physics.machine.rolls import Pair, Rolls
 
 FOLDER = Path(__file__).parents[2] / "cases" / "slab1200"
 TONNE = 9.80665e3  # N
@@ -172,8 +172,8 @@ def test_no_face_rests_on_a_lost_pair() -> None:
     """The strip between the rolls, and the resistance of a coupled run, go over it."""
     from mpi4py import MPI
 
-    from castfem.contact.roll_support import RollSupport
-    from castfem.simulation.simulation import build
+    from castfem.model.build.simulation import build
+    from castfem.physics.contact.roll_support import RollSupport
 
     case = load_case(FOLDER / "bulging.toml").with_(
         {"machine.defect": [{"kind": "lost", "roll": 30}], "mesh.core_size": "50 mm"}
@@ -341,7 +341,7 @@ def test_the_ends_of_the_machine() -> None:
 
 
 def test_nozzles_of_a_circuit_between_two_rolls() -> None:
-    from castfem.simulation.secondary import rows_of
+    from castfem.model.build.secondary import rows_of
 
     sprays = load_case(FOLDER / "sprays.toml")
     given = {

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from castfem.machine import Changing, Machine, Steady
-from castfem.machine.line import Bent
+from castfem.physics.machine import Changing, Machine, Steady
+from castfem.physics.machine.line import Bent
 
 INF = math.inf
 

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from castfem.case import Case, load_case
+from castfem.base.errors import InputError, RunFailure
 from castfem.cli.machine import draw_machine
-from castfem.errors import InputError, RunFailure
-from castfem.extraction.effort import Passing
-from castfem.machine.rolls import Pair, Rolls
-from castfem.output.summary import Quantity, Summary
+from castfem.model import Case, load_case
+from castfem.physics.machine.extraction.effort import Passing
+from castfem.physics.machine.rolls import Pair, Rolls
+from castfem.runs.output.summary import Quantity, Summary
 
 CASES = Path(__file__).parents[2] / "cases"
 
@@ -50,7 +50,7 @@ def run_of(folder: Path, case: Case, **found: float) -> Path:
 def test_where_the_strand_is_solid(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from castfem.plots import machine as picture
+    from castfem.post.plots import machine as picture
 
     marks: list[list[tuple[float, str]]] = []
     monkeypatch.setattr(picture, "_marks", lambda ax, side, given: marks.append(list(given)))
@@ -100,7 +100,7 @@ def test_drives_of_a_coupled_resistance_are_those_of_a_run(
 
     The slice has the whole pull of a drive at the pair below.
     """
-    from castfem.case.build_extraction import known_resistance
+    from castfem.model.build_extraction import known_resistance
 
     case = load_case(CASES / "slab1200" / "reference.toml")
     assert case.machine is not None and case.machine.extraction is not None
@@ -143,7 +143,7 @@ def test_check_tells_of_the_rolls() -> None:
 def test_sprays_are_listed_and_drawn(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from castfem.plots import machine as picture
+    from castfem.post.plots import machine as picture
 
     drawn: list[list[object]] = []
     draw = picture._sprays
@@ -165,7 +165,7 @@ def test_sprays_are_listed_and_drawn(
 def test_nozzles_with_a_defect_are_listed_and_marked(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from castfem.plots import machine as picture
+    from castfem.post.plots import machine as picture
 
     drawn: list[list[picture.Spray]] = []
     monkeypatch.setattr(picture, "_sprays", lambda ax, side, sprays: drawn.append(sprays))
@@ -202,7 +202,7 @@ def test_how_the_drives_share_a_known_resistance(
 
 def test_rolls_with_a_number_are_no_neighbours() -> None:
     """Every fifth, the drives, the first and the last; those with a defect in any case."""
-    from castfem.plots.machine import numbered
+    from castfem.post.plots.machine import numbered
 
     def of(count: int, driven: tuple[int, ...] = (), locked: tuple[int, ...] = ()) -> list[int]:
         pairs = tuple(

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from castfem.api import load
-from castfem.case import Case
 from castfem.cli.machine import machine_rows
-from castfem.machine.phases import off_stretches, phases
-from castfem.machine.rolls import Rolls
-from castfem.machine.stations import BENDS, Stations
-from castfem.output.folder import CASE_NAME
-from castfem.plots.secondary import close_by
-from castfem.report.places import places_of
+from castfem.model import Case
+from castfem.physics.machine.phases import off_stretches, phases
+from castfem.physics.machine.rolls import Rolls
+from castfem.physics.machine.stations import BENDS, Stations
+from castfem.post.plots.secondary import close_by
+from castfem.post.report.places import places_of
+from castfem.runs.output.folder import CASE_NAME
 
 THICKNESS = 0.220
 

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from castfem.case import Case, load_case
-from castfem.case.build_machine import build_machine
-from castfem.case.extraction import extraction_warnings
-from castfem.case.load import read_case
-from castfem.case.machine import machine_warnings
-from castfem.errors import InputError
-from castfem.machine.rolls import Rolls
+from castfem.base.errors import InputError
+from castfem.model import Case, load_case
+from castfem.model.build_machine import build_machine
+from castfem.model.extraction import extraction_warnings
+from castfem.model.load import read_case
+from castfem.model.machine import machine_warnings
+from castfem.physics.machine.rolls import Rolls
 
 SLAB = Path(__file__).parents[2] / "cases" / "slab1200" / "thermal.toml"
 HEADER = "position [m], diameter [mm], aperture [mm], radius_extrados [m], driven, capacity [kN]"
@@ -110,7 +110,7 @@ def test_liquid_presses_with_its_height_in_a_bent_machine() -> None:
     """Not with the way along the strand, in the slice that a coupled run strains."""
     from mpi4py import MPI
 
-    from castfem.simulation.simulation import build
+    from castfem.model.build.simulation import build
 
     bent = SEGMENTS.replace("0.9 m", "0.65 m")
     coarse = [f"mesh.{name}=14 mm" for name in ("surface_size", "corner_size", "core_size")]
@@ -285,17 +285,17 @@ def test_a_curve_of_resistance_is_of_all_rolls(
 
 def test_a_case_without_rolls_does_not_import_them() -> None:
     code = (
-        "import sys; from castfem.case import load_case; "
-        "from castfem.case.build_machine import build_machine; "
+        "import sys; from castfem.model import load_case; "
+        "from castfem.model.build_machine import build_machine; "
         "build_machine(load_case(sys.argv[1])); "
-        "parts = 'castfem.machine.', 'castfem.extraction'; "
+        "parts = 'castfem.physics.machine.', 'castfem.physics.machine.extraction'; "
         "print([m for m in sys.modules if m.startswith(parts)])"
     )
     billet = SLAB.parents[1] / "billet125" / "thermal.toml"
     found = subprocess.run(
         [sys.executable, "-c", code, str(billet)], check=True, capture_output=True, text=True
     ).stdout
-    assert "castfem.machine.travel" in found
+    assert "castfem.physics.machine.travel" in found
     for name in ("rolls", "line", "phases"):
-        assert f"castfem.machine.{name}" not in found
-    assert "castfem.extraction" not in found
+        assert f"castfem.physics.machine.{name}" not in found
+    assert "castfem.physics.machine.extraction" not in found

@@ -14,12 +14,12 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from castfem.case import load_case
-from castfem.case.machine import thickness_of
-from castfem.machine.line import Bent
-from castfem.machine.phases import Phase, phases
-from castfem.machine.rolls import Rolls
-from castfem.values.csv_files import read_csv
+from castfem.base.csv_files import read_csv
+from castfem.model import load_case
+from castfem.model.machine import thickness_of
+from castfem.physics.machine.line import Bent
+from castfem.physics.machine.phases import Phase, phases
+from castfem.physics.machine.rolls import Rolls
 
 FOLDER = Path(__file__).parents[2] / "cases" / "slab1200"
 TONNE = 9.80665e3  # N

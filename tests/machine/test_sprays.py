@@ -11,8 +11,8 @@ import math
 import numpy as np
 import pytest
 
-from castfem.machine.rolls import Segment, expand
-from castfem.machine.sprays import (
+from castfem.physics.machine.rolls import Segment, expand
+from castfem.physics.machine.sprays import (
     Row,
     footprint,
     gap_below,

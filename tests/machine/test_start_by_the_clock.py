@@ -9,12 +9,12 @@ import pytest
 from small_case import small
 
 import castfem
-from castfem.case import Case
-from castfem.case.plausibility import warnings
-from castfem.case.water import seen_by_slice
-from castfem.errors import InputError
-from castfem.simulation.simulation import case_steel, starting_temperature
-from castfem.values.tables import Table
+from castfem.base.errors import InputError
+from castfem.base.tables import Table
+from castfem.model import Case
+from castfem.model.build.simulation import case_steel, starting_temperature
+from castfem.model.plausibility import warnings
+from castfem.model.water import seen_by_slice
 
 LADLE = {"time": [0, 60, 120], "time_unit": "s", "value": [40, 20, 30], "unit": "K"}
 RAMP = {"time": [60, 61], "time_unit": "s", "value": [2, 4], "unit": "m/min"}

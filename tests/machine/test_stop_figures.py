@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.machine import Changing, Steady, Travel
-from castfem.plots.style import Abscissa, dress, new_panels
+from castfem.physics.machine import Changing, Steady, Travel
+from castfem.post.plots.style import Abscissa, dress, new_panels
 
 
 @pytest.mark.parametrize(

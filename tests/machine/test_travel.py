@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from castfem.machine import Changing, Machine, Steady
+from castfem.physics.machine import Changing, Machine, Steady
 
 # 1.2 m/min down to a stop in 10 s, 60 s of it, up again to 0.9 m/min in 20 s.
 STOP = Changing([0.0, 30.0, 40.0, 100.0, 120.0], [0.02, 0.02, 0.0, 0.0, 0.015])

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import castfem
-from castfem.materials import load_steel
-from castfem.values.constants import ZERO_CELSIUS
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.physics.materials import load_steel
 
 MELTING = 1083.0 + ZERO_CELSIUS
 

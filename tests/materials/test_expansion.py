@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from castfem.materials import load_steel
-from castfem.materials.expansion import (
+from castfem.base.tables import Constant, Table
+from castfem.physics.materials import load_steel
+from castfem.physics.materials.expansion import (
     ChandraExpansion,
     ConstantExpansion,
     DensityExpansion,
@@ -20,8 +21,7 @@ from castfem.materials.expansion import (
     atomic_percent,
     gamma_edge_per_carbon,
 )
-from castfem.materials.iron_carbon import IronCarbon
-from castfem.values.tables import Constant, Table
+from castfem.physics.materials.iron_carbon import IronCarbon
 
 ZERO = 273.15
 

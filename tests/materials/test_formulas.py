@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from castfem.materials.formulas import FORMULAS, harste_enthalpy, phase_densities
-from castfem.materials.iron_carbon import IronCarbon, Phases
-from castfem.materials.properties import named
+from castfem.physics.materials.formulas import FORMULAS, harste_enthalpy, phase_densities
+from castfem.physics.materials.iron_carbon import IronCarbon, Phases
+from castfem.physics.materials.properties import named
 
 ZERO = 273.15
 

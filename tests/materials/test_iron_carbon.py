@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from castfem.materials.iron_carbon import (
+from castfem.physics.materials.iron_carbon import (
     IronCarbon,
     alloyed,
     regression_liquidus,

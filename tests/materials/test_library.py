@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from castfem.errors import InputError
-from castfem.materials import available_steels, load_steel
-from castfem.materials.library import FOLDER
-from castfem.materials.schema import KINDS
+from castfem.base.errors import InputError
+from castfem.physics.materials import available_steels, load_steel
+from castfem.physics.materials.library import FOLDER
+from castfem.physics.materials.schema import KINDS
 
 SOUND = """
 description = "a steel"
@@ -326,8 +326,8 @@ def test_formula_name_and_parameter():
 
 
 def test_formula_that_turns_negative_in_its_range_is_refused(monkeypatch):
-    from castfem.materials import build
-    from castfem.materials.formulas import Formula
+    from castfem.physics.materials import build
+    from castfem.physics.materials.formulas import Formula
 
     falling = Formula("falling", "density", lambda t: 5.0 * (1773.15 - t), "test", "C")
     monkeypatch.setattr(build, "FORMULAS", {**build.FORMULAS, "falling": falling})

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from test_library import SOUND, only
 
-from castfem.materials import available_steels, load_steel
-from castfem.materials.plausible import unusual
-from castfem.materials.schema import KINDS
-from castfem.values.ranges import RANGES
+from castfem.base.ranges import RANGES
+from castfem.physics.materials import available_steels, load_steel
+from castfem.physics.materials.plausible import unusual
+from castfem.physics.materials.schema import KINDS
 
 PEAK = """
 temperature = [20, 1000, 1449, 1450, 1500, 1501, 1700]

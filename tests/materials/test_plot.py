@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.materials import available_steels, describe_steel, load_steel
-from castfem.materials.plot import plot_steel
+from castfem.physics.materials import available_steels, describe_steel, load_steel
+from castfem.physics.materials.plot import plot_steel
 
 
 @pytest.mark.parametrize("name", sorted(available_steels()))

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from castfem.errors import InputError
-from castfem.materials import knots, load_steel
-from castfem.materials.iron_carbon import IronCarbon
-from castfem.materials.properties import named
-from castfem.materials.solid_fraction import LeverFraction, LinearFraction, TableFraction
-from castfem.materials.steel import Steel
-from castfem.values.tables import Constant, Table
+from castfem.base.errors import InputError
+from castfem.base.tables import Constant, Table
+from castfem.physics.materials import knots, load_steel
+from castfem.physics.materials.iron_carbon import IronCarbon
+from castfem.physics.materials.properties import named
+from castfem.physics.materials.solid_fraction import LeverFraction, LinearFraction, TableFraction
+from castfem.physics.materials.steel import Steel
 
 LOWER, UPPER = 900.0, 1900.0
 PERITECTIC = 1768.15

@@ -10,14 +10,14 @@ import numpy as np
 from thermal.setups import ThermalSetup
 
 from castfem import meshes
-from castfem.constitutive.elasticity import Solidity
-from castfem.constitutive.parameters import load_elasticity, load_law
-from castfem.machine import Machine, Steady
-from castfem.materials import load_steel
-from castfem.mechanics.definition import Slice
-from castfem.mechanics.ferrostatic import Ferrostatic
-from castfem.mechanics.planes import PlainPlanes, allowed_strains
-from castfem.thermal import flux_laws
+from castfem.physics.constitutive.elasticity import Solidity
+from castfem.physics.constitutive.parameters import load_elasticity, load_law
+from castfem.physics.machine import Machine, Steady
+from castfem.physics.materials import load_steel
+from castfem.physics.mechanics.definition import Slice
+from castfem.physics.mechanics.ferrostatic import Ferrostatic
+from castfem.physics.mechanics.planes import PlainPlanes, allowed_strains
+from castfem.physics.thermal import flux_laws
 from mechanics.cooled import CooledSlice
 
 STEEL = load_steel("carbon_042")

@@ -6,10 +6,10 @@ from typing import Any, Self
 
 from thermal.setups import ThermalSetup
 
-from castfem.mechanics.definition import Slice
-from castfem.mechanics.problem import MechanicalProblem
-from castfem.mechanics.state import MechanicalResult
-from castfem.mechanics.stepper import MechanicalStepper
+from castfem.physics.mechanics.definition import Slice
+from castfem.physics.mechanics.problem import MechanicalProblem
+from castfem.physics.mechanics.state import MechanicalResult
+from castfem.physics.mechanics.stepper import MechanicalStepper
 
 
 class CooledSlice:

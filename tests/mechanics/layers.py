@@ -18,7 +18,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.special import erf
 
-from castfem.values.types import Array
+from castfem.base.types import Array
 
 SURFACE, MELTING = 1000.0, 1494.4
 STIFFNESS, ALPHA = 40e3 / 0.7, 2e-5

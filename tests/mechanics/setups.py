@@ -17,14 +17,14 @@ from benchmarks.mapped import mapped as mapped
 from benchmarks.mapped import ring as ring
 from benchmarks.mapped import skewed as skewed
 from castfem import meshes
-from castfem.constitutive.elasticity import Elasticity
-from castfem.constitutive.flow_laws import ThermoElastic
+from castfem.base.types import Array
 from castfem.fem.section import Section
-from castfem.mechanics.definition import Slice
-from castfem.mechanics.problem import MechanicalProblem
-from castfem.mechanics.state import MechanicalResult, MechanicalState
-from castfem.mechanics.stepper import MechanicalStepper
-from castfem.values.types import Array
+from castfem.physics.constitutive.elasticity import Elasticity
+from castfem.physics.constitutive.flow_laws import ThermoElastic
+from castfem.physics.mechanics.definition import Slice
+from castfem.physics.mechanics.problem import MechanicalProblem
+from castfem.physics.mechanics.state import MechanicalResult, MechanicalState
+from castfem.physics.mechanics.stepper import MechanicalStepper
 
 
 def elastic(young: float = 200e9, poisson: float = 0.3) -> ThermoElastic:

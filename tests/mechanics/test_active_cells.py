@@ -11,13 +11,13 @@ import pytest
 import ufl
 from dolfinx import fem, la
 
-from castfem.contact.settings import Contact
-from castfem.fem.dolfinx_compat import CELLS, CellForm, assemble_into, create_matrix
+from castfem.base.types import Array
+from castfem.fem.compat import CELLS, CellForm, assemble_into, create_matrix
 from castfem.fem.part_matrix import matrix_of_nodes
-from castfem.mechanics.state import Balance
-from castfem.mechanics.supports import SPRING
-from castfem.mould import Mould, RectangleCavity, Taper, same
-from castfem.values.types import Array
+from castfem.physics.contact.settings import Contact
+from castfem.physics.mechanics.state import Balance
+from castfem.physics.mechanics.supports import SPRING
+from castfem.physics.mould import Mould, RectangleCavity, Taper, same
 from mechanics.casting import CastSetup, billet_mesh
 from mechanics.setups import RING_GROUPS, SliceSetup, mapped, ring
 

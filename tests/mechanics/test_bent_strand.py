@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.constitutive.elasticity import Elasticity
-from castfem.constitutive.flow_laws import PerfectlyPlastic
-from castfem.mechanics.bent_planes import BentPlanes
-from castfem.values.tables import Constant
+from castfem.base.tables import Constant
+from castfem.physics.constitutive.elasticity import Elasticity
+from castfem.physics.constitutive.flow_laws import PerfectlyPlastic
+from castfem.physics.mechanics.bent_planes import BentPlanes
 from mechanics.setups import SliceSetup, box, elastic, expansion, mapped
 
 E, YIELD = 200e9, 200e6

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.constitutive.elasticity import Elasticity
-from castfem.constitutive.flow_laws import NortonCreep
-from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import SurfacePressure
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.physics.constitutive.elasticity import Elasticity
+from castfem.physics.constitutive.flow_laws import NortonCreep
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.supports import SurfacePressure
 from mechanics.setups import RING_GROUPS, SliceSetup, box, elastic, expansion, mapped, ring, skewed
 
 MPA = 1e6

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from castfem.base.types import Array
 from castfem.fem import dof_values
-from castfem.mechanics.ferrostatic import Ferrostatic
-from castfem.mechanics.force_operators import ForceOperators
-from castfem.mechanics.planes import PlainPlanes
-from castfem.values.types import Array
+from castfem.physics.mechanics.ferrostatic import Ferrostatic
+from castfem.physics.mechanics.force_operators import ForceOperators
+from castfem.physics.mechanics.planes import PlainPlanes
 from mechanics.setups import SliceSetup, elastic, expansion, mapped, skewed
 
 GROUPS = ("left", "bottom", "right", "top")

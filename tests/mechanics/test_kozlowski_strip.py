@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.values.constants import ZERO_CELSIUS
+from castfem.base.constants import ZERO_CELSIUS
 from mechanics.layers import Shell, shell
 from mechanics.weiner_boley import POURED, YIELD, HalfSpace, Strip
 

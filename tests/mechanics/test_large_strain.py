@@ -7,12 +7,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from castfem.constitutive.base import rotation
-from castfem.constitutive.elasticity import Elasticity
-from castfem.constitutive.flow_laws import NortonCreep
-from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.physics.constitutive.base import rotation
+from castfem.physics.constitutive.elasticity import Elasticity
+from castfem.physics.constitutive.flow_laws import NortonCreep
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from mechanics.setups import RING_GROUPS, SliceSetup, box, elastic, mapped, ring, skewed
 
 FREE = ("left", "bottom", "right", "top")

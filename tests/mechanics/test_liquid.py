@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from castfem.constitutive.elasticity import Elasticity, Solidity
-from castfem.constitutive.flow_laws import PerfectlyPlastic, ThermoElastic
-from castfem.constitutive.hardening_laws import NortonHoff
-from castfem.mechanics.ferrostatic import Ferrostatic
-from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import PrescribedDisplacement
-from castfem.values.tables import Constant, Table
-from castfem.values.types import Array
+from castfem.base.tables import Constant, Table
+from castfem.base.types import Array
+from castfem.physics.constitutive.elasticity import Elasticity, Solidity
+from castfem.physics.constitutive.flow_laws import PerfectlyPlastic, ThermoElastic
+from castfem.physics.constitutive.hardening_laws import NortonHoff
+from castfem.physics.mechanics.ferrostatic import Ferrostatic
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.supports import PrescribedDisplacement
 from mechanics.casting import STEEL, CastSetup, billet_mesh
 from mechanics.setups import RING_GROUPS, SliceSetup, box, expansion, mapped, ring
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.constitutive.elasticity import Elasticity
-from castfem.constitutive.flow_laws import NortonCreep
-from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.quadrature_rules import Integration
-from castfem.mechanics.supports import SurfacePressure
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.physics.constitutive.elasticity import Elasticity
+from castfem.physics.constitutive.flow_laws import NortonCreep
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.quadrature_rules import Integration
+from castfem.physics.mechanics.supports import SurfacePressure
 from mechanics.setups import RING_GROUPS, SliceSetup, elastic, mapped, ring
 
 INNER, OUTER, PRESSURE, E, NU = 0.02, 0.04, 1e7, 200e9, 0.499999

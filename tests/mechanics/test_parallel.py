@@ -13,10 +13,10 @@ import pytest
 from ranks import needs_mpirun, python_on
 from thermal import test_parallel as thermal
 
-from castfem.contact.settings import Contact
 from castfem.fem.cellwise import Cellwise
-from castfem.mechanics.supports import SPRING
-from castfem.mould import Mould, RectangleCavity, Taper, same
+from castfem.physics.contact.settings import Contact
+from castfem.physics.mechanics.supports import SPRING
+from castfem.physics.mould import Mould, RectangleCavity, Taper, same
 from mechanics.casting import CastSetup, billet_mesh
 from mechanics.setups import SliceSetup, box, mapped
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import PrescribedDisplacement
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.supports import PrescribedDisplacement
 from mechanics.setups import SliceSetup, box, elastic, expansion, mapped, skewed
 
 FREE = ("left", "bottom", "right", "top")

@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.errors import InputError
-from castfem.mechanics.bent_planes import BentPlanes
-from castfem.mechanics.planes import PlainPlanes, allowed_strains, check_strains
-from castfem.mechanics.supports import PrescribedDisplacement
+from castfem.base.errors import InputError
+from castfem.physics.mechanics.bent_planes import BentPlanes
+from castfem.physics.mechanics.planes import PlainPlanes, allowed_strains, check_strains
+from castfem.physics.mechanics.supports import PrescribedDisplacement
 from mechanics.setups import SliceSetup, box, elastic, mapped
 
 FREE = ("left", "bottom", "right", "top")

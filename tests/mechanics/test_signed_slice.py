@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.constitutive.elasticity import Elasticity
-from castfem.constitutive.hardening_laws import NortonHoff, UnifiedSteel
-from castfem.values.tables import Constant
-from castfem.values.types import Array
+from castfem.base.tables import Constant
+from castfem.base.types import Array
+from castfem.physics.constitutive.elasticity import Elasticity
+from castfem.physics.constitutive.hardening_laws import NortonHoff, UnifiedSteel
 from mechanics.setups import SliceSetup, box, expansion, mapped
 
 HOT = 1350.0

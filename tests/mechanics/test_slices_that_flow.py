@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from castfem.constitutive.base import rotation
-from castfem.constitutive.curves import norton_relaxation
-from castfem.constitutive.elasticity import Elasticity
-from castfem.constitutive.flow_laws import NortonCreep, PerfectlyPlastic
-from castfem.constitutive.hardening_laws import UnifiedSteel
-from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
-from castfem.values.tables import Constant
-from castfem.values.types import Array
+from castfem.base.tables import Constant
+from castfem.base.types import Array
+from castfem.physics.constitutive.base import rotation
+from castfem.physics.constitutive.curves import norton_relaxation
+from castfem.physics.constitutive.elasticity import Elasticity
+from castfem.physics.constitutive.flow_laws import NortonCreep, PerfectlyPlastic
+from castfem.physics.constitutive.hardening_laws import UnifiedSteel
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from mechanics.setups import RING_GROUPS, SliceSetup, box, elastic, mapped, ring, skewed
 
 FREE = ("left", "bottom", "right", "top")

@@ -11,18 +11,18 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 
-from castfem.constitutive.base import Response
-from castfem.constitutive.elasticity import Elasticity
-from castfem.constitutive.flow_laws import NortonCreep, PerfectlyPlastic
-from castfem.contact.settings import Contact
-from castfem.errors import InputError
-from castfem.mechanics.line_search import LineSearch, step_share
-from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.stepper import MechanicalStepper
-from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
-from castfem.mould.wall import PlaneWall
-from castfem.values.tables import Constant
-from castfem.values.types import Array
+from castfem.base.errors import InputError
+from castfem.base.tables import Constant
+from castfem.base.types import Array
+from castfem.physics.constitutive.base import Response
+from castfem.physics.constitutive.elasticity import Elasticity
+from castfem.physics.constitutive.flow_laws import NortonCreep, PerfectlyPlastic
+from castfem.physics.contact.settings import Contact
+from castfem.physics.mechanics.line_search import LineSearch, step_share
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.stepper import MechanicalStepper
+from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
+from castfem.physics.mould.wall import PlaneWall
 from mechanics.setups import RING_GROUPS, SliceSetup, box, elastic, expansion, mapped, ring
 
 CREEP = NortonCreep.constant(Elasticity.constant(20e9, 0.3), 1e-3, 1e7, 5.0)

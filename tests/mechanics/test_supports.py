@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from castfem import meshes
-from castfem.contact.settings import Contact
-from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import SPRING, PrescribedDisplacement, Traction
-from castfem.mould import Mould, RoundCavity, Taper, same
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.physics.contact.settings import Contact
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.supports import SPRING, PrescribedDisplacement, Traction
+from castfem.physics.mould import Mould, RoundCavity, Taper, same
 from mechanics.casting import STEEL, CastSetup
 from mechanics.setups import SliceSetup, box, elastic, expansion, mapped
 

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from castfem.constitutive.elasticity import Elasticity
-from castfem.constitutive.flow_laws import NortonCreep, ThermoElastic
-from castfem.mechanics.bent_planes import BentPlanes
-from castfem.mechanics.ferrostatic import Ferrostatic
-from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import SurfacePressure, Traction
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.physics.constitutive.elasticity import Elasticity
+from castfem.physics.constitutive.flow_laws import NortonCreep, ThermoElastic
+from castfem.physics.mechanics.bent_planes import BentPlanes
+from castfem.physics.mechanics.ferrostatic import Ferrostatic
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.supports import SurfacePressure, Traction
 from mechanics.setups import SliceSetup, elastic, expansion, mapped, skewed
 
 FREE = ("left", "bottom", "right", "top")
@@ -109,7 +109,7 @@ def test_jacobian(cell: str, large: bool, law: str, planes: str) -> None:
 
 def test_laws_change_volume_elastically() -> None:
     """What the split into deviator and mean stress relies on."""
-    from castfem.constitutive.base import MaterialStep
+    from castfem.physics.constitutive.base import MaterialStep
 
     law = LAWS["creep"]
     assert not isinstance(law, ThermoElastic)

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from castfem.constitutive import load_law
-from castfem.constitutive.base import Law
-from castfem.constitutive.elasticity import Elasticity, Solidity
-from castfem.constitutive.flow_laws import ThermoElastic
+from castfem.physics.constitutive import load_law
+from castfem.physics.constitutive.base import Law
+from castfem.physics.constitutive.elasticity import Elasticity, Solidity
+from castfem.physics.constitutive.flow_laws import ThermoElastic
 from mechanics.setups import SliceSetup, box, mapped
 
 SIZE, COLD, HOT = 0.1, 1000.0, 1800.0

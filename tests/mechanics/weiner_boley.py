@@ -8,16 +8,16 @@ import numpy as np
 from thermal.setups import ThermalSetup
 
 from castfem import meshes
-from castfem.constitutive.elasticity import Elasticity, Solidity
-from castfem.constitutive.parameters import load_law
-from castfem.materials import load_steel
-from castfem.mechanics.definition import Slice
-from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import PrescribedDisplacement
-from castfem.thermal.flux_laws import PrescribedTemperature
-from castfem.values.constants import ZERO_CELSIUS
-from castfem.values.types import Array
-from castfem.verification.half_space import POISSON, SURFACE, YIELD, YOUNG, HalfSpace
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.types import Array
+from castfem.physics.closed_forms.half_space import POISSON, SURFACE, YIELD, YOUNG, HalfSpace
+from castfem.physics.constitutive.elasticity import Elasticity, Solidity
+from castfem.physics.constitutive.parameters import load_law
+from castfem.physics.materials import load_steel
+from castfem.physics.mechanics.definition import Slice
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.supports import PrescribedDisplacement
+from castfem.physics.thermal.flux_laws import PrescribedTemperature
 from mechanics.cooled import CooledSlice
 
 POURED = 1495.0  # degC

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from castfem.mould import Contour, Sides, Straight, circle, rectangle
+from castfem.physics.mould import Contour, Sides, Straight, circle, rectangle
 
 A, B, R = 0.0625, 0.05, 0.005
 FRACTION = st.floats(0.0, 1.0)

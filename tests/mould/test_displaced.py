@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from castfem.case import load_case
-from castfem.case.build_mould import build_mould
-from castfem.case.load import from_document
-from castfem.case.wall_shape import WallShape, read_wall, write_wall
-from castfem.errors import InputError
-from castfem.mould import (
+from castfem.base.errors import InputError
+from castfem.base.tables import Constant
+from castfem.base.types import Array
+from castfem.model import load_case
+from castfem.model.build_mould import build_mould
+from castfem.model.load import from_document
+from castfem.model.wall_shape import WallShape, read_wall, write_wall
+from castfem.physics.mould import (
     DisplacedMould,
     Expansion,
     Mould,
@@ -22,9 +24,7 @@ from castfem.mould import (
     WallDisplacement,
     same,
 )
-from castfem.mould.perimeter import Places, sides_of
-from castfem.values.tables import Constant
-from castfem.values.types import Array
+from castfem.physics.mould.perimeter import Places, sides_of
 
 TAPER = same(Taper.single(0.01, 0.6))
 SQUARE = RectangleCavity(0.125, 0.125, 0.005)

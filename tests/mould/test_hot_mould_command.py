@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from castfem.case import load_case
-from castfem.case.build_mould import build_mould
-from castfem.plots.hot_mould import _closed, _radius
+from castfem.model import load_case
+from castfem.model.build_mould import build_mould
+from castfem.post.plots.hot_mould import _closed, _radius
 
 PNG = b"\x89PNG\r\n\x1a\n"
 TUBE = """
@@ -120,7 +120,7 @@ def test_plain_command_imports_no_copper(write, tmp_path):
     script = (
         "import sys; from castfem.cli import execute; "
         f"execute(['mould', {str(write('', TUBE))!r}, '-o', 'm.png']); "
-        "sys.exit(any(n.startswith(('castfem.hot_mould', 'castfem.mould_fit', 'dolfinx')) "
+        "sys.exit(any(n.startswith(('castfem.physics.mould.hot', 'castfem.studies.mould_fit', 'dolfinx')) "
         "for n in sys.modules))"
     )
     assert subprocess.run([sys.executable, "-c", script], cwd=tmp_path, check=False).returncode == 0

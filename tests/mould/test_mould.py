@@ -10,7 +10,8 @@ import math
 import numpy as np
 import pytest
 
-from castfem.mould import (
+from castfem.base.tables import Table
+from castfem.physics.mould import (
     Circular,
     Displaced,
     Expansion,
@@ -25,7 +26,6 @@ from castfem.mould import (
     same,
     taper_between,
 )
-from castfem.values.tables import Table
 
 W, R, L = 0.125, 0.005, 0.6
 BILLET = RectangleCavity(W, W, R)

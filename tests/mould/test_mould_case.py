@@ -11,15 +11,15 @@ import tomllib
 import numpy as np
 import pytest
 
-from castfem.case import load_case
-from castfem.case.build_mould import build_mould
-from castfem.case.json_schema import case_schema
-from castfem.case.mould import Coulomb, Limited, Mould, NoFriction, Tresca, Viscous
-from castfem.case.reference_page import markdown_page
-from castfem.case.section import Round
-from castfem.errors import InputError
-from castfem.mould import Displaced, Taper
-from castfem.values.tables import Table
+from castfem.base.errors import InputError
+from castfem.base.tables import Table
+from castfem.model import load_case
+from castfem.model.build_mould import build_mould
+from castfem.model.json_schema import case_schema
+from castfem.model.mould import Coulomb, Limited, Mould, NoFriction, Tresca, Viscous
+from castfem.model.reference_page import markdown_page
+from castfem.model.section import Round
+from castfem.physics.mould import Displaced, Taper
 
 ROUND = '[section]\nshape = "round"\ndiameter = "200 mm"\n[mesh]\nsurface_size = "1 mm"\n'
 BEAM_BLANK = """

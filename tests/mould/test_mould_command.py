@@ -85,8 +85,8 @@ def test_mistakes(words, message, castfem, write):
 @pytest.mark.parametrize(
     ("command", "work"),
     [
-        (("mould", "case.toml", "--hot"), "castfem.mould_fit.coupled.hot_mould_of"),
-        (("section", "billet125/idealised"), "castfem.mould_fit.section.find_section"),
+        (("mould", "case.toml", "--hot"), "castfem.studies.mould_fit.coupled.hot_mould_of"),
+        (("section", "billet125/idealised"), "castfem.studies.mould_fit.section.find_section"),
     ],
 )
 def test_a_picture_of_no_format_is_refused_before_a_run(command, work, castfem, write, monkeypatch):

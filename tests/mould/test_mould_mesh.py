@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.case.build_mould import build_mould
-from castfem.case.mould import Mould
-from castfem.case.section import BeamBlank, Rectangle, Round
 from castfem.meshes import build
+from castfem.model.build_mould import build_mould
+from castfem.model.mould import Mould
+from castfem.model.section import BeamBlank, Rectangle, Round
 
 MM = 1e-3
 SIZES = {"surface_size": 2 * MM, "core_size": 10 * MM}

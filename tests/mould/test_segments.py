@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from castfem.mould import Circular, Contour, Parabolic, PlaneWall, Straight
+from castfem.physics.mould import Circular, Contour, Parabolic, PlaneWall, Straight
 
 UP = (0.0, 1.0)
 

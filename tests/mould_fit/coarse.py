@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from castfem.case import Case, load_case
+from castfem.model import Case, load_case
 
 CASES = Path(__file__).parents[2] / "cases" / "billet125"
 COARSE = (

@@ -7,10 +7,10 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from castfem.case import Case, load_case
-from castfem.case.build_mould import build_mould, nominal_mould
-from castfem.errors import InputError
-from castfem.mould_fit.coupled import (
+from castfem.base.errors import InputError
+from castfem.model import Case, load_case
+from castfem.model.build_mould import build_mould, nominal_mould
+from castfem.studies.mould_fit.coupled import (
     HEAT,
     SHAPE,
     Turn,
@@ -18,7 +18,7 @@ from castfem.mould_fit.coupled import (
     flux_of,
     hot_mould_of,
 )
-from castfem.mould_fit.follow import follow
+from castfem.studies.mould_fit.follow import follow
 
 from .coarse import CASES, coarse
 
@@ -114,7 +114,7 @@ def test_drawing_of_a_cold_mould_fills_it_at_the_meniscus(turns: list[Turn]) -> 
 
 
 def _columns(wall: object) -> object:
-    from castfem.case.wall_shape import WallShape
+    from castfem.model.wall_shape import WallShape
 
     return WallShape().write(wall)  # type: ignore[arg-type]
 

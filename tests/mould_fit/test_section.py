@@ -9,15 +9,15 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from castfem.case import Case, load_case
-from castfem.case.build_mould import build_mould
-from castfem.case.wall_shape import WallShape, read_wall, write_wall
+from castfem.base.errors import InputError, RunFailure
 from castfem.cli import execute
 from castfem.cli.section import write_outline
-from castfem.errors import InputError, RunFailure
-from castfem.mould import DisplacedMould
-from castfem.mould_fit.follow import follow
-from castfem.mould_fit.section import (
+from castfem.model import Case, load_case
+from castfem.model.build_mould import build_mould
+from castfem.model.wall_shape import WallShape, read_wall, write_wall
+from castfem.physics.mould import DisplacedMould
+from castfem.studies.mould_fit.follow import follow
+from castfem.studies.mould_fit.section import (
     CLOSE,
     Attempt,
     find_section,
@@ -127,7 +127,7 @@ def test_cases_that_cannot_be_asked(name: str, words: str) -> None:
 
 
 def test_section_that_cannot_be_had_says_how_far_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("castfem.mould_fit.section.MOST", 1)
+    monkeypatch.setattr("castfem.studies.mould_fit.section.MOST", 1)
     with pytest.raises(RunFailure, match=r"mine: after 1 runs the section is still \d+ um off"):
         find_section(billet(), MPI.COMM_SELF, "mine", 0.06)
 

@@ -26,11 +26,11 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from small_case import strip
 
 import castfem
-from castfem.output.checkpoint import load_checkpoint
-from castfem.output.fields import Fields
-from castfem.output.history import read_history
-from castfem.output.run_record import RunRecord
-from castfem.support import progress
+from castfem.base import progress
+from castfem.runs.output.checkpoint import load_checkpoint
+from castfem.runs.output.fields import Fields
+from castfem.runs.output.history import read_history
+from castfem.runs.output.run_record import RunRecord
 
 STEPS = 4
 ADVANCE = 2.5e-3  # m, of a slice in a step of the case

@@ -18,9 +18,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from castfem.errors import InputError, RunFailure
-from castfem.output import checkpoint
-from castfem.output.checkpoint import load_checkpoint, save_checkpoint
+from castfem.base.errors import InputError, RunFailure
+from castfem.runs.output import checkpoint
+from castfem.runs.output.checkpoint import load_checkpoint, save_checkpoint
 
 META = {"time": 1 / 3, "steps": 41, "zone": "mould", "nested": {"rates": [0.1, -1e-300]}}
 
@@ -162,7 +162,7 @@ def test_a_cut_file_is_refused(tmp_path):
 
 SAVER = """
 import sys, numpy as np
-from castfem.output.checkpoint import save_checkpoint
+from castfem.runs.output.checkpoint import save_checkpoint
 for k in range(10**6):
     save_checkpoint(sys.argv[1], {"k": k}, {"a": np.full(20_000, float(k))})
     if k == 0:

@@ -15,8 +15,8 @@ import pytest
 from rich.console import Console
 
 import castfem
-from castfem.output.run_record import RunRecord
-from castfem.report.show import show
+from castfem.post.report.show import show
+from castfem.runs.output.run_record import RunRecord
 
 HERE = Path(__file__).parent / "earlier_runs"
 # Of curved cells of 5 mm the volume that liquid fills is integrated by another rule now.

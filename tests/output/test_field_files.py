@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from synthetic_run import rectangle
 
-from castfem.errors import RunFailure
-from castfem.output import field_files
-from castfem.output.fields import Fields
-from castfem.output.xdmf import FieldWriter
+from castfem.base.errors import RunFailure
+from castfem.runs.output import field_files
+from castfem.runs.output.fields import Fields
+from castfem.runs.output.xdmf import FieldWriter
 
 from .test_xdmf import some_fields
 

@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 from synthetic_run import summary, write_run
 
-from castfem.errors import InputError, RunFailure
-from castfem.output import folder as folder_module
-from castfem.output.checkpoint import save_checkpoint
-from castfem.output.folder import OutputFolder, versions
-from castfem.output.run_record import RunRecord
-from castfem.support import atomic_files
+from castfem.base import atomic_files
+from castfem.base.errors import InputError, RunFailure
+from castfem.runs.output import folder as folder_module
+from castfem.runs.output.checkpoint import save_checkpoint
+from castfem.runs.output.folder import OutputFolder, versions
+from castfem.runs.output.run_record import RunRecord
 
 CASE = 'title = "a case"\n'
 
@@ -103,7 +103,7 @@ def test_two_runs_at_once_are_refused_and_the_lock_ends_with_the_run(tmp_path):
 
 HOLDER = """
 import sys, time
-from castfem.output.folder import OutputFolder
+from castfem.runs.output.folder import OutputFolder
 folder = OutputFolder(sys.argv[1])
 folder.begin("title = 'x'")
 print("ready", flush=True)
@@ -343,7 +343,7 @@ def test_summary_is_written_into_the_folder(tmp_path):
 def test_versions_import_nothing():
     code = """
 import sys
-from castfem.output.folder import versions
+from castfem.runs.output.folder import versions
 found = versions()
 assert "dolfinx" not in found and "castfem" in found
 assert "dolfinx" not in sys.modules and "petsc4py" not in sys.modules
@@ -355,8 +355,8 @@ assert "dolfinx" not in sys.modules and "petsc4py" not in sys.modules
 def test_what_reads_results_is_light_to_import():
     code = """
 import importlib, pkgutil, sys
-import castfem.output, castfem.plots, castfem.report
-for package in (castfem.output, castfem.plots, castfem.report):
+import castfem.runs.output, castfem.post.plots, castfem.post.report
+for package in (castfem.runs.output, castfem.post.plots, castfem.post.report):
     for module in pkgutil.iter_modules(package.__path__):
         if module.name != "chosen_units":  # derives from matplotlib: to be imported to draw alone
             importlib.import_module(f"{package.__name__}.{module.name}")

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from castfem.errors import InputError, RunFailure
-from castfem.output.history import History, last_row, read_history
+from castfem.base.errors import InputError, RunFailure
+from castfem.runs.output.history import History, last_row, read_history
 
 COLUMNS = [("time", "s"), ("position", "m"), ("shell_mid_face", "mm"), ("newton", "-")]
 

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from synthetic_maps import LENGTH, THICK, WIDE, rolls, write_maps
 
+from castfem.base.errors import InputError
+from castfem.base.types import Array
 from castfem.cli.app import app
-from castfem.errors import InputError
-from castfem.machine.side import Side
 from castfem.meshes import SectionMesh
 from castfem.meshes.build import build
-from castfem.output.stacked_slices import between, write_strand
-from castfem.output.surface_maps import SurfaceMaps
-from castfem.output.xdmf import FieldWriter
-from castfem.values.types import Array
+from castfem.physics.machine.side import Side
+from castfem.runs.output.stacked_slices import between, write_strand
+from castfem.runs.output.surface_maps import SurfaceMaps
+from castfem.runs.output.xdmf import FieldWriter
 
 AT = (0.0, 0.9, 1.5, LENGTH)
 HALF = 0.5 * WIDE

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from synthetic_run import summary
 
 import castfem
-from castfem.case import load_case
-from castfem.errors import InputError
-from castfem.output.summary import Quantity, Reference, Summary, compare, from_si, to_si
-from castfem.support.atomic_files import plain, write_json
+from castfem.base.atomic_files import plain, write_json
+from castfem.base.errors import InputError
+from castfem.model import load_case
+from castfem.runs.output.summary import Quantity, Reference, Summary, compare, from_si, to_si
 
 
 def test_values_are_in_the_unit_beside_them():
@@ -176,9 +176,9 @@ def test_no_difference_is_taken_from_a_number_of_the_unchanged_case() -> None:
 def test_data_from_memory_are_told_in_every_run(tmp_path: Path) -> None:
     from rich.console import Console
 
-    from castfem.case.shipped_cases import find
-    from castfem.constitutive.parameters import unchecked
-    from castfem.report.show import show
+    from castfem.model.shipped_cases import find
+    from castfem.physics.constitutive.parameters import unchecked
+    from castfem.post.report.show import show
 
     changes = ["casting.length=6 mm", "mechanics.law=kozlowski_zhu", "mesh.surface_size=3 mm"]
     case = load_case(find("billet125/idealised"), [*changes, "output.fields=[]"])

@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 from synthetic_run import rectangle
 
-from castfem.case.casting import FieldName
-from castfem.errors import InputError, RunFailure
-from castfem.output.fields import Fields
-from castfem.output.layout import UNITS, components, triangulate, vtk_cells
-from castfem.output.xdmf import FieldWriter
+from castfem.base.errors import InputError, RunFailure
+from castfem.model.casting import FieldName
+from castfem.runs.output.fields import Fields
+from castfem.runs.output.layout import UNITS, components, triangulate, vtk_cells
+from castfem.runs.output.xdmf import FieldWriter
 
 KINDS = [("triangle", 1), ("quadrilateral", 1), ("triangle", 2), ("quadrilateral", 2)]
 MESHIO = {
@@ -294,7 +294,7 @@ with meshio.xdmf.TimeSeriesReader({str(tmp_path / "fields.xdmf")!r}) as reader:
 
 WRITER = """
 import sys, time, numpy as np
-from castfem.output.xdmf import FieldWriter
+from castfem.runs.output.xdmf import FieldWriter
 points = np.random.rand(2000, 2)
 with FieldWriter(sys.argv[1], points, [[0, 1, 2]], "triangle", 1) as writer:
     for k in range(int(sys.argv[2])):

@@ -9,14 +9,14 @@ import pandas
 import pytest
 
 from castfem.api import load
-from castfem.output.folder import ALL_FIGURES
-from castfem.plots import figures
-from castfem.plots.bending import BENDING_FIGURES, draw_bulging, draw_slice
-from castfem.plots.figures import _OTHERS
-from castfem.plots.history import HISTORY_FIGURES
-from castfem.plots.mechanics import MECHANICS_FIGURES
-from castfem.plots.section import SECTION_FIGURES
-from castfem.plots.style import Abscissa, look
+from castfem.post.plots import figures
+from castfem.post.plots.bending import BENDING_FIGURES, draw_bulging, draw_slice
+from castfem.post.plots.figures import _OTHERS
+from castfem.post.plots.history import HISTORY_FIGURES
+from castfem.post.plots.mechanics import MECHANICS_FIGURES
+from castfem.post.plots.section import SECTION_FIGURES
+from castfem.post.plots.style import Abscissa, look
+from castfem.runs.output.folder import ALL_FIGURES
 
 
 def history() -> pandas.DataFrame:

@@ -10,10 +10,10 @@ import pytest
 from matplotlib.collections import PolyCollection
 from synthetic_maps import THICK, WIDE, rolls, write_maps
 
-from castfem.machine.side import Side
-from castfem.output.surface_maps import Heading, MapWriter, SurfaceMaps
-from castfem.plots.caster_view import draw_caster, mirrored, view_of
-from castfem.plots.style import look
+from castfem.physics.machine.side import Side
+from castfem.post.plots.caster_view import draw_caster, mirrored, view_of
+from castfem.post.plots.style import look
+from castfem.runs.output.surface_maps import Heading, MapWriter, SurfaceMaps
 
 
 @pytest.fixture

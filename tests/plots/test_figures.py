@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from synthetic_run import HALF, LIQUIDUS, SOLIDUS, rectangle, write_run
 
-from castfem.output.fields import Fields
-from castfem.output.folder import FIGURES
-from castfem.output.history import read_history
-from castfem.output.summary import Zone
-from castfem.output.xdmf import FieldWriter
-from castfem.plots.figures import draw_figures
-from castfem.plots.history import curves, draw_heat, draw_steps, probes_with
-from castfem.plots.section import Steel, draw_states, draw_temperature, section_triangles
-from castfem.plots.section import state_shares as shares_of
-from castfem.plots.style import Abscissa
+from castfem.post.plots.figures import draw_figures
+from castfem.post.plots.history import curves, draw_heat, draw_steps, probes_with
+from castfem.post.plots.section import Steel, draw_states, draw_temperature, section_triangles
+from castfem.post.plots.section import state_shares as shares_of
+from castfem.post.plots.style import Abscissa
+from castfem.runs.output.fields import Fields
+from castfem.runs.output.folder import FIGURES
+from castfem.runs.output.history import read_history
+from castfem.runs.output.summary import Zone
+from castfem.runs.output.xdmf import FieldWriter
 
 
 def test_figures_need_no_display_and_no_pyplot(finished_run, tmp_path):
@@ -29,7 +29,7 @@ def test_figures_need_no_display_and_no_pyplot(finished_run, tmp_path):
     code = f"""
 import os, sys
 os.environ.pop("DISPLAY", None)
-from castfem.plots.figures import draw_figures
+from castfem.post.plots.figures import draw_figures
 assert len(draw_figures({str(run)!r})) == {len(FIGURES)}
 assert "matplotlib.pyplot" not in sys.modules
 """

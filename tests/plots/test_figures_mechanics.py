@@ -14,23 +14,23 @@ from matplotlib.colors import to_rgb
 from strained_run import moved_points, write_strained
 from synthetic_run import COLUMNS, HALF, LIQUIDUS, SOLIDUS, rectangle, temperature
 
-from castfem.case import load_case
-from castfem.case.shipped_cases import find
-from castfem.compare.runs import read_runs
-from castfem.compare.sections import Section, draw_sections
-from castfem.output.fields import Fields
-from castfem.output.folder import FIGURES, MECHANICS_FIGURES, OutputFolder
-from castfem.output.layout import components
-from castfem.output.xdmf import FieldWriter
-from castfem.plots.deformation import SOFT, draw_shape, draw_von_mises, stress_levels
-from castfem.plots.figures import draw_figures
-from castfem.plots.history import draw_steps, probes_with
-from castfem.plots.mechanics import draw_axial, draw_contact, draw_size, draw_stress
-from castfem.plots.mould_wall import WallLine
-from castfem.plots.section import Steel
-from castfem.plots.shape import Outline, displacement, magnification, von_mises
-from castfem.plots.strand import Stack, View, draw_stack
-from castfem.plots.style import Abscissa, look, render
+from castfem.model import load_case
+from castfem.model.shipped_cases import find
+from castfem.post.compare.runs import read_runs
+from castfem.post.compare.sections import Section, draw_sections
+from castfem.post.plots.deformation import SOFT, draw_shape, draw_von_mises, stress_levels
+from castfem.post.plots.figures import draw_figures
+from castfem.post.plots.history import draw_steps, probes_with
+from castfem.post.plots.mechanics import draw_axial, draw_contact, draw_size, draw_stress
+from castfem.post.plots.mould_wall import WallLine
+from castfem.post.plots.section import Steel
+from castfem.post.plots.shape import Outline, displacement, magnification, von_mises
+from castfem.post.plots.strand import Stack, View, draw_stack
+from castfem.post.plots.style import Abscissa, look, render
+from castfem.runs.output.fields import Fields
+from castfem.runs.output.folder import FIGURES, MECHANICS_FIGURES, OutputFolder
+from castfem.runs.output.layout import components
+from castfem.runs.output.xdmf import FieldWriter
 
 STEEL = Steel(SOLIDUS, LIQUIDUS)
 

@@ -6,9 +6,9 @@ import numpy as np
 import pandas
 import pytest
 
-from castfem.plots.fronts import open_front
-from castfem.plots.history import draw_shell
-from castfem.plots.style import Abscissa
+from castfem.post.plots.fronts import open_front
+from castfem.post.plots.history import draw_shell
+from castfem.post.plots.style import Abscissa
 
 NAN = np.nan
 

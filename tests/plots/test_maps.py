@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from synthetic_maps import LENGTH, THICK, WIDE, write_maps
 
-from castfem.output.folder import ALL_FIGURES, OutputFolder
-from castfem.output.surface_maps import SurfaceMaps
-from castfem.plots.figures import draw_figures
-from castfem.plots.maps import band_norm, draw_maps, edges, index_colours, temperature_colours
-from castfem.plots.style import Abscissa, look
+from castfem.post.plots.figures import draw_figures
+from castfem.post.plots.maps import band_norm, draw_maps, edges, index_colours, temperature_colours
+from castfem.post.plots.style import Abscissa, look
+from castfem.runs.output.folder import ALL_FIGURES, OutputFolder
+from castfem.runs.output.surface_maps import SurfaceMaps
 
 
 @pytest.mark.parametrize(

@@ -15,14 +15,16 @@ import pytest
 from PIL import Image
 from small_case import small
 
-from castfem.errors import RunFailure
-from castfem.plots import figures
-from castfem.plots.style import look, new_figure
-from castfem.support.own_style import own_style
-from castfem.time_loop import loop
+from castfem.base.errors import RunFailure
+from castfem.base.own_style import own_style
+from castfem.post.plots import figures
+from castfem.post.plots.style import look, new_figure
+from castfem.runs import loop
 
 USERS = "text.usetex: True\naxes.facecolor: red\nfont.size: 30\naxes.spines.top: False\n"
-DRAW = "import sys\nfrom castfem.plots.figures import draw_figures\ndraw_figures(sys.argv[1])\n"
+DRAW = (
+    "import sys\nfrom castfem.post.plots.figures import draw_figures\ndraw_figures(sys.argv[1])\n"
+)
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from rolled_case import circuit, rolled, secondary
 
-from castfem.case import load_case
-from castfem.plots.figures import draw_figures
-from castfem.plots.secondary import close_by, faces_met
-from castfem.time_loop.loop import run
+from castfem.model import load_case
+from castfem.post.plots.figures import draw_figures
+from castfem.post.plots.secondary import close_by, faces_met
+from castfem.runs.loop import run
 
 SLAB = Path(__file__).parents[2] / "cases" / "slab1200" / "sprays.toml"
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from synthetic_run import summary, write_run
 
-from castfem.output.fields import Fields
-from castfem.plots.figures import _state_at_exit, draw_figures
+from castfem.post.plots.figures import _state_at_exit, draw_figures
+from castfem.runs.output.fields import Fields
 
 
 @pytest.mark.parametrize(

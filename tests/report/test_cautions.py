@@ -9,11 +9,11 @@ import pytest
 from small_case import small
 
 import castfem
-from castfem.case.even_flux import even_zones
 from castfem.cli import execute
-from castfem.output.folder import CASE_NAME
-from castfem.output.summary import Summary
-from castfem.report.cautions import cautions
+from castfem.model.even_flux import even_zones
+from castfem.post.report.cautions import cautions
+from castfem.runs.output.folder import CASE_NAME
+from castfem.runs.output.summary import Summary
 
 FLUX = {"law": "contact", "flux": "2 MW/m^2", "wall": "160 degC"}
 OVER = {"temperature": ["200 degC", "1400 degC"], "value": [1, 2], "unit": "MW/m^2"}

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from castfem.output.history import HISTORY_NAME
-from castfem.report.cautions import cautions_of_all
+from castfem.post.report.cautions import cautions_of_all
+from castfem.runs.output.history import HISTORY_NAME
 
 
 def history(folder: Path, shell: list[float], gap: list[float]) -> Path:

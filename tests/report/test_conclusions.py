@@ -13,12 +13,12 @@ from synthetic_maps import write_maps
 from synthetic_run import summary, write_run
 
 from castfem.api import load
-from castfem.html_report.page import write
-from castfem.html_report.sections import sections
-from castfem.output.folder import CASE_NAME
-from castfem.output.history import HISTORY_NAME
-from castfem.output.summary import Quantity, Summary
-from castfem.report.conclusions import conclusions
+from castfem.post.html.page import write
+from castfem.post.html.sections import sections
+from castfem.post.report.conclusions import conclusions
+from castfem.runs.output.folder import CASE_NAME
+from castfem.runs.output.history import HISTORY_NAME
+from castfem.runs.output.summary import Quantity, Summary
 
 
 def test_the_page_begins_with_them_and_ends_with_its_origin(tmp_path: Path) -> None:
@@ -35,7 +35,7 @@ def test_the_page_begins_with_them_and_ends_with_its_origin(tmp_path: Path) -> N
 def test_machine_time_and_data_from_memory_stand_at_the_end(tmp_path: Path) -> None:
     folder = write_run(tmp_path / "run")
     told = replace(summary(), unchecked=("density: somebody",))
-    from castfem.support.atomic_files import write_json
+    from castfem.base.atomic_files import write_json
 
     write_json(folder / "summary.json", told.to_json())
     page = write([folder], tmp_path / "page.html").read_text()
@@ -102,7 +102,7 @@ def test_the_section_is_shown_at_the_exit_of_the_mould_first(tmp_path: Path) -> 
     folder = write_run(tmp_path / "run")
     (found,) = sections([folder])
     assert found is not None and found.start == len(found.places) - 1  # it ends there
-    from castfem.support.atomic_files import write_json
+    from castfem.base.atomic_files import write_json
 
     write_json(folder / "summary.json", replace(summary(), mould_exit=0.2).to_json())
     (found,) = sections([folder])

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from castfem.case import load_case
-from castfem.case.shipped_cases import find
-from castfem.report.error_pages import lines
+from castfem.model import load_case
+from castfem.model.shipped_cases import find
+from castfem.post.report.error_pages import lines
 
 BILLET = 'docs/billet.md, "Error of the shipped default"'
 

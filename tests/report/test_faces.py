@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from castfem.output.summary import Quantity
-from castfem.report.headline import headline
-from castfem.report.places import table_names
+from castfem.post.report.places import table_names
+from castfem.runs.output.summary import Quantity
+from castfem.runs.results.headline import headline
 
 NAMES = ("narrow_face", "mid_face_intrados", "corner_intrados", "mid_face_extrados",
          "corner_extrados")  # fmt: skip

@@ -9,7 +9,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from castfem.report.narrow import keep_words
+from castfem.post.report.table_layout import keep_words
 
 
 def printed(width: int) -> list[str]:

@@ -11,15 +11,15 @@ from rich.console import Console
 from synthetic_run import write_run
 
 from castfem.api import Result
-from castfem.compare.runs import read_runs
-from castfem.compare.table import lines
-from castfem.errors import InputError
-from castfem.output.folder import OutputFolder
-from castfem.output.history import read_history
-from castfem.output.summary import Quantity, Summary
-from castfem.report.show import show
-from castfem.results.places import quantities_at, read_positions
-from castfem.sweep.results import Row, printed
+from castfem.base.errors import InputError
+from castfem.post.compare.runs import read_runs
+from castfem.post.compare.table import lines
+from castfem.post.report.show import show
+from castfem.runs.output.folder import OutputFolder
+from castfem.runs.output.history import read_history
+from castfem.runs.output.summary import Quantity, Summary
+from castfem.runs.results.places import quantities_at, read_positions
+from castfem.studies.sweep.results import Row, printed
 
 WIDTH = 80
 

@@ -10,12 +10,12 @@ import pytest
 from rich.console import Console
 from synthetic_run import HALF, LIQUIDUS, SOLIDUS, rectangle, summary
 
-from castfem.output.fields import Fields
-from castfem.output.summary import Summary, Zone
-from castfem.output.xdmf import FieldWriter
-from castfem.report.hot_spots import hottest, thinnest
-from castfem.report.remarks import OPEN, Spell, remarks, spells
-from castfem.report.show import show
+from castfem.post.report.hot_spots import hottest, thinnest
+from castfem.post.report.remarks import OPEN, Spell, remarks, spells
+from castfem.post.report.show import show
+from castfem.runs.output.fields import Fields
+from castfem.runs.output.summary import Summary, Zone
+from castfem.runs.output.xdmf import FieldWriter
 
 
 def test_spells_without_contact_are_found_between_the_rows():

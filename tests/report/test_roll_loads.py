@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 
 from castfem.api import load
-from castfem.compare.remarks import remarks
-from castfem.compare.runs import Run
-from castfem.output.folder import CASE_NAME
-from castfem.output.history import HISTORY_NAME
-from castfem.output.summary import Summary
-from castfem.report.derived import derived
-from castfem.report.remarks import remarks_of
-from castfem.report.roll_load import RollLoads
+from castfem.post.compare.remarks import remarks
+from castfem.post.compare.runs import Run
+from castfem.post.report.derived import derived
+from castfem.post.report.remarks import remarks_of
+from castfem.post.report.roll_load import RollLoads
+from castfem.runs.output.folder import CASE_NAME
+from castfem.runs.output.history import HISTORY_NAME
+from castfem.runs.output.summary import Summary
 
 
 def write(folder: Path, force: dict[int, float], bulge: dict[int, float]) -> Path:

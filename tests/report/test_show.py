@@ -13,12 +13,12 @@ import pytest
 from rich.console import Console
 from synthetic_run import write_run
 
-from castfem.errors import InputError
-from castfem.output.folder import FIGURES, OutputFolder
-from castfem.output.summary import Comparison, Quantity, Reference, Summary
-from castfem.report.numbers import shown, with_error
-from castfem.report.results_table import result_rows
-from castfem.report.show import show
+from castfem.base.errors import InputError
+from castfem.post.report.results_table import result_rows
+from castfem.post.report.show import show
+from castfem.runs.output.folder import FIGURES, OutputFolder
+from castfem.runs.output.summary import Comparison, Quantity, Reference, Summary
+from castfem.runs.results.numbers import shown, with_error
 
 
 def printed(folder: Path, **options: bool) -> str:

@@ -12,17 +12,7 @@ import pytest
 from rich.console import Console
 from synthetic_run import write_run
 
-from castfem.case.result_names import AT_PROBES, COLUMNS, WHOLE
-from castfem.cli import execute
-from castfem.compare.places import places
-from castfem.html_report.page import write
-from castfem.output.summary import Summary
-from castfem.plots.chosen_units import in_chosen_units
-from castfem.plots.figures import draw_figures
-from castfem.plots.style import new_figure
-from castfem.report.show import show
-from castfem.results.registry import declared
-from castfem.values.shown_units import (
+from castfem.base.shown_units import (
     ShownUnits,
     coherent,
     documented,
@@ -31,6 +21,16 @@ from castfem.values.shown_units import (
     scale_of,
     shown_in,
 )
+from castfem.cli import execute
+from castfem.model.result_names import AT_PROBES, COLUMNS, WHOLE
+from castfem.post.compare.places import places
+from castfem.post.html.page import write
+from castfem.post.plots.chosen_units import in_chosen_units
+from castfem.post.plots.figures import draw_figures
+from castfem.post.plots.style import new_figure
+from castfem.post.report.show import show
+from castfem.runs.output.summary import Summary
+from castfem.runs.results.registry import declared
 
 OWN = ShownUnits.read({"temperature": "degF", "length": "inch", "shell": "cm", "shell_corner": "m"})
 

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from castfem.api import load
-from castfem.output.folder import CASE_NAME
-from castfem.output.summary import Quantity, Summary
-from castfem.report.wide_gap import radiated, wide_gap
+from castfem.post.report.wide_gap import radiated, wide_gap
+from castfem.runs.output.folder import CASE_NAME
+from castfem.runs.output.summary import Quantity, Summary
 
 
 def folder(path: Path, *laws: dict[str, Any]) -> Path:

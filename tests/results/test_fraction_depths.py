@@ -11,13 +11,13 @@ import pytest
 from small_case import small
 
 import castfem
-from castfem.case import result_names
-from castfem.errors import InputError
+from castfem.base.errors import InputError
 from castfem.fem.line_probes import Profile
-from castfem.report.headline import headline
-from castfem.results.fraction_depths import temperature_at
-from castfem.results.registry import declared, find
-from castfem.simulation.simulation import build, case_steel
+from castfem.model import result_names
+from castfem.model.build.simulation import build, case_steel
+from castfem.runs.results.fraction_depths import temperature_at
+from castfem.runs.results.headline import headline
+from castfem.runs.results.registry import declared, find
 
 
 @pytest.fixture(scope="module")

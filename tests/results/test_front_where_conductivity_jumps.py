@@ -14,7 +14,7 @@ from small_case import small
 
 import castfem
 from castfem.fem.line_probes import Profile
-from castfem.materials import load_steel
+from castfem.physics.materials import load_steel
 
 
 def jumping(liquid: float) -> dict[str, object]:

@@ -10,13 +10,13 @@ from rich.console import Console
 from strained_run import write_strained
 
 import castfem
-from castfem.case import load_case
-from castfem.case.shipped_cases import find
-from castfem.output.run_record import RunRecord
-from castfem.output.summary import Quantity
-from castfem.report.headline import plain_label
-from castfem.report.show import show
-from castfem.results.labels import last_quantities
+from castfem.model import load_case
+from castfem.model.shipped_cases import find
+from castfem.post.report.show import show
+from castfem.runs.output.run_record import RunRecord
+from castfem.runs.output.summary import Quantity
+from castfem.runs.results.headline import plain_label
+from castfem.runs.results.labels import last_quantities
 
 
 def test_an_interrupted_run_is_told_in_the_words_of_a_finished_one(tmp_path):

@@ -7,8 +7,8 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from castfem.contact.state import ContactSummary
-from castfem.results.mechanical import with_vertices
+from castfem.physics.contact.state import ContactSummary
+from castfem.runs.results.mechanical import with_vertices
 
 NOWHERE = np.zeros(2)
 PLACES = np.array([[0.0, 0.06], [0.06, 0.06], [0.06, 0.0]])

@@ -12,11 +12,11 @@ import pytest
 from small_case import small
 
 from castfem.api import load
-from castfem.case.result_names import all_names
-from castfem.mechanics.planes import PlainPlanes
-from castfem.results.of_case import fault_of, faults_of
-from castfem.results.registry import columns_of, results_of
-from castfem.simulation.simulation import Simulation, build
+from castfem.model.build.simulation import Simulation, build
+from castfem.model.result_names import all_names
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.runs.results.of_case import fault_of, faults_of
+from castfem.runs.results.registry import columns_of, results_of
 
 
 @pytest.fixture(scope="module")

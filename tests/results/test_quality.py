@@ -18,18 +18,18 @@ from bent_case import HALF, bent
 from ranks import needs_mpirun, python_on
 from small_case import small, write_small
 
-from castfem.case import Case, load_case
-from castfem.errors import InputError, RunFailure
-from castfem.output.folder import MAPS_NAME, ROWS_NAME
-from castfem.output.history import read_history
-from castfem.output.surface_maps import SurfaceMaps
-from castfem.results import crack_index as registry
-from castfem.results import registry as quantities
-from castfem.results.crack_index import SliceStep, crack_index
-from castfem.results.quality import QualitySampler
-from castfem.time_loop import loop
-from castfem.values.constants import ZERO_CELSIUS
-from castfem.values.types import Array
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.errors import InputError, RunFailure
+from castfem.base.types import Array
+from castfem.model import Case, load_case
+from castfem.runs import loop
+from castfem.runs.output.folder import MAPS_NAME, ROWS_NAME
+from castfem.runs.output.history import read_history
+from castfem.runs.output.surface_maps import SurfaceMaps
+from castfem.runs.results import crack_index as registry
+from castfem.runs.results import registry as quantities
+from castfem.runs.results.crack_index import SliceStep, crack_index
+from castfem.runs.results.quality import QualitySampler
 
 WIDE = {"band": ["1000 degC", "1300 degC"]}  # all of the strand lies within
 CUT = {"band": ["1185 degC", "1190 degC"]}  # each place of the surface passes through
@@ -91,7 +91,7 @@ def test_the_mean_over_a_pitch_is_that_of_the_strain(wide: Path) -> None:
 
 
 def test_the_mechanical_part_lacks_the_thermal_strain(wide: Path) -> None:
-    from castfem.simulation.simulation import case_steel
+    from castfem.model.build.simulation import case_steel
 
     case, table, maps = judged(WIDE), read_history(wide / "history.csv"), SurfaceMaps(wide)
     y, time = maps.heading.line.place[:, 1], table["time"].to_numpy()
@@ -197,7 +197,7 @@ def test_a_kill_costs_nothing_of_the_maps(tmp_path: Path, wide: Path, killed: bo
         break_off(patch)
         if killed:  # no end of the run, rows that the checkpoint does not know
             patch.setattr(loop, "_leave", lambda *given: None)
-            patch.setattr("castfem.output.surface_maps.MapWriter.close", lambda self: None)
+            patch.setattr("castfem.runs.output.surface_maps.MapWriter.close", lambda self: None)
         with pytest.raises(RunFailure, match="power"):
             loop.run(case, tmp_path, comm=MPI.COMM_SELF)
     assert len(SurfaceMaps(tmp_path).time) == 14
@@ -355,7 +355,7 @@ def test_a_new_index_is_one_function(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 def test_a_case_without_it_loads_and_writes_nothing_of_it(tmp_path: Path) -> None:
     code = (
-        "import sys; from castfem.case import load_case; from castfem.time_loop import loop; "
+        "import sys; from castfem.model import load_case; from castfem.runs import loop; "
         "loop.run(load_case(sys.argv[1]), sys.argv[2]); "
         "parts = ('results.quality', 'results.crack_index', 'output.surface', 'machine.stations'); "
         "print([m for m in sys.modules if any(f'castfem.{p}' in m for p in parts)])"

@@ -23,22 +23,28 @@ from billet_runs import billet
 from test_bulging_slab import slab
 from test_drawn_cases import drawn
 
-from castfem.case import load_case
 from castfem.fem import reductions
-from castfem.output.history import read_history
-from castfem.output.summary import Summary, si_unit
-from castfem.plots.history import axis_label, probes_with
-from castfem.report.headline import HEADLINE
-from castfem.results import registry
-from castfem.results.labels import last_quantities
-from castfem.results.mechanical import smooth_peak
-from castfem.results.mould_extremes import SmoothPeak, SmoothStress
-from castfem.results.reference_table import written
-from castfem.results.registry import QuantityDefinition, declared, find, in_summary_order, quantity
-from castfem.results.sample import Sample
-from castfem.simulation.simulation import build
-from castfem.time_loop import loop
-from castfem.time_loop.loop import TimeLoop
+from castfem.model import load_case
+from castfem.model.build.simulation import build
+from castfem.post.plots.history import axis_label, probes_with
+from castfem.runs import loop
+from castfem.runs.loop import TimeLoop
+from castfem.runs.output.history import read_history
+from castfem.runs.output.summary import Summary, si_unit
+from castfem.runs.results import registry
+from castfem.runs.results.headline import HEADLINE
+from castfem.runs.results.labels import last_quantities
+from castfem.runs.results.mechanical import smooth_peak
+from castfem.runs.results.mould_extremes import SmoothPeak, SmoothStress
+from castfem.runs.results.reference_table import written
+from castfem.runs.results.registry import (
+    QuantityDefinition,
+    declared,
+    find,
+    in_summary_order,
+    quantity,
+)
+from castfem.runs.results.sample import Sample
 
 ROOT = Path(__file__).parents[2]
 OSCILLATION = ("mould.oscillation.stroke=6 mm", "mould.oscillation.frequency=150 1/min")
@@ -165,7 +171,7 @@ def test_a_sample_has_what_its_simulation_has(samples: tuple[Sample, ...]) -> No
 
 
 def test_the_page_is_that_of_the_registry() -> None:
-    """`python -m castfem.results.reference_table docs/output.md` mends it."""
+    """`python -m castfem.runs.results.reference_table docs/output.md` mends it."""
     page = (ROOT / "docs" / "output.md").read_text(encoding="utf-8")
     assert written(page) == page
     for d in declared():
@@ -218,9 +224,9 @@ def test_a_quantity_of_the_slice_is_no_probe(declaring: None) -> None:
 def test_a_new_quantity_may_add_up_over_the_ranks(tmp_path: Path) -> None:
     imports = (
         "import sys; from collections.abc import Callable; from mpi4py import MPI; "
-        "from castfem.case import load_case; "
-        "from castfem.fem import reductions; from castfem.results.registry import quantity; "
-        "from castfem.results.sample import Sample; from castfem.time_loop import loop\n"
+        "from castfem.model import load_case; "
+        "from castfem.fem import reductions; from castfem.runs.results.registry import quantity; "
+        "from castfem.runs.results.sample import Sample; from castfem.runs import loop\n"
     )
     ran = "declare_mean()\nloop.run(load_case(sys.argv[1]), sys.argv[2], comm=MPI.COMM_WORLD)\n"
     file, found = str(write_small(tmp_path)), []
@@ -251,7 +257,7 @@ def test_what_is_declared_twice_or_needs_nonsense_is_refused(declaring: None) ->
 def test_words_need_no_solver() -> None:
     """Tables and figures of a finished run are made without DOLFINx."""
     code = (
-        "import sys, json; from castfem.results.labels import last_quantities; "
+        "import sys, json; from castfem.runs.results.labels import last_quantities; "
         "found = last_quantities({'shell_mid_face': 1.0}, {'shell_mid_face': 'mm'}); "
         "print(json.dumps([found['shell_mid_face'].label, 'dolfinx' in sys.modules]))"
     )

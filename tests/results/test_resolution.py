@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from castfem.output.summary import Quantity, Summary
-from castfem.report.numbers import cells, finely, shown
-from castfem.results.labels import last_quantities
-from castfem.results.resolution import resolved
+from castfem.runs.output.summary import Quantity, Summary
+from castfem.runs.results.labels import last_quantities
+from castfem.runs.results.numbers import cells, finely, shown
+from castfem.runs.results.resolution import resolved
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from small_case import small
 
-from castfem.output.summary import Quantity, Summary
-from castfem.results.run_warnings import run_warnings
+from castfem.runs.output.summary import Quantity, Summary
+from castfem.runs.results.run_warnings import run_warnings
 
 
 @pytest.mark.parametrize(

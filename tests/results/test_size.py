@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from time_loop.billet_runs import Kept, run_in_memory
 
-from castfem.case import load_case
-from castfem.results.mechanical import opposite
+from castfem.model import load_case
+from castfem.runs.results.mechanical import opposite
 
 CORNERS = {"corner": (2.0, 1.0), "low": (2.0, -1.0), "left": (-2.0, 1.0), "low_left": (-2.0, -1.0)}
 EXPANSION = 13.5e-6  # 1/K

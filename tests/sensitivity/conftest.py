@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from castfem.thermal import problem as heat_balance
+from castfem.physics.thermal import problem as heat_balance
 
 
 @pytest.fixture(autouse=True, scope="module")

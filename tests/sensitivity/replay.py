@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 from small_case import small
 
-from castfem.case import Case
-from castfem.sensitivity import varied
-from castfem.sensitivity.followed_steps import FollowedSteps
-from castfem.sensitivity.parameters import Parameter, read_parameters
-from castfem.sensitivity.thermal import ThermalDerivatives
-from castfem.sensitivity.varied import Varied, vary
-from castfem.simulation.simulation import Simulation, build
-from castfem.simulation.start import starting_state
-from castfem.thermal.stepper import StepResult, ThermalState
-from castfem.time_loop.loop import TimeLoop
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.model import Case
+from castfem.model.build.simulation import Simulation, build
+from castfem.model.build.start import starting_state
+from castfem.physics.thermal.stepper import StepResult, ThermalState
+from castfem.runs.loop import TimeLoop
+from castfem.studies.sensitivity import perturbed_simulation as varied
+from castfem.studies.sensitivity.differentiated_steps import FollowedSteps
+from castfem.studies.sensitivity.parameters import Parameter, read_parameters
+from castfem.studies.sensitivity.perturbed_simulation import Varied, vary
+from castfem.studies.sensitivity.thermal import ThermalDerivatives
 
 EXACT = 1e-12  # K, to which stages are solved where runs are compared
 QUIET: Mapping[str, Any] = {"output.fields": [], "output.every": "100 s", "reference": []}

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.materials.curve import ThermalCurve
-from castfem.sensitivity.alike import same_laws
-from castfem.sensitivity.curve_difference import CurveDifference
-from castfem.sensitivity.difference import WARMER, slope, slope_by_temperature
-from castfem.thermal.boundary import Cooling, Patch
-from castfem.thermal.flux_laws import Contact, Convection, SurfaceLaw
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.physics.materials.curve import ThermalCurve
+from castfem.physics.thermal.boundary import Cooling, Patch
+from castfem.physics.thermal.flux_laws import Contact, Convection, SurfaceLaw
+from castfem.studies.sensitivity.compare_laws import same_laws
+from castfem.studies.sensitivity.curve_difference import CurveDifference
+from castfem.studies.sensitivity.difference import WARMER, slope, slope_by_temperature
 
 
 def _curve(solidus: float, slope: float = 0.0, jump: float = 0.0) -> ThermalCurve:

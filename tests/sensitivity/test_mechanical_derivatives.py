@@ -13,23 +13,23 @@ import numpy as np
 import pytest
 
 import castfem
-from castfem.case import Case
-from castfem.case.load import from_document
-from castfem.coupling.staggered import StrandState
-from castfem.errors import InputError
-from castfem.results.run_state import RunState
-from castfem.results.sample import Sample
-from castfem.sensitivity.followed_steps import FollowedMechanics, mark_coupled
-from castfem.sensitivity.mechanical import MechanicalDerivatives
-from castfem.sensitivity.moved_state import CARRIED
-from castfem.sensitivity.parameters import Parameter, read_parameters
-from castfem.sensitivity.run import follow
-from castfem.sensitivity.thermal import ThermalDerivatives
-from castfem.simulation import mechanics as making
-from castfem.simulation import simulation as building
-from castfem.simulation.law import build_law
-from castfem.simulation.simulation import Simulation, build, case_steel
-from castfem.time_loop.loop import TimeLoop
+from castfem.base.errors import InputError
+from castfem.model import Case
+from castfem.model.build import mechanics as making
+from castfem.model.build import simulation as building
+from castfem.model.build.law import build_law
+from castfem.model.build.simulation import Simulation, build, case_steel
+from castfem.model.load import from_document
+from castfem.physics.coupling.staggered import StrandState
+from castfem.runs.loop import TimeLoop
+from castfem.runs.results.run_state import RunState
+from castfem.runs.results.sample import Sample
+from castfem.studies.sensitivity.differentiated_steps import FollowedMechanics, mark_coupled
+from castfem.studies.sensitivity.mechanical import MechanicalDerivatives
+from castfem.studies.sensitivity.moved_state import CARRIED
+from castfem.studies.sensitivity.parameters import Parameter, read_parameters
+from castfem.studies.sensitivity.run import follow
+from castfem.studies.sensitivity.thermal import ThermalDerivatives
 
 FREE = {
     "casting.length": "2.5 mm", "output.fields": [], "output.figures": False,

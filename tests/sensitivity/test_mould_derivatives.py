@@ -17,21 +17,21 @@ import pytest
 from sensitivity.test_mechanical_derivatives import Marks
 
 import castfem
-from castfem.case import Case
-from castfem.case.load import from_document
+from castfem.base.errors import InputError
 from castfem.cli.sensitivity import remarks
-from castfem.errors import InputError
-from castfem.materials import Steel
-from castfem.results.registry import columns_of
-from castfem.results.run_state import RunState
-from castfem.sensitivity import mechanical
-from castfem.sensitivity.parameters import Parameter, read_parameters
-from castfem.sensitivity.restart import CoupledCheckpoint
-from castfem.sensitivity.result import Sensitivity
-from castfem.sensitivity.run import follow
-from castfem.simulation import simulation as building
-from castfem.simulation.simulation import build, case_steel
-from castfem.time_loop.loop import TimeLoop
+from castfem.model import Case
+from castfem.model.build import simulation as building
+from castfem.model.build.simulation import build, case_steel
+from castfem.model.load import from_document
+from castfem.physics.materials import Steel
+from castfem.runs.loop import TimeLoop
+from castfem.runs.results.registry import columns_of
+from castfem.runs.results.run_state import RunState
+from castfem.studies.sensitivity import mechanical
+from castfem.studies.sensitivity.parameters import Parameter, read_parameters
+from castfem.studies.sensitivity.restart import CoupledCheckpoint
+from castfem.studies.sensitivity.result import Sensitivity
+from castfem.studies.sensitivity.run import follow
 
 HALF, CELL, YOUNG, POISSON = 0.05, 0.0125, 40e9, 0.3
 TAPER, MOULD, DEPTH = 5e-4, 0.4, 0.2  # 1/m; length of the mould and of the run, m

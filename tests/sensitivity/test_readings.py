@@ -10,15 +10,15 @@ import pytest
 from sensitivity.replay import bare, built, differences, followed
 
 import castfem
-from castfem.case.load import from_document
-from castfem.errors import InputError
-from castfem.sensitivity.parameters import read_parameters
-from castfem.sensitivity.recorder import CHECKPOINT_NAME
-from castfem.simulation.simulation import case_steel
-from castfem.thermal.stepper import ThermalState
-from castfem.time_loop.loop import TimeLoop
-from castfem.values.types import Array
-from castfem.verification.solidification import ThreeZones
+from castfem.base.errors import InputError
+from castfem.base.types import Array
+from castfem.model.build.simulation import case_steel
+from castfem.model.load import from_document
+from castfem.physics.closed_forms.solidification import ThreeZones
+from castfem.physics.thermal.stepper import ThermalState
+from castfem.runs.loop import TimeLoop
+from castfem.studies.sensitivity.parameters import read_parameters
+from castfem.studies.sensitivity.recorder import CHECKPOINT_NAME
 
 STEADY = {
     "title": "steady strip",
@@ -114,10 +114,10 @@ READ = "shell_corner,surface_temperature_mid_face,heat_flux_mid_face,heat_flux_c
 
 def test_results_have_the_differences_of_runs() -> None:
     """Read off runs on the same steps, each with its own steel, speed and times."""
-    from castfem.coupling.staggered import StrandState
-    from castfem.results.thermal import Sampler
-    from castfem.sensitivity.readings import Readings, asked_quantities
-    from castfem.sensitivity.varied import Varied
+    from castfem.physics.coupling.staggered import StrandState
+    from castfem.runs.results.thermal import Sampler
+    from castfem.studies.sensitivity.perturbed_simulation import Varied
+    from castfem.studies.sensitivity.readings import Readings, asked_quantities
 
     case = bare({"casting.length": "60 mm", "thermal.time.step": "0.1 s"})
     run = followed(case, "casting.speed", "steel.solidus", "casting.superheat")

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from sensitivity.test_mould_derivatives import short
 
-from castfem.fem.dolfinx_compat import assemble_owned
-from castfem.sensitivity.shape_change import ByMotion
-from castfem.simulation.simulation import build
+from castfem.fem.compat import assemble_owned
+from castfem.model.build.simulation import build
+from castfem.studies.sensitivity.shape_change import ByMotion
 
 
 @pytest.mark.parametrize("what", ["volume", "perimeter"])

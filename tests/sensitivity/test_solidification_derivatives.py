@@ -13,15 +13,15 @@ from scipy.integrate import quad
 from sensitivity.test_mechanical_derivatives import Marks
 
 import castfem
-from castfem.case.load import from_document
-from castfem.results.run_state import RunState
-from castfem.results.sample import Sample
-from castfem.sensitivity.followed_steps import FollowedMechanics
-from castfem.sensitivity.run import follow
-from castfem.simulation.simulation import build
-from castfem.time_loop.loop import TimeLoop
-from castfem.verification import Neumann
-from castfem.verification.half_space import ALPHA, YIELD, HalfSpace
+from castfem.model.build.simulation import build
+from castfem.model.load import from_document
+from castfem.physics.closed_forms import Neumann
+from castfem.physics.closed_forms.half_space import ALPHA, YIELD, HalfSpace
+from castfem.runs.loop import TimeLoop
+from castfem.runs.results.run_state import RunState
+from castfem.runs.results.sample import Sample
+from castfem.studies.sensitivity.differentiated_steps import FollowedMechanics
+from castfem.studies.sensitivity.run import follow
 
 COARSE = {
     "casting.length": "83.3333333333 mm", "output.fields": [], "output.figures": False,

@@ -19,8 +19,8 @@ from sensitivity.replay import (
     replayed,
 )
 
-from castfem.sensitivity.run import follow
-from castfem.simulation.start import starting_state
+from castfem.model.build.start import starting_state
+from castfem.studies.sensitivity.run import follow
 
 MOULD = (
     "cooling.mould.coefficient", "cooling.mould.wall", "casting.superheat", "casting.speed",

@@ -11,17 +11,17 @@ from typing import Any
 
 import pytest
 
-from castfem.support.compiled import outermost
+from castfem.base.compiled import outermost
 
 FILES = {
     "constants.py": "FACTOR = 2.0\n",
     "inner.py": (
-        "from castfem.support.compiled import compiled\n\n"
+        "from castfem.base.compiled import compiled\n\n"
         "@compiled\ndef deepest(x):\n    return x + 1.0\n\n"
         "@compiled\ndef inner(x):\n    return deepest(x)\n"
     ),
     "outer.py": (
-        "from castfem.support.compiled import outermost\n"
+        "from castfem.base.compiled import outermost\n"
         "from toy.constants import FACTOR\nfrom toy.inner import inner\n\n"
         "@outermost\ndef outer(x, sources=None):\n    return FACTOR * inner(x) + 5.0\n"
     ),

@@ -16,7 +16,7 @@ LATER = ("dolfinx", "petsc4py")
 # A new process for each, forked from one that has loaded what is without effect on the order.
 FORKED = """
 import json, os, sys
-import castfem, castfem.case, numba, scipy.optimize, scipy.sparse.linalg, ufl
+import castfem, castfem.model, numba, scipy.optimize, scipy.sparse.linalg, ufl
 from importlib import import_module
 assert not {"h5py", "mpi4py", "dolfinx", "petsc4py"} & sys.modules.keys()
 for name in sys.argv[1:]:

@@ -12,10 +12,10 @@ import h5py
 import pytest
 from filelock import FileLock, Timeout
 
-from castfem.output.field_files import open_hdf5
-from castfem.output.folder import OutputFolder
-from castfem.support.file_lock import taken
-from castfem.sweep.record import Entry, Record
+from castfem.base.file_lock import taken
+from castfem.runs.output.field_files import open_hdf5
+from castfem.runs.output.folder import OutputFolder
+from castfem.studies.sweep.record import Entry, Record
 
 
 @pytest.fixture(params=[errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP, 524])

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from castfem.errors import RunFailure
-from castfem.support.atomic_files import folder_refused, saving
+from castfem.base.atomic_files import folder_refused, saving
+from castfem.base.errors import RunFailure
 
 
 def test_the_reason_stands_there_once() -> None:

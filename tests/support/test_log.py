@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from castfem.support import log
+from castfem.base import log
 
 
 @contextmanager

@@ -7,9 +7,9 @@ import logging
 
 import pytest
 
-from castfem.support import log
-from castfem.support import progress as module
-from castfem.support.progress import Progress
+from castfem.base import log
+from castfem.base import progress as module
+from castfem.base.progress import Progress
 
 
 @pytest.fixture(autouse=True)
@@ -112,7 +112,7 @@ def test_update_without_start_and_two_stops():
 def test_log_leaves_the_root_logger_alone(capsys):
     before = list(logging.getLogger().handlers), logging.getLogger().level
     log.setup(1)
-    logging.getLogger("castfem.thermal").debug("a step")
+    logging.getLogger("castfem.physics.thermal").debug("a step")
     logging.getLogger("other").info("unheard")
     assert (list(logging.getLogger().handlers), logging.getLogger().level) == before
     assert capsys.readouterr().err == "a step\n"

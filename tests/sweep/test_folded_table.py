@@ -7,8 +7,8 @@ import io
 import pytest
 from rich.console import Console
 
-from castfem.output.summary import Quantity
-from castfem.sweep.results import Row, printed
+from castfem.runs.output.summary import Quantity
+from castfem.studies.sweep.results import Row, printed
 
 GIVEN = {
     "casting.speed": "{} m/min", "casting.superheat": "40 K", "mould.taper": "1 percent/m",

@@ -8,8 +8,8 @@ import pytest
 from small_case import write_small
 
 import castfem
-from castfem.sweep.plan import brief, plan, run_name, split_values
-from castfem.sweep.results import Row, printed
+from castfem.studies.sweep.plan import brief, plan, run_name, split_values
+from castfem.studies.sweep.results import Row, printed
 
 
 @pytest.fixture(scope="module")

@@ -11,15 +11,15 @@ import numpy as np
 from dolfinx import fem
 
 from castfem import meshes
+from castfem.base.types import Array
 from castfem.fem import reductions
 from castfem.fem.section import Section
-from castfem.materials.curve import ThermalCurve
-from castfem.thermal.boundary import Cooling, Surface
-from castfem.thermal.deformed_section import Shape
-from castfem.thermal.flux_laws import PrescribedTemperature, SurfaceLaw
-from castfem.thermal.problem import ThermalProblem
-from castfem.thermal.stepper import StepResult, ThermalState, ThermalStepper
-from castfem.values.types import Array
+from castfem.physics.materials.curve import ThermalCurve
+from castfem.physics.thermal.boundary import Cooling, Surface
+from castfem.physics.thermal.deformed_section import Shape
+from castfem.physics.thermal.flux_laws import PrescribedTemperature, SurfaceLaw
+from castfem.physics.thermal.problem import ThermalProblem
+from castfem.physics.thermal.stepper import StepResult, ThermalState, ThermalStepper
 
 LOWER, UPPER = 200.0, 2600.0
 

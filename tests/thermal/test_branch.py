@@ -11,10 +11,10 @@ import small_case
 
 import castfem
 from castfem import meshes
-from castfem.errors import RunFailure
-from castfem.thermal.branch import Branch
-from castfem.thermal.flux_laws import Convection, Radiation
-from castfem.thermal.sprays import wendelstorf
+from castfem.base.errors import RunFailure
+from castfem.physics.thermal.branch import Branch
+from castfem.physics.thermal.flux_laws import Convection, Radiation
+from castfem.physics.thermal.sprays import wendelstorf
 
 from .setups import ThermalSetup, constant_steel
 
@@ -82,7 +82,7 @@ def test_no_flux_cools_below_absolute_zero(strip: castfem.Case, tmp_path: Path) 
 def test_a_law_that_heats_beyond_its_surroundings_is_refused(
     strip: castfem.Case, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from castfem.thermal import sprays
+    from castfem.physics.thermal import sprays
 
     heating = sprays.Correlation(lambda water, cold, surface: np.full_like(surface, -500.0))
     monkeypatch.setitem(sprays.CORRELATIONS, "nozaki", heating)

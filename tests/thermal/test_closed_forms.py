@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from castfem.base.constants import STEFAN_BOLTZMANN
 from castfem.fem.line_probes import Profile
-from castfem.thermal import flux_laws
-from castfem.values.constants import STEFAN_BOLTZMANN
-from castfem.verification import Neumann, ThreeZones
+from castfem.physics.closed_forms import Neumann, ThreeZones
+from castfem.physics.thermal import flux_laws
 from thermal.setups import ThermalSetup, constant_steel, strip
 
 ALLOY = ThreeZones(30.0, 7200.0, 700.0, 272e3, 1000.0, 1450.0, 1500.0, 1540.0)

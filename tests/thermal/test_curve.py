@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from castfem.materials.curve import ThermalCurve
+from castfem.physics.materials.curve import ThermalCurve
 
 
 def random_curve(seed: int) -> ThermalCurve:

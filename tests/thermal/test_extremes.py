@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from castfem import meshes
-from castfem.thermal import flux_laws
-from castfem.verification import Neumann, ThreeZones
+from castfem.physics.closed_forms import Neumann, ThreeZones
+from castfem.physics.thermal import flux_laws
 from thermal.setups import ThermalSetup, constant_steel, strip
 
 WALL, CAST = 433.15, 1813.15

@@ -7,9 +7,9 @@ import pytest
 
 from castfem import meshes
 from castfem.fem.line_probes import Profile
-from castfem.materials import load_steel
-from castfem.thermal import flux_laws
-from castfem.verification import ThreeZones
+from castfem.physics.closed_forms import ThreeZones
+from castfem.physics.materials import load_steel
+from castfem.physics.thermal import flux_laws
 from thermal.setups import ThermalSetup, constant_steel, strip
 
 ALLOY = ThreeZones(30.0, 7200.0, 700.0, 272e3, 1000.0, 1450.0, 1500.0, 1540.0)

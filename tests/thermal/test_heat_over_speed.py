@@ -10,14 +10,14 @@ import pytest
 from small_case import small
 
 import castfem
-from castfem.case import Case
-from castfem.case.plausibility import warnings
-from castfem.case.shared_heat import fixed_while_varied, shared_heat
+from castfem.base.errors import InputError
 from castfem.cli.drawing import build_mesh
 from castfem.cli.mould_heat import heat_lines
-from castfem.errors import InputError
-from castfem.materials import load_steel
-from castfem.thermal.mould_flux import MOULD_FLUXES
+from castfem.model import Case
+from castfem.model.plausibility import warnings
+from castfem.model.shared_heat import fixed_while_varied, shared_heat
+from castfem.physics.materials import load_steel
+from castfem.physics.thermal.mould_flux import MOULD_FLUXES
 
 SPEEDS = {"speed": ["1 m/min", "2 m/min"], "value": ["400 kW", "600 kW"]}
 PLACES = {"position": [0, 0.4, 0.8], "position_unit": "m", "value": [3, 2, 1], "unit": "MW/m^2"}
@@ -91,7 +91,7 @@ def test_a_case_reads_back_what_it_was_given() -> None:
     for law in ({"power": SPEEDS}, {"power": "5 kW", "measured_at": "any speed"},
                 {"flux": PLACES, "measured_at": "1.7 m/min"}):  # fmt: skip
         case = billet("1.5 m/min", law)
-        (read,) = castfem.case.load.from_document(case.document()).cooling[0].surface
+        (read,) = castfem.model.load.from_document(case.document()).cooling[0].surface
         assert read == case.cooling[0].surface[0]
 
 

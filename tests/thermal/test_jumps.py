@@ -7,13 +7,13 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from castfem.case import load_case
-from castfem.results.run_state import Counts, RunState
-from castfem.simulation.simulation import build
-from castfem.thermal import flux_laws
-from castfem.thermal.stepper import REBOUND, ThermalStepper
-from castfem.time_loop.loop import TimeLoop
-from castfem.values.types import Array
+from castfem.base.types import Array
+from castfem.model import load_case
+from castfem.model.build.simulation import build
+from castfem.physics.thermal import flux_laws
+from castfem.physics.thermal.stepper import REBOUND, ThermalStepper
+from castfem.runs.loop import TimeLoop
+from castfem.runs.results.run_state import Counts, RunState
 from thermal.setups import ThermalSetup, constant_steel, strip
 from thermal.test_extremes import CAST, SLACK, billet
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from castfem import meshes
-from castfem.thermal import flux_laws
+from castfem.physics.thermal import flux_laws
 from thermal.setups import ThermalSetup, constant_steel
 
 STEEL = constant_steel(1725.0, 1775.0, datum=1815.0)

@@ -10,9 +10,10 @@ import pytest
 from small_case import small
 
 import castfem
-from castfem.errors import InputError
-from castfem.thermal import flux_laws
-from castfem.thermal.mould_flux import (
+from castfem.base.errors import InputError
+from castfem.base.tables import Table, celsius
+from castfem.physics.thermal import flux_laws
+from castfem.physics.thermal.mould_flux import (
     MOULD_FLUXES,
     NEAREST,
     WATER,
@@ -20,7 +21,6 @@ from castfem.thermal.mould_flux import (
     FluxCurve,
     heat_to_mould,
 )
-from castfem.values.tables import Table, celsius
 
 SURFACE = "cooling.0.surface"
 WALL, KG = 433.15, 0.15

@@ -12,17 +12,17 @@ from pydantic import Field
 from small_case import write_small
 
 import castfem
-from castfem.case.heat_law import HeatLaw, Surroundings
-from castfem.case.json_schema import case_schema
-from castfem.case.mould_laws import GivenFlux
-from castfem.case.reference_page import markdown_page
-from castfem.errors import InputError
-from castfem.machine import Machine
-from castfem.machine.travel import Steady
-from castfem.materials import load_steel
-from castfem.thermal import sprays
-from castfem.values.quantities import Kind, Temperature
-from castfem.values.types import Array
+from castfem.base.errors import InputError
+from castfem.base.quantities import Kind, Temperature
+from castfem.base.types import Array
+from castfem.model.heat_law import HeatLaw, Surroundings
+from castfem.model.json_schema import case_schema
+from castfem.model.mould_laws import GivenFlux
+from castfem.model.reference_page import markdown_page
+from castfem.physics.machine import Machine
+from castfem.physics.machine.travel import Steady
+from castfem.physics.materials import load_steel
+from castfem.physics.thermal import sprays
 
 HEAT = "cooling.mould.surface"
 RATED = {"law": "rated", "flux": "4 MW/m^2", "at": "1200 degC", "ambient": "25 degC"}
@@ -136,7 +136,7 @@ def test_a_new_spray_runs(case: castfem.Case) -> None:
         twice = {**spray, "correlation": "mizikar", "machine_factor": 0.5}
         assert final(new) == pytest.approx(final(case.with_({HEAT: [twice]})), abs=1e-9)
         assert "outside of what linear was measured for, 1 to 4" in " ".join(
-            str(warning) for warning in castfem.case.plausibility.warnings(new)
+            str(warning) for warning in castfem.model.plausibility.warnings(new)
         )
         assert '`"linear"`' in markdown_page()
     finally:

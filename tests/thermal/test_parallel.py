@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from castfem.fem.line_probes import LineProbes
-from castfem.thermal import flux_laws
+from castfem.physics.thermal import flux_laws
 from thermal.setups import ThermalSetup, constant_steel
 from thermal.test_extremes import CAST, WALL, billet
 

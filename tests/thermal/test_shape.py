@@ -14,10 +14,10 @@ import pytest
 import ufl
 from dolfinx import fem
 
-from castfem.fem.dolfinx_compat import assemble_owned
+from castfem.base.types import Array
+from castfem.fem.compat import assemble_owned
 from castfem.forms import heat
-from castfem.thermal import flux_laws
-from castfem.values.types import Array
+from castfem.physics.thermal import flux_laws
 from thermal.setups import ThermalSetup, constant_steel
 from thermal.test_extremes import CAST, WALL, billet
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from ranks import needs_mpirun, python_on
 
-from castfem.thermal.flux_laws import Convection, Radiation
-from castfem.thermal.spray_water import (
+from castfem.physics.thermal.flux_laws import Convection, Radiation
+from castfem.physics.thermal.spray_water import (
     Coefficient,
     CoefficientTable,
     OfCorrelation,
@@ -20,7 +20,7 @@ from castfem.thermal.spray_water import (
     SprayWater,
     water_across,
 )
-from castfem.thermal.sprays import CORRELATIONS
+from castfem.physics.thermal.sprays import CORRELATIONS
 
 SLAB = Path(__file__).parents[2] / "cases" / "slab1200"
 TABLE = CoefficientTable(
@@ -124,9 +124,9 @@ ON_ONE_RANK = """
 from mpi4py import MPI
 import numpy as np
 from castfem import meshes
-from castfem.thermal.boundary import Cooling
-from castfem.thermal.branch import Branch
-from castfem.thermal.spray_water import CoefficientTable, Share, SprayWater
+from castfem.physics.thermal.boundary import Cooling
+from castfem.physics.thermal.branch import Branch
+from castfem.physics.thermal.spray_water import CoefficientTable, Share, SprayWater
 from thermal.setups import ThermalSetup, constant_steel
 mesh = meshes.build(shape="strip", length=0.02, width=0.002, surface_size=1e-3, core_size=2e-3,
                     cell="quadrilateral", order=1)

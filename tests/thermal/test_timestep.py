@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from castfem.coupling.step_control import Adaptive, StepControl, rung
-from castfem.errors import RunFailure
+from castfem.base.errors import RunFailure
+from castfem.physics.coupling.step_control import Adaptive, StepControl, rung
 
 BOUNDS = Adaptive(tolerance=1.0, first=1e-3, smallest=1e-5, largest=0.5)
 

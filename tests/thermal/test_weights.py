@@ -8,10 +8,10 @@ import ufl
 from dolfinx import fem
 
 from castfem import meshes
+from castfem.base.types import Array
 from castfem.forms.heat import surface_stretch
 from castfem.meshes import SectionMesh
-from castfem.thermal import flux_laws
-from castfem.values.types import Array
+from castfem.physics.thermal import flux_laws
 from thermal.setups import ThermalSetup, constant_steel
 
 RADIUS, SIDE = 5e-3, 0.0625

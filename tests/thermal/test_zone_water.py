@@ -12,13 +12,13 @@ import pytest
 from small_case import small
 
 import castfem
-from castfem.case.mould import Oscillation
+from castfem.base.errors import InputError
 from castfem.cli.spray_water import water_lines
-from castfem.errors import InputError
 from castfem.meshes import build as build_mesh
-from castfem.simulation.simulation import build, case_steel
-from castfem.thermal import flux_laws
-from castfem.thermal.sprays import CORRELATIONS
+from castfem.model.build.simulation import build, case_steel
+from castfem.model.mould import Oscillation
+from castfem.physics.thermal import flux_laws
+from castfem.physics.thermal.sprays import CORRELATIONS
 
 SURFACE = "cooling.0.surface"
 SPEED, LENGTH = 0.06, 0.06

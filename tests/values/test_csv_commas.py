@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from small_case import small
 
-from castfem.errors import InputError
-from castfem.values.csv_files import read_csv
+from castfem.base.csv_files import read_csv
+from castfem.base.errors import InputError
 
 SURFACE = "cooling.0.surface"
 

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from castfem.design.measured import read_measured
-from castfem.machine.rolls import read_rolls
-from castfem.results.registry import declared
-from castfem.values import units
-from castfem.values.csv_files import UnreadableError, read_csv
-from castfem.values.quantities import Kind
-from castfem.values.table_notation import Curve
+from castfem.base import units
+from castfem.base.csv_files import UnreadableError, read_csv
+from castfem.base.quantities import Kind
+from castfem.base.table_notation import Curve
+from castfem.physics.machine.rolls import read_rolls
+from castfem.runs.results.registry import declared
+from castfem.studies.optimisation.measured import read_measured
 
 FLUX = Curve(Kind("W/m^2", "MW/m^2"), over="position")
 

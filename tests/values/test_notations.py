@@ -8,15 +8,15 @@ from typing import Annotated, Optional, get_args, get_origin
 
 import pytest
 
-import castfem.case
-import castfem.values
-from castfem.values.quantities import Notation
+import castfem.base
+import castfem.model
+from castfem.base.quantities import Notation
 
 
 def annotations() -> dict[str, object]:
     """Each annotated type that a module of case files names, by module and name."""
     found = {}
-    for package in (castfem.case, castfem.values):
+    for package in (castfem.model, castfem.base):
         for module in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
             for name, value in vars(importlib.import_module(module.name)).items():
                 if get_origin(value) is Annotated:

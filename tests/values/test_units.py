@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from castfem.values import common_units, quantities, units
-from castfem.values.shown_units import below_meniscus
+from castfem.base import common_units, quantities, units
+from castfem.base.shown_units import below_meniscus
 
 
 def test_common_units_are_what_pint_says(monkeypatch: pytest.MonkeyPatch) -> None:

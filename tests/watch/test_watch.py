@@ -15,18 +15,18 @@ from rich.console import Console
 from small_case import STRIP, strip
 from synthetic_run import COLUMNS, LENGTH, rows, summary, write_run
 
+from castfem.base.errors import InputError
+from castfem.base.progress import Progress
 from castfem.cli import execute
-from castfem.errors import InputError
-from castfem.output.folder import OutputFolder
-from castfem.output.history import History
-from castfem.support.progress import Progress
-from castfem.sweep.record import Entry, Record
-from castfem.time_loop.loop import run
-from castfem.watch.look import Look, Watcher
-from castfem.watch.many import PATIENCE, SweepWatcher
-from castfem.watch.page import Page
-from castfem.watch.terminal import Viewing, watch
-from castfem.watch.words import unfinished
+from castfem.post.watch.many import PATIENCE, SweepWatcher
+from castfem.post.watch.page import Page
+from castfem.post.watch.run_status import Look, Watcher
+from castfem.post.watch.terminal import Viewing, watch
+from castfem.post.watch.words import unfinished
+from castfem.runs.loop import run
+from castfem.runs.output.folder import OutputFolder
+from castfem.runs.output.history import History
+from castfem.studies.sweep.record import Entry, Record
 
 CASE = strip()
 

@@ -1,0 +1,213 @@
+"""Writing files so that a reader never finds half of one, and a full disk is said plainly.
+
+Every file that is rewritten during a run goes through `replacing`: the new text is put beside the
+old one, forced to disk, and takes its name in one step. A run that is killed at any moment leaves
+the old file or the new one.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import math
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from castfem.base.errors import CannotWrite, RunFailure
+
+UNWRITTEN = "cannot be written"  # stands in the reason of a run that ends so
+_NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_NO_RIGHT = (errno.EACCES, errno.EPERM, errno.EROFS)
+_NO_PLACE = (errno.ENOENT, errno.ENOTDIR)
+_AGAIN = ", and give the command again (a run goes on with --resume)"
+
+
+def temporary_name(path: Path) -> Path:
+    """The name beside `path` under which its next version is written."""
+    return path.with_name(f".{path.name}.tmp")
+
+
+def system_reason(error: BaseException) -> tuple[int | None, str]:
+    """The errno and the operating system's words behind an error.
+
+    h5py often hides both inside HDF5's own message ("errno = 28, error message = '...'").
+
+    Args:
+        error: An OSError, or what h5py raised.
+    """
+    number = getattr(error, "errno", None)
+    hidden = re.search(r"errno = (\d+)", str(error))
+    if hidden:
+        number = int(hidden.group(1))
+    if number is not None:
+        return number, os.strerror(number)
+    return None, str(error).splitlines()[0] if str(error) else type(error).__name__
+
+
+def folder_refused(folder: Path, error: BaseException) -> str:
+    """What is said of a folder that cannot be written, before anything is run in it.
+
+    Args:
+        folder: The folder.
+        error: An OSError, or what `saving` raised.
+    """
+    _, reason = system_reason(error.__cause__ or error)
+    return f"{folder}: {UNWRITTEN} ({reason}); choose another with -o"
+
+
+def mend_for(number: int | None) -> str:
+    """What the user can do about an operating system error while a run writes."""
+    if number in _NO_SPACE:
+        return f"free some space{_AGAIN}"
+    if number in _NO_RIGHT:
+        return f"make the folder writable{_AGAIN}"
+    if number in _NO_PLACE:
+        return f"make the folder, or name another place{_AGAIN}"
+    return f"mend the disk or the folder{_AGAIN}"
+
+
+@contextmanager
+def saving(path: Path) -> Iterator[None]:
+    """Turns any operating system or HDF5 error inside into a RunFailure of one line with the mend.
+
+    Raises:
+        CannotWrite: The file cannot be written.
+    """
+    try:
+        yield
+    except (OSError, RuntimeError) as error:  # h5py raises RuntimeError when a flush fails
+        if isinstance(error, RunFailure):
+            raise
+        number, reason = system_reason(error)
+        raise CannotWrite(f"{path}: {UNWRITTEN} ({reason}); {mend_for(number)}") from error
+
+
+@contextmanager
+def replacing(path: Path, durable: bool = True) -> Iterator[Path]:
+    """Gives a temporary path beside `path`, which takes its name when the block has ended well.
+
+    Args:
+        path: The file to write or to replace.
+        durable: Force the new content to disk first, so that it survives a power cut too.
+
+    Raises:
+        RunFailure: The file cannot be written; the old one is untouched.
+    """
+    temporary = temporary_name(path)
+    with saving(path):
+        try:
+            yield temporary
+            if durable:
+                _force_to_disk(temporary)
+            os.replace(temporary, path)
+            if durable:
+                _force_to_disk(path.parent)
+        except BaseException:
+            with suppress(OSError):
+                temporary.unlink()
+            raise
+
+
+class GrowingFile:
+    """A text file that grows before its last line and is complete whenever somebody reads it.
+
+    Two copies take turns: the hidden one is brought up to date at its end and takes the name of the
+    other. The cost of a version is that of the added text, not of the whole.
+    """
+
+    def __init__(self, path: Path, head: str, foot: str) -> None:
+        """Holds the text; nothing is written before the first `publish`."""
+        self._path = path
+        self._body = bytearray(head.encode())
+        self._foot = foot.encode()
+        self._visible = 0  # bytes of the body in the file that has the name; 0: not ours
+        self._hidden = 0  # and in the copy; 0: there is none
+
+    def extend(self, text: str) -> None:
+        """Adds text before the foot; `publish` shows it."""
+        self._body += text.encode()
+
+    def publish(self, durable: bool = False) -> None:
+        """Makes the whole text the content of the file, in one step.
+
+        Args:
+            durable: Force it to disk, so that it survives a power cut too.
+
+        Raises:
+            RunFailure: The file cannot be written; the old one is untouched.
+        """
+        copy = temporary_name(self._path)
+        link = self._path.with_name(f"{copy.name}2")
+        with saving(self._path):
+            begin = self._hidden if copy.exists() else 0
+            self._hidden = 0
+            with open(copy, "r+b" if begin else "wb") as file:
+                file.seek(begin)
+                file.write(self._body[begin:] + self._foot)
+            if durable:
+                _force_to_disk(copy)
+            kept = bool(self._visible)
+            if kept:
+                with suppress(OSError):
+                    link.unlink()
+                try:
+                    os.link(self._path, link)
+                except OSError:  # a file system without links: each version is written in full
+                    kept = False
+            os.replace(copy, self._path)
+            if kept:
+                os.replace(link, copy)
+                self._hidden = self._visible
+            if durable:
+                _force_to_disk(self._path.parent)
+            self._visible = len(self._body)
+
+    def close(self) -> None:
+        """Removes the hidden copy."""
+        self._hidden = 0
+        with suppress(OSError):
+            temporary_name(self._path).unlink()
+
+
+def write_text(path: Path, text: str, durable: bool = True) -> None:
+    """Writes a text file atomically (see `replacing`)."""
+    with replacing(path, durable) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def write_json(path: Path, content: dict[str, Any]) -> None:
+    """Writes JSON atomically; NaN and infinities become null, numpy values plain ones."""
+    write_text(path, json.dumps(plain(content), indent=2, ensure_ascii=False) + "\n")
+
+
+def plain(value: Any) -> Any:
+    """A copy of a nested value that standard JSON can hold (NaN and infinities as None)."""
+    if isinstance(value, dict):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple | set | frozenset):
+        return [plain(entry) for entry in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, str | bool | int):
+        return value
+    return str(value)
+
+
+def _force_to_disk(path: Path) -> None:
+    """The fsync of a file or a folder; a file system that cannot do it for a folder is let be."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    except OSError:
+        if not path.is_dir():
+            raise
+    finally:
+        os.close(handle)

@@ -1,0 +1,280 @@
+"""How a case file gives a quantity that depends on temperature, time or a place.
+
+In a case file such a quantity is a single value, two columns with their units named once,
+
+    [cooling.surface.coefficient]
+    temperature = [700, 900, 1100]
+    temperature_unit = "degC"
+    value = [400, 300, 250]
+    unit = "W/(m^2 K)"
+
+or a CSV file, `{ file = "spray.csv" }`, whose header names the columns and their units:
+`temperature [degC], value [W/(m^2 K)]`. Between the rows it is linear, beyond them constant.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from castfem.base import units
+from castfem.base.csv_files import DECIMAL_COMMAS, UnreadableError, read_csv
+from castfem.base.quantities import Kind, Notation
+from castfem.base.tables import ARGUMENTS, Table
+
+if TYPE_CHECKING:
+    from pydantic import GetJsonSchemaHandler
+    from pydantic_core import CoreSchema
+
+
+@dataclass(frozen=True, slots=True)
+class Curve(Notation):
+    """Annotation of a field that takes a single value or a `Table`.
+
+    Attributes:
+        kind: Unit and bounds of the value.
+        over: What a table of it depends on, "temperature", "time" or "position".
+    """
+
+    kind: Kind
+    over: str
+
+    @property
+    def arguments(self) -> str:
+        """What a table of it may depend on, in words."""
+        return self.over
+
+    def read(self, given: object) -> float | Table:
+        """Return the value in SI, or a table; raise ValueError if it is neither."""
+        if isinstance(given, Table):
+            if given.over != self.over:
+                raise ValueError(f"a table over {self.over} is needed, not over {given.over}")
+            self._check(given.arguments, given.values)
+            return given
+        if isinstance(given, Mapping) and "file" in given:
+            columns = self._columns(given)
+            try:
+                return self._from_columns(columns)
+            except ValueError as error:
+                raise ValueError(f"'{given['file']}': {error}") from None
+        if isinstance(given, Mapping):
+            return self._from_columns(self._columns(given))
+        return self.kind.read(given)
+
+    def write(self, value: float | Table) -> Any:
+        """Return what reads back to the same value: a text, a number, or a dict of columns."""
+        if not isinstance(value, Table):
+            return self.kind.write(value)
+        argument = ARGUMENTS[self.over]
+        x, x_unit = _written(value.arguments, argument)
+        y, y_unit = _written(value.values, self.kind)
+        columns = {self.over: x, f"{self.over}_unit": x_unit, "value": y, "unit": y_unit}
+        return {key: entry for key, entry in columns.items() if entry is not None}
+
+    def _columns(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the columns and their units, from the table itself or from its file."""
+        if "file" in given:
+            if len(given) > 1:
+                raise ValueError("a table with a file takes no other key")
+            return _columns_of_file(Path(str(given["file"])), self.over, self.kind)
+        allowed = (self.over, f"{self.over}_unit", "value", "unit")
+        for key in given:
+            if key not in allowed:
+                mend = units.nearest(str(key), (*allowed, "file"))
+                raise ValueError(
+                    f"unknown key '{key}' in a table over {self.over}; "
+                    f"allowed: {', '.join((*allowed, 'file'))}{mend}"
+                )
+        for key in (self.over, "value"):
+            if key not in given:
+                raise ValueError(f"a table over {self.over} needs the column '{key}'")
+        return dict(given)
+
+    def _from_columns(self, columns: dict[str, Any]) -> Table:
+        argument = ARGUMENTS[self.over]
+        x = _column(self.over, columns[self.over], columns.get(f"{self.over}_unit"), argument)
+        y = _column("value", columns["value"], columns.get("unit"), self.kind)
+        self._check(x, y)
+        return Table(self.over, x, y)
+
+    def _check(self, x: Sequence[float], y: Sequence[float]) -> None:
+        """Refuse rows that are too few or do not increase, by number."""
+        if len(x) != len(y):
+            raise ValueError(f"{len(x)} rows of {self.over}, but {len(y)} of value")
+        if len(x) < 2:
+            raise ValueError(f"a table needs at least two rows, this one has {len(x)}")
+        for row in range(1, len(x)):
+            if not x[row] > x[row - 1]:
+                raise ValueError(
+                    f"{self.over} must increase from row to row; "
+                    f"row {row + 1} does not exceed row {row}"
+                )
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        single = self.kind.json_schema()
+        file, columns = schema_of_columns(
+            (self.over, "value"), (f"{self.over}_unit", "unit"), least=2
+        )
+        text = f"{single['description']}; or a table over {self.over}"
+        return {"anyOf": [single, columns, file], "description": text}
+
+
+@dataclass(frozen=True, slots=True)
+class CurveOr(Curve):
+    """Annotation of a field that takes a certain word, too.
+
+    Attributes:
+        word: The word.
+    """
+
+    word: str
+
+    def read(self, given: object) -> Any:
+        """Return the word, the value in SI, or a table; raise ValueError if it is none of them."""
+        if given == self.word:
+            return self.word
+        try:
+            return Curve.read(self, given)
+        except ValueError as error:
+            raise ValueError(f'{error}; or "{self.word}"') from None
+
+    def write(self, value: Any) -> Any:
+        """Return what reads back to the same value."""
+        return value if value == self.word else Curve.write(self, value)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        """Return the schema: that of a `Curve`, or the word."""
+        known = Curve.__get_pydantic_json_schema__(self, schema, handler)
+        known["anyOf"] = [{"const": self.word}, *known["anyOf"]]
+        return known
+
+
+def schema_of_columns(
+    names: Collection[str],
+    others: Collection[str],
+    *,
+    needed: Collection[str] | None = None,
+    cells: Sequence[str] = ("number", "string"),
+    least: int = 0,
+) -> list[dict[str, Any]]:
+    """Return the JSON schemas of a table in a file, and of one in columns.
+
+    Args:
+        names: Of the columns.
+        others: Keys that may stand beside them, such as that of a unit.
+        needed: Columns that may not be left out; by default none may.
+        cells: What may stand in a column, by its name in JSON.
+        least: Rows there must be.
+    """
+    column: dict[str, Any] = {"type": "array", "items": {"type": list(cells)}}
+    if least:
+        column["minItems"] = least
+    columns = {
+        "type": "object",
+        "properties": {name: column for name in names}
+        | {key: {"type": "string"} for key in others},
+        "required": list(names if needed is None else needed),
+        "additionalProperties": False,
+    }
+    file = {
+        "type": "object",
+        "properties": {"file": {"type": "string"}},
+        "required": ["file"],
+        "additionalProperties": False,
+    }
+    return [file, columns]
+
+
+def _written(values: Sequence[float], kind: Kind) -> tuple[list[float], str | None]:
+    """Return a column that `_column` reads back to the same floats, and its unit."""
+    if kind.unit == "1":
+        return list(values), None
+    numbers = [float(f"{units.convert(v, kind.unit, kind.shown):.12g}") for v in values]
+    if _column("value", numbers, kind.shown, kind) == tuple(values):
+        return numbers, kind.shown
+    return list(values), kind.unit
+
+
+def _column(name: str, cells: object, unit: object, kind: Kind) -> tuple[float, ...]:
+    """Read one column in SI; `unit` is that of bare numbers, None if there is none.
+
+    Raises:
+        ValueError: Not a list, empty, or a bad cell, which is named by its row.
+    """
+    if not isinstance(cells, Sequence) or isinstance(cells, str):
+        raise ValueError(f"'{name}' must be a list of values")
+    if not cells:
+        raise ValueError(f"'{name}' is empty; a table needs at least two rows")
+    if unit is not None and not isinstance(unit, str):
+        raise ValueError(f"the unit of '{name}' must be a text, such as \"{kind.unit}\"")
+    values = []
+    for row, cell in enumerate(cells, start=1):
+        bare = isinstance(cell, int | float) and not isinstance(cell, bool)
+        try:
+            if bare and not math.isfinite(cell):
+                raise ValueError("a finite number is needed")
+            if bare and unit is None and kind.unit != "1":
+                _no_unit(name, kind)
+            values.append(kind.read(f"{cell!r} {unit}" if bare and unit else cell))
+        except ValueError as error:
+            raise ValueError(f"'{name}' row {row} ({cell!r}): {error}") from None
+    return tuple(values)
+
+
+def _no_unit(name: str, kind: Kind) -> NoReturn:
+    key = "unit" if name == "value" else f"{name}_unit"
+    raise ValueError(f'name the unit of the column once, {key} = "{kind.shown or kind.unit}"')
+
+
+def _columns_of_file(path: Path, over: str, kind: Kind) -> dict[str, Any]:
+    """Return the columns of a CSV file with the header `temperature [degC], value [...]`.
+
+    The second column may have any name.
+
+    Args:
+        path: The file.
+        over: What the table is over.
+        kind: Of its values.
+
+    Raises:
+        ValueError: The file cannot be read, or its header or a row is not as it must be.
+    """
+    try:
+        file = read_csv(path)
+    except UnreadableError as error:
+        raise ValueError(f"cannot read the table '{path}': {error}") from None
+    header = f"{over} [unit], value [unit]"
+    if not file.headings:
+        raise ValueError(f"'{path}' is empty; its first line must be '{header}'")
+    # The values may be called what they are, "flux": their unit tells whether they are that.
+    if len(file.headings) != 2 or file.headings[0].name != over or not file.headings[1].name:
+        raise ValueError(f"the first line of '{path}' must be '{header}', not '{file.first}'")
+    for heading, its in zip(file.headings, (ARGUMENTS[over], kind), strict=True):
+        if not heading.unit and its.unit != "1":
+            raise ValueError(
+                f"'{path}' line {file.line}: {heading.name} has no unit; write it in the header, "
+                f"such as '{heading.name} [{its.shown or its.unit}]'"
+            )
+    units_given = [heading.unit or None for heading in file.headings]
+    columns: dict[str, Any] = {
+        over: [],
+        "value": [],
+        f"{over}_unit": units_given[0],
+        "unit": units_given[1],
+    }
+    for row in file.rows:
+        try:
+            x, y = (float(cell) for cell in row.cells)
+        except ValueError:
+            mend = f"; {DECIMAL_COMMAS}" if len(row.cells) > 2 else ""
+            raise ValueError(f"line {row.line} of '{path}' must hold two numbers{mend}") from None
+        columns[over].append(x)
+        columns["value"].append(y)
+    return columns

@@ -1,0 +1,159 @@
+"""Quantities that depend on temperature, time or a place: constant, or linear between rows."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, overload
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.base import units
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.quantities import Kind
+from castfem.base.types import Array
+
+Side = Literal["above", "below"]
+"""Of an argument at which a value jumps: the side on which it is taken."""
+
+ARGUMENTS = {
+    "temperature": Kind("K", "degC"),
+    "time": Kind("s", "s", least=0.0),
+    "position": Kind("m", "mm", least=0.0),
+    "speed": Kind("m/s", "m/min", least=0.0),
+    "depth": Kind("m", "mm", least=0.0),
+    "way": Kind("m", "mm", least=0.0),
+}
+"""What a table may depend on, in which unit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """The same value everywhere; it has no kinks and no end."""
+
+    value: float
+    kinks: tuple[float, ...] = ()
+    jumps: tuple[float, ...] = ()
+    curved: bool = False
+    span: tuple[float, float] = (0.0, math.inf)
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The one value."""
+        return (self.value,)
+
+    @overload
+    def __call__(  # type: ignore[overload-overlap]
+        self, argument: float, side: Side = "above"
+    ) -> float: ...
+
+    @overload
+    def __call__(self, argument: npt.ArrayLike, side: Side = "above") -> Array: ...
+
+    def __call__(self, argument: Any, side: Side = "above") -> Any:
+        """Return the value in the shape of the argument."""
+        return np.full(np.shape(argument), self.value)[()]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A quantity given in rows: linear between them, or its logarithm is.
+
+    Attributes:
+        over: What it depends on, one of `ARGUMENTS`.
+        arguments: Strictly increasing, SI.
+        values: SI, as many as arguments, at least one.
+        logarithmic: The logarithm is linear: levels that fall by a factor from row to row
+            (strengths, creep rates).
+        refuse_outside: Beyond the rows nothing is known; otherwise the end values go on.
+
+    Raises:
+        ValueError: If the rows do not match, do not increase, or have no logarithm.
+    """
+
+    over: str
+    arguments: tuple[float, ...]
+    values: tuple[float, ...]
+    logarithmic: bool = False
+    refuse_outside: bool = False
+
+    def __post_init__(self) -> None:
+        x, over = self.arguments, f"{self.over}s"
+        if not x or len(x) != len(self.values):
+            raise ValueError(f"a table needs as many values as {over}, and at least one")
+        if any(a >= b for a, b in itertools.pairwise(x)):
+            raise ValueError(f"the {over} of a table must increase")
+        if self.logarithmic and min(self.values) <= 0.0:
+            raise ValueError("only positive values have a logarithm")
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Arguments at which its slope jumps: the rows."""
+        return self.arguments
+
+    @property
+    def jumps(self) -> tuple[float, ...]:
+        """Arguments at which its value jumps: none."""
+        return ()
+
+    @property
+    def curved(self) -> bool:
+        """Whether it is not linear between its kinks."""
+        return self.logarithmic
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last argument at which it is known."""
+        return (self.arguments[0], self.arguments[-1]) if self.refuse_outside else (0.0, math.inf)
+
+    @overload
+    def __call__(  # type: ignore[overload-overlap]
+        self, argument: float, side: Side = "above"
+    ) -> float: ...
+
+    @overload
+    def __call__(self, argument: npt.ArrayLike, side: Side = "above") -> Array: ...
+
+    def __call__(self, argument: Any, side: Side = "above") -> Any:
+        """Return the value at one argument (K, s or m), or at each of an array.
+
+        Raises:
+            ValueError: An argument lies outside of the rows, and the table is refused there.
+        """
+        if self.refuse_outside:
+            self._refuse(np.asarray(argument, float))
+        if self.logarithmic:
+            return np.exp(np.interp(argument, self.arguments, np.log(self.values)))
+        return np.interp(argument, self.arguments, self.values)
+
+    def _refuse(self, argument: Array) -> None:
+        """Refuse what lies outside of the rows."""
+        ends = self.arguments[0], self.arguments[-1]
+        if not argument.size or (ends[0] <= argument.min() and argument.max() <= ends[1]):
+            return
+        kind = ARGUMENTS[self.over]
+        low, high, least, most = (
+            f"{units.convert(float(x), kind.unit, kind.shown):g}"
+            for x in (*ends, argument.min(), argument.max())
+        )
+        raise ValueError(
+            f"the table goes from {low} to {high} {kind.shown}, "
+            f"asked for {least} to {most} {kind.shown}"
+        )
+
+
+def as_function(value: float | Table) -> Constant | Table:
+    """Return a value that was given as one number or a table, as a function of its argument."""
+    return value if isinstance(value, Table) else Constant(value)
+
+
+def celsius(
+    temperature: Sequence[float], value: Sequence[float], logarithmic: bool = False
+) -> Table:
+    """Return a table from values (SI) at temperatures in degC."""
+    return Table(
+        "temperature", tuple(t + ZERO_CELSIUS for t in temperature), tuple(value), logarithmic
+    )

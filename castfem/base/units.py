@@ -1,0 +1,361 @@
+"""Quantities with units, as users write them: "3.6 m/min", "160 degC", "0.15 W/(m K)".
+
+Inside castfem every number is in SI (K, m, s, J, W, Pa, kg); units exist at the border only.
+`parse` reads a quantity and checks its dimension, `format` writes one that reads back exactly.
+
+A temperature and a difference of temperatures are two things: "160 degC" is 433.15 K, but a
+difference is written in kelvin, "40 K". Conversions are carried out in exact fractions, so that
+"0.3 mm" is the float nearest to 0.0003. pint is imported at the first unit that is not among the
+most common ones.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from fractions import Fraction
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+from castfem.base.common_units import COMMON
+
+if TYPE_CHECKING:
+    import pint
+
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)\s*(.*?)\s*")
+
+# SI unit -> (what it measures, how a user may write it)
+NAMES: dict[str, tuple[str, str]] = {
+    "1": ("number without unit", "0.8"),
+    "K": ("temperature", "160 degC"),
+    "m": ("length", "125 mm"),
+    "s": ("time", "0.5 s"),
+    "m/s": ("speed", "3.6 m/min"),
+    "1/m": ("change per length", "1 percent/m"),
+    "1/K": ("expansion coefficient", "13.5e-6 1/K"),
+    "1/s": ("rate", "1e-3 1/s"),
+    "W/(m^2 K)": ("heat transfer coefficient", "1600 W/(m^2 K)"),
+    "W/(m K)": ("conductivity", "30 W/(m K)"),
+    "W/m^2": ("heat flux", "2 MW/m^2"),
+    "kg/m^3": ("density", "7400 kg/m^3"),
+    "J/(kg K)": ("specific heat", "700 J/(kg K)"),
+    "J/kg": ("latent heat", "270 kJ/kg"),
+    "Pa": ("pressure", "10 MPa"),
+    "rad": ("angle", "45 deg"),
+    "J": ("heat", "142.7 kJ"),
+    "W": ("power", "2 kW"),
+    "J/m": ("heat per length", "2.4 MJ/m"),
+    "kg": ("mass", "3 kg"),
+    "m^2": ("area", "4 cm^2"),
+    "kg/(m^2 s)": ("mass flow per area", "5 kg/(m^2 s)"),
+    "J/m^3": ("heat per volume", "2 GJ/m^3"),
+    "m^2/s": ("diffusivity", "6 mm^2/s"),
+    "m^3/s": ("volume flow", "240 L/min"),
+}
+
+# Units and combinations that the field writes; the nearest of them is proposed for a misspelt one.
+_KNOWN = {
+    *("m", "mm", "cm", "um", "km", "inch", "ft", "s", "ms", "min", "hour", "m/min", "m/s", "mm/s"),
+    *("K", "degC", "degF", "degR", "W", "kW", "MW", "J", "kJ", "MJ", "Pa", "kPa", "MPa", "GPa"),
+    *("bar", "psi", "N", "kN", "kg", "g", "t", "mol", "percent", "ppm", "deg", "rad", "L"),
+    *("W/m^2", "kW/m^2", "MW/m^2", "W/(m^2 K)", "kW/(m^2 K)", "W/(m K)", "J/(kg K)", "kJ/(kg K)"),
+    *("J/kg", "kJ/kg", "kg/m^3", "L/(m^2 s)", "L/min", "percent/m", "1/K", "1/s"),
+}
+# Scale and offset to kelvin of the scales that do not begin at absolute zero.
+_OFFSET_SCALES = {
+    "degree_Celsius": (Fraction(1), Fraction(27315, 100)),
+    "degree_Fahrenheit": (Fraction(5, 9), Fraction(45967, 180)),
+}
+_ROUNDING = Fraction(1, 10**15)  # of pint's factors, which are products of a few floats
+
+
+@lru_cache(maxsize=1)
+def _registry() -> pint.UnitRegistry:
+    import pint
+
+    return pint.UnitRegistry()
+
+
+def _tidy(unit: str) -> str:
+    """Rewrite spellings pint does not know: "m2" is m^2, "°C" degC, a raised dot a product."""
+    for written, meant in (("°", "deg"), ("·", " "), ("⋅", " "), ("μ", "u"), ("µ", "u")):
+        unit = unit.replace(written, meant)
+    if unit.startswith("/"):
+        unit = "1" + unit
+    return re.sub(r"\b(m|mm|cm|s|K)(-?[1-4])\b", r"\1^\2", unit)
+
+
+def _unknown(unit: str) -> str:
+    """Say that `unit` is not understood, and name the nearest one that is."""
+    known = {_letters(name): name for name in sorted(_KNOWN, reverse=True)}
+    near = difflib.get_close_matches(_letters(_tidy(unit)), known, n=1, cutoff=0.7)
+    text = f"unit '{unit}' is not known"
+    if near:
+        return f"{text}; did you mean {known[near[0]]}?"
+    return f"{text}; write products and powers like W/(m^2 K)"
+
+
+def nearest(name: str, allowed: Iterable[str]) -> str:
+    """Return "; did you mean X?" for the allowed name nearest to `name`, empty if none is near."""
+    choices = list(allowed)
+    near = difflib.get_close_matches(name, choices, n=1, cutoff=0.5)
+    if not near:
+        lower = {choice.lower(): choice for choice in choices}
+        near = [lower[n] for n in difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.5)]
+    return f"; did you mean {near[0]}?" if near else ""
+
+
+def _letters(unit: str) -> str:
+    """Return the letters and digits of a unit alone: "W/m2K" and "W/(m^2 K)" become one."""
+    return re.sub(r"[^a-z0-9]", "", unit.lower())
+
+
+def _a(name: str) -> str:
+    """Return the name with its article."""
+    return f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
+
+
+def _parse_unit(unit: str) -> pint.Unit:
+    """Return pint's unit for a text, or raise ValueError with the nearest known spelling."""
+    if len(unit) > 60:
+        raise ValueError(f"'{unit[:20]}...' is too long for a unit")
+    try:
+        return _registry().parse_units(_tidy(unit))
+    except RecursionError:
+        raise
+    except Exception as error:  # pint's tokenizer lets assertions, token and key errors through
+        raise ValueError(_unknown(unit)) from error
+
+
+def _name_of(unit: pint.Unit) -> str:
+    """Return what a unit measures ("length"), empty when that has no common name."""
+    registry = _registry()
+    for si, (name, _) in NAMES.items():
+        if si == "1":
+            known = unit.dimensionless
+        else:
+            known = registry.parse_units(si).dimensionality == unit.dimensionality
+        if known:
+            return name
+    return ""
+
+
+def _exact(factor: float) -> Fraction:
+    """Return the simple fraction a conversion factor stands for (1/60 for 0.01666...)."""
+    exact = Fraction(factor)
+    for digits in range(0, 16, 3):
+        simple = exact.limit_denominator(10**digits)
+        if abs(simple - exact) <= abs(exact) * _ROUNDING:
+            return simple
+    return exact
+
+
+def describe(si: str, difference: bool) -> tuple[str, str]:
+    """Return the name of what is measured in the SI unit and an example of it."""
+    if difference:
+        return "temperature difference", "40 K"
+    return NAMES.get(si, (f"quantity in {si}", f"1 {si}"))
+
+
+@lru_cache(maxsize=1024)
+def _conversion(
+    unit: str, si: str, difference: bool, kind: tuple[str, str] | None = None
+) -> tuple[Fraction, Fraction]:
+    """Return scale and offset with `value_in_si = scale * value + offset`.
+
+    Raises:
+        ValueError: The unit is unknown or measures something else.
+    """
+    scale, names = COMMON.get(unit, (Fraction(1), ()))
+    if si in names:
+        return scale, Fraction(0)
+    if (unit, si, difference) == ("degC", "K", False):
+        return _OFFSET_SCALES["degree_Celsius"]
+    name, example = kind or describe(si, difference)
+    if not unit:
+        if si == "1":
+            return Fraction(1), Fraction(0)
+        raise ValueError(f'{_a(name)} needs its unit, such as "{example}"')
+    parsed, target = _parse_unit(unit), _registry().parse_units("" if si == "1" else si)
+    if parsed.dimensionality != target.dimensionality:
+        mend = "; put a divisor of several units in brackets" if "/" in unit and " " in unit else ""
+        found = _name_of(parsed)
+        problem = f"is the unit of {_a(found)}" if found else "does not fit"
+        raise ValueError(f"'{unit}' {problem}, {_a(name)} is needed, such as \"{example}\"{mend}")
+    if str(parsed) in _OFFSET_SCALES:
+        if difference:
+            raise ValueError(f'{_a(name)} is written in kelvin, such as "{example}", not in {unit}')
+        return _OFFSET_SCALES[str(parsed)]
+    if si == "K" and not difference and str(parsed).startswith("delta_"):
+        raise ValueError(
+            f"'{unit}' is a difference, a temperature is needed, such as \"{example}\""
+        )
+    return _exact(_registry().convert(1.0, parsed, target)), Fraction(0)
+
+
+def split(text: str) -> tuple[str, str]:
+    """Split a quantity into its number and its unit (empty when there is none).
+
+    Raises:
+        ValueError: The text does not begin with a number.
+    """
+    found = _QUANTITY.fullmatch(text)
+    if not found:
+        raise ValueError(f'"{text}" does not begin with a number')
+    number, unit = found.groups()
+    if re.match(r",\d", unit):
+        raise ValueError(f'write "{text.strip()}" with a decimal point, not a comma')
+    return number, "" if unit == "-" else unit  # so written where a unit has to stand
+
+
+def parse(
+    text: object, unit: str, *, difference: bool = False, kind: tuple[str, str] | None = None
+) -> float:
+    """Read a quantity in SI.
+
+    Args:
+        text: What the user wrote: a text of number and unit; a bare number if `unit` is "1".
+        unit: The SI unit in which the value is returned, such as "m" or "W/(m^2 K)"; it gives
+            the dimension that the text must have. "1" is a number without dimension.
+        difference: With `unit` "K": the text is a difference of temperatures, not a temperature.
+        kind: Name and example for messages, where the unit does not tell ("water flow per area").
+
+    Returns:
+        The value in `unit`; finite.
+
+    Raises:
+        ValueError: No or unknown unit, another dimension, no number, not finite, or below the
+            absolute zero of temperature. The text says what is wrong and how to write it.
+    """
+    name, example = kind or describe(unit, difference)
+    if isinstance(text, Mapping | Sequence) and not isinstance(text, str):
+        raise ValueError(f'a single {name} is needed here, such as "{example}"; no table or list')
+    if isinstance(text, bool) or not isinstance(text, str | int | float):
+        raise ValueError(f'{_a(name)} is needed, such as "{example}"')
+    if not isinstance(text, str):
+        return _check(_plain(text, unit, name, example), unit, difference)
+    if _QUANTITY.fullmatch(text) is None:
+        wanted = f'{_a(name)} is needed, such as "{example}"'
+        raise ValueError(f'"{text}" does not begin with a number; {wanted}')
+    number, written = split(text)
+    scale, offset = _conversion(written, unit, difference, kind)
+    if abs(float(number)) > 1e300:
+        raise ValueError("the number is too large")
+    return _check(float(Fraction(number) * scale + offset), unit, difference)
+
+
+def _plain(number: float, unit: str, name: str, example: str) -> float:
+    """Return a number that was given without unit, if that is allowed."""
+    if not math.isfinite(number):
+        raise ValueError(f"a finite {name} is needed")
+    if unit != "1":
+        raise ValueError(f'{_a(name)} needs its unit, such as "{example}"')
+    return float(number)
+
+
+def _check(value: float, unit: str, difference: bool) -> float:
+    """Refuse a temperature below absolute zero."""
+    if unit == "K" and not difference and value < 0.0:
+        raise ValueError("this is below absolute zero")
+    return value
+
+
+def parse_any(text: object) -> tuple[float, str]:
+    """Read a quantity of whatever dimension.
+
+    Returns:
+        The value in SI base units and the name of that SI unit ("1" for a plain number). A unit
+        of temperature alone is read as a temperature, not as a difference; kelvins may be below 0.
+
+    Raises:
+        ValueError: As `parse`.
+    """
+    if not isinstance(text, str):
+        return parse(text, "1"), "1"
+    _, written = split(text)
+    if not written:
+        return parse(text, "1"), "1"
+    si = _si_of(written)
+    # Kelvins below 0 can only be a difference, such as a superheat that a search may vary.
+    return parse(text, si, difference=written == "K"), si
+
+
+@lru_cache(maxsize=1024)  # a sweep reads the same units again for each of its cases
+def _si_of(unit: str) -> str:
+    """Return the name of the SI unit of the same dimension, as `parse_any`.
+
+    Raises:
+        ValueError: The unit is unknown.
+    """
+    if unit in COMMON:
+        return COMMON[unit][1][0]
+    if unit == "degC":
+        return "K"
+    parsed = _parse_unit(unit)
+    if parsed.dimensionless:
+        return "rad" if "radian" in str(parsed) or "degree" in str(parsed) else "1"
+    registry = _registry()
+    for si in NAMES:
+        if si != "1" and registry.parse_units(si).dimensionality == parsed.dimensionality:
+            return si
+    return f"{registry.get_base_units(parsed)[1]:C}"
+
+
+def number_in(text: object, unit: str) -> float | None:
+    """Return a quantity as a number of a unit, "" for none; None of what measures something else.
+
+    A table, a word or nothing is no quantity either.
+    """
+    try:
+        value, si = parse_any(text)
+        return convert(value, si, unit or "1")
+    except ValueError:
+        return None
+
+
+def convert(value: float, si: str, unit: str, *, difference: bool = False) -> float:
+    """Return an SI value in another unit: `convert(433.15, "K", "degC")` is 160.
+
+    Raises:
+        ValueError: The unit is unknown or of another dimension.
+    """
+    scale, offset = _conversion("" if unit == "1" else unit, si, difference)
+    return float((Fraction(value) - offset) / scale)
+
+
+def factor_and_zero(si: str, unit: str) -> tuple[float, float]:
+    """Return what turns many SI values into a unit: factor * value - zero; (1.0, 273.15) to degC.
+
+    `convert` rounds once and takes its time; this rounds the factor, and is quick.
+
+    Raises:
+        ValueError: The unit is unknown or of another dimension.
+    """
+    scale, offset = _conversion("" if unit == "1" else unit, si, False)
+    return float(1 / scale), float(offset / scale)
+
+
+def in_mm(length: float) -> str:
+    """Return a length, m, as messages have it: in mm, to nine digits."""
+    return f"{1e3 * length:.9g} mm"
+
+
+def format(value: float, unit: str, shown: str = "", *, difference: bool = False) -> str:
+    """Write an SI value as a text that `parse` reads back to the very same float.
+
+    Args:
+        value: In SI.
+        unit: Its SI unit, "1" for none.
+        shown: The unit to write it in; the SI unit is taken where a round number in `shown`
+            would not give the same float back.
+        difference: As in `parse`.
+    """
+    for name in (shown, unit):
+        if not name or name == "1":
+            continue
+        text = f"{convert(value, unit, name, difference=difference):.12g} {name}"
+        if parse(text, unit, difference=difference) == value:
+            return text
+    return f"{value!r}" if unit == "1" else f"{value!r} {unit}"

@@ -1,0 +1,380 @@
+"""From [mechanics.bulging] and the rolls to the foundation that bears the wide faces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.physics.machine.bulging import (
+    Bulge,
+    BulgingModel,
+    CreepingStrip,
+    ElasticStrip,
+    Shell,
+    Span,
+    ThesisPlate,
+)
+from castfem.physics.machine.bulging.result import along
+from castfem.model.bulging import Bulging
+from castfem.physics.contact.roll_support import POINTS, Bed, RollSupport
+from castfem.physics.contact.surface_interaction import ALWAYS
+from castfem.base.errors import RunFailure
+from castfem.fem.line_probes import LineProbes, Profile
+from castfem.fem.root import shared_out
+from castfem.model.build.liquid_core import Core, core_of, front_of
+from castfem.model.build.shell_prediction import ShellAhead
+from castfem.base.tolerances import same_or_before
+from castfem.base.tables import as_function
+from castfem.base.types import Array
+
+if TYPE_CHECKING:
+    from castfem.physics.machine.bulging.uneven import UnevenRolls
+    from castfem.model import Case
+    from castfem.physics.constitutive.base import Law
+    from castfem.physics.contact.settings import Contact
+    from castfem.fem.section import Section
+    from castfem.physics.machine import Machine
+    from castfem.physics.materials import Steel
+    from castfem.physics.mechanics.ferrostatic import Ferrostatic
+
+Memory = Mapping[str, Array]
+FORESEEN = 3  # rolls whose forces are remembered where they are not alike, see `UnevenPitch`
+MOST_BULGE = 0.05  # of the pitch: beyond, slopes are no longer small, and no strand is cast so
+LEAST_BULGE = 50e-6  # m: a bed is no stiffer than the pressure over this
+LEAST_WITHIN = 1e-3  # of its stiffness: what holds a solid strand that no roll touches in its place
+EDGE = 0.32  # of the pitch: from the narrow face to where a clamped plate bulges as a strip
+WIDTHLESS = (
+    ". That is a strip, held by its rolls alone: where the narrow faces are not many pitches apart "
+    'they would hold it, too; mechanics.bulging = "elastic" leaves its creep out and goes on'
+)
+MOULD_PLAY = 1e-3  # m: what a face moves in the mould under a change of the pressure by itself
+
+
+@dataclass(frozen=True, slots=True)
+class Face:
+    """A wide face.
+
+    Attributes:
+        probe: Name of the line inwards from its middle.
+        start: Where the first roll has it, outwards from the undeformed section, m: where the
+            mould leaves it, if there is one.
+    """
+
+    probe: str
+    start: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class PitchByPitch:
+    """Foundation of the wide faces: a bulge for each pitch, from the shell in its middle.
+
+    A pitch begins with the first step that ends beyond its roll, and its strip goes at the mean
+    speed of the slice from roll to roll: where the strand stops in between it creeps for longer.
+    Half of that time after its roll it has the shell that it is computed with, which is foreseen.
+    Above the first roll the mould holds all faces against the pressure, softly: its taper is that
+    of the shell. A mould that is there holds them itself, and its end bears the shell like a roll.
+
+    Attributes:
+        model: Makes a bulge of a shell and a pitch, by the position of the pitch's middle, m.
+        nodes: Of a bulge.
+        machine: Of the case.
+        rolls: Positions of the pairs, m; before them that of the end of a mould that is there.
+        offsets: Of the rolls from where the first is, outwards, m.
+        above: How many of `rolls` are no rolls: 1 with the end of a mould, else 0.
+        faces: The wide faces by their groups.
+        others: Groups that the mould alone holds.
+        probes: Have those lines.
+        front: Temperature at the inside of the shell, K.
+        core: The liquid.
+        ahead: Foresees the shell.
+        half_width: Of the section, m; None to leave the strip's axial strain out of the slice.
+        uneven: Rolls that are not alike; None where none is lost or off.
+        lines: Rolls from the line of the strand, towards the centre of curvature, m.
+    """
+
+    model: Callable[[float], BulgingModel]
+    nodes: int
+    machine: Machine
+    rolls: Array
+    offsets: Array
+    faces: Mapping[str, Face]
+    others: tuple[str, ...]
+    probes: LineProbes
+    front: float
+    core: Core
+    ahead: ShellAhead
+    half_width: float | None = None
+    uneven: UnevenRolls | None = None
+    lines: Array | None = None
+    above: int = 0
+
+    def initial(self) -> Memory:
+        """See `Foundation`: `pitch` counts the rolls that were passed, the rest is its bulge's."""
+        many = len(self.faces)
+        names = ("stiffness", "thickness", "neutral", "largest", "force", "load", "error")
+        found: dict[str, Array] = {name: np.zeros(many) for name in names}
+        for name in ("z", "deflection", "slope", "curvature", "axial_strain"):
+            found[name] = np.zeros((many, self.nodes))
+        if self.uneven is not None:
+            found["added"] = np.zeros((many, FORESEEN))
+        return found | {"pitch": np.zeros(1)}
+
+    def beds(
+        self, memory: Memory, start: float, end: float, before: Array, temperature: Array
+    ) -> tuple[Mapping[str, Bed], Memory]:
+        """See `Foundation`."""
+        place, profiles = self.machine.position(end), self.probes.sample(temperature)
+        passed = sum(not same_or_before(place, float(roll)) for roll in self.rolls)
+        handed_on = {
+            g: self.core.handed_on(profiles[face.probe], end) for g, face in self.faces.items()
+        }
+        if passed == 0:
+            soft = self.core.head(self.machine.time_near(float(self.rolls[0]))) / MOULD_PLAY
+            beds = {group: Bed(p, soft) for group, p in handed_on.items()}
+            most = max(handed_on.values())
+            return beds | {group: Bed(most, soft) for group in self.others}, memory
+        if passed != int(memory["pitch"][0]):
+            in_middle = profiles
+            if passed < len(self.rolls):
+                in_middle = self._half_way(passed, (start, end), before, profiles)
+            memory = self._entered(passed, end, in_middle, memory)
+        offset = float(np.interp(place, self.rolls, self.offsets))
+        beds = {group: Bed() for group in self.others}
+        for i, (group, pressure) in enumerate(handed_on.items()):
+            way = place - self.rolls[passed - 1]
+            w = along(memory["z"][i], memory["deflection"][i], memory["slope"][i], way)
+            out = offset + self.faces[group].start
+            if self.lines is not None:
+                out += _outward(group) * float(np.interp(place, self.rolls, self.lines))
+            profile = profiles[self.faces[group].probe]
+            within = max(self.core.share_handed_on(profile), LEAST_WITHIN)
+            beds[group] = Bed(pressure, float(memory["stiffness"][i]), float(w), out, within)
+        return beds, memory
+
+    def _half_way(
+        self, passed: int, step: tuple[float, float], before: Array, after: dict[str, Profile]
+    ) -> dict[str, Profile]:
+        """Profiles half the time of a pitch after its roll, from those of its first step."""
+        first, last = (float(roll) for roll in self.rolls[passed - 1 : passed + 1])
+        middle = 0.5 * (self.machine.time_at(first) + self.machine.time_near(last))
+        begun = self.probes.sample(before)
+        return {
+            face.probe: self.ahead.at(middle, step, begun[face.probe], after[face.probe])
+            for face in self.faces.values()
+        }
+
+    def _entered(
+        self, passed: int, time: float, profiles: dict[str, Profile], old: Memory
+    ) -> Memory:
+        """What is remembered of a pitch that begins at `time` (s), after so many rolls.
+
+        The profiles are those of its middle.
+        """
+        new = {name: np.array(values) for name, values in self.initial().items()}
+        new["pitch"][0], new["error"][:] = passed, old["error"]  # the largest so far
+        if passed == len(self.rolls):  # beyond the last nothing bulges
+            head = self.core.head(time)
+            new["z"][:] = np.arange(self.nodes)
+            new["stiffness"][:] = head / LEAST_BULGE
+            new["force"][:] = 0.5 * old["load"]
+            return new
+        first, last = self.rolls[passed - 1 : passed + 1]
+        head = self.core.head(self.machine.time_near(0.5 * float(first + last)))
+        speed = self.machine.speed_between(float(first), float(last))
+        share = 1.0 / max(self.core.head(time), 1e-300)
+        shells = [profiles[face.probe] for face in self.faces.values()]
+        loads = [head * share * self.core.handed_on(profile, time) for profile in shells]
+        spans = [Span(float(last - first), p, speed) for p in loads]
+        strips = shared_out(
+            self.probes.section.comm,
+            [
+                partial(self._bulge, passed - 1, _outward(group), span, profile)
+                for group, span, profile in zip(self.faces, spans, shells, strict=True)
+            ],
+        )
+        for i, (span, profile) in enumerate(zip(spans, shells, strict=True)):
+            bulge, added = strips[i]
+            top, most = _furthest(bulge)
+            # That of the shell between its rolls, p/w, and p is what is left of the head. Below
+            # a lost roll a shell that has crept dips all along: it is as soft there.
+            left = max(self.core.share_handed_on(profile), LEAST_WITHIN)
+            new["stiffness"][i] = head / max(most / left, LEAST_BULGE)
+            new["thickness"][i], new["largest"][i] = bulge.thickness, top
+            new["load"][i] = span.pressure * span.length
+            new["error"][i] = max(old["error"][i], bulge.error)
+            if passed > self.above:  # the end of a mould is no roll
+                new["force"][i] = 0.5 * (old["load"][i] + new["load"][i])
+            if added is not None:
+                new["force"][i], new["added"][i] = bulge.roll_force[0], added
+            new["neutral"][i] = bulge.neutral
+            new["z"][i] = span.length * np.linspace(0.0, 1.0, self.nodes)
+            if len(bulge.z) == self.nodes:  # else it does not bulge
+                for name in ("z", "deflection", "slope", "curvature", "axial_strain"):
+                    new[name][i] = getattr(bulge, name)
+        return new
+
+    def axial_strain(
+        self, memory: Memory, new: Memory, start: float, end: float, places: Array
+    ) -> Array | None:
+        """See `StretchingFoundation`: of the strip, fading towards the narrow faces."""
+        passed = int(new["pitch"][0])
+        if self.half_width is None or not 0 < passed < len(self.rolls):
+            return None
+        roll, length = self.rolls[passed - 1], float(new["z"][0, -1])
+        begun = start if int(memory["pitch"][0]) == passed else self.machine.time_at(float(roll))
+        way = np.array([self.machine.position(time) for time in (begun, end)]) - roll
+        edge = np.clip((self.half_width - np.abs(places[:, 0])) / (EDGE * length), 0.0, 1.0)
+        found = np.zeros(len(places))
+        for i, face in enumerate(self.faces.values()):
+            surface = float(self.probes.lines[face.probe][0][1])
+            depth = abs(surface) - np.sign(surface) * places[:, 1]
+            bent, stretched = (
+                float(np.diff(np.interp(way, new["z"][i], new[name][i]))[0])
+                for name in ("curvature", "axial_strain")
+            )
+            part = stretched + bent * (new["neutral"][i] - depth)
+            found += np.where(depth < new["thickness"][i], edge * part, 0.0)
+        return found
+
+    def _bulge(
+        self, pitch: int, outward: float, span: Span, profile: Profile
+    ) -> tuple[Bulge, Array | None]:
+        """Bulge of a pitch, and what its rolls bear besides if they are not alike.
+
+        Raises:
+            RunFailure: There is no shell, or none that can span the pitch.
+        """
+        first, last = self.rolls[pitch : pitch + 2]
+        middle, thickness = 0.5 * float(first + last), profile.isotherm_depth(self.front)
+        if thickness <= 0.0:
+            raise RunFailure(
+                f"bulging: there is no shell between the rolls at {first:.4g} and {last:.4g} m"
+            )
+        shell = Shell(thickness, lambda d: np.interp(d, profile.depth, profile.temperature))
+        if not span.pressure > 0.0:
+            return Bulge.none(span, shell), None
+        model, added = self.model(middle), None
+        try:
+            below = pitch - self.above  # the index of the roll above it
+            if self.uneven is not None and below >= 0 and self.uneven.near(below):
+                found = self.uneven.bulge(below, span, shell, outward)
+                bulge, added = found.bulge, found.added
+            else:
+                bulge = model.bulge(span, shell)
+        except RunFailure as error:
+            raise RunFailure(f"bulging, pitch around {middle:.4g} m: {error}") from None
+        if (most := _furthest(bulge)[1]) > MOST_BULGE * span.length:
+            creeps = isinstance(model, CreepingStrip)
+            raise RunFailure(_breaks_out(float(first), float(last), bulge, most, creeps))
+        return bulge, added
+
+
+def build_roll_support(
+    case: Case,
+    table: Bulging,
+    machine: Machine,
+    steel: Steel,
+    section: Section,
+    probes: LineProbes,
+    law: Law,
+    liquid: Ferrostatic | None,
+    wall: Contact | None,
+) -> RollSupport:
+    """The support of the wide faces by the rolls of a sound case, below the mould it has."""
+    from castfem.model.machine import thickness_of
+
+    rolls = case.machine.pairs() if case.machine is not None else None
+    height = thickness_of(case.section)
+    assert rolls is not None and height is not None, "the case was checked"
+    places = np.array([rolls.pairs[i].position for i in rolls.there])
+    apertures = np.array([rolls.aperture(i, height) for i in rolls.there])
+    wide = [g for g in section.outer_groups if g.startswith("wide_face")]
+    end = None if wall is None else case.mould_exit()
+    faces = {g: Face(_probe(g, probes), _left_by(wall, end, 0.5 * height)) for g in wide}
+    others = tuple(g for g in section.outer_groups if g not in faces and wall is None)
+    width = float(case.section.width)  # type: ignore[attr-defined]
+    model, nodes = _model(table, law, width)
+    uneven, lines = None, None
+    if any(pair.lost or pair.offset for pair in rolls.pairs):
+        from castfem.model.build.uneven_rolls import build_uneven_rolls
+
+        uneven, lines = build_uneven_rolls(case, table, rolls, law, nodes)
+    above = int(end is not None and not same_or_before(float(places[0]), end))
+    if above:
+        places = np.append(float(end or 0.0), places)
+        apertures = np.append(apertures[0], apertures)
+        lines = None if lines is None else np.append(0.0, lines)
+    foundation = PitchByPitch(
+        model, nodes, machine, places, 0.5 * (apertures - apertures[0]), faces, others, probes,
+        front_of(steel, table.solid_fraction), core_of(liquid), ShellAhead(steel),
+        0.5 * width if table.axial_strain else None, uneven, lines, above,
+    )  # fmt: skip
+    return RollSupport(
+        on=(*faces, *others),
+        foundation=foundation,
+        position=machine.position,
+        between=ALWAYS if end is None else (end, ALWAYS[1]),
+        knots=tuple(float(place) for place in places),
+        pull=wall is None if table.pull is None else table.pull,
+        points=POINTS if wall is None else wall.points,
+        loose=others,
+    )
+
+
+def _left_by(wall: Contact | None, end: float | None, half: float) -> float:
+    """Where a mould has the middle of a wide face at its end, m outwards."""
+    if wall is None or end is None:
+        return 0.0
+    middle, outward = np.array([[0.0, half]]), np.array([[0.0, 1.0]])
+    return float(wall.wall.gap_function(middle, outward, end).gap[0])
+
+
+def _furthest(bulge: Bulge) -> tuple[float, float]:
+    """Largest deflection outwards, and the largest to either side, m."""
+    top, _, low = bulge.extremes()
+    return top, max(top, -low)
+
+
+def _breaks_out(first: float, last: float, bulge: Bulge, most: float, creeps: bool) -> str:
+    """What is said of a shell that cannot span a pitch."""
+    length = last - first
+    by = f"{1e3 * most:.3g} mm" if most < length else "more than its pitch"
+    return (
+        f"bulging: between the rolls at {first:.4g} and {last:.4g} m a shell of "
+        f"{1e3 * bulge.thickness:.3g} mm would bulge by {by} (at most "
+        f"{1e3 * MOST_BULGE * length:.3g} mm): it is too thin or too hot for a pitch of "
+        f"{1e3 * length:.4g} mm; look at cooling and speed, and for rolls that are lost"
+    ) + (WIDTHLESS if creeps else "")
+
+
+def _outward(group: str) -> float:
+    """1 of a face to the centre of curvature, -1 of the other."""
+    return -1.0 if group.endswith("_extrados") else 1.0
+
+
+def _probe(group: str, probes: LineProbes) -> str:
+    """The line inwards from the middle of a wide face."""
+    if group.endswith("_extrados"):
+        return "mid_face_extrados"
+    return "mid_face_intrados" if "mid_face_intrados" in probes.lines else "mid_face"
+
+
+def _model(table: Bulging, law: Law, width: float) -> tuple[Callable[[float], BulgingModel], int]:
+    """The model by the position of a pitch, and the nodes of its bulges."""
+    from castfem.physics.machine.bulging.elastic import NODES
+
+    if table.model == "creep":
+        strip = CreepingStrip(law, shear=bool(table.shear))
+        return lambda middle: strip, strip.steps // 2 + 1
+    if table.model == "elastic":
+        elastic = ElasticStrip(law.elasticity, bool(table.shear))
+        return lambda middle: elastic, NODES
+    if table.largest is None:
+        plate = ThesisPlate(law.elasticity, width)
+        return lambda middle: plate, NODES
+    largest = as_function(table.largest)
+    return lambda middle: ThesisPlate(law.elasticity, width, largest(middle)), NODES

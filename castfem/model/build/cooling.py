@@ -1,0 +1,239 @@
+"""From the cooling zones of a case to what cools the surface at a time.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.model.heat_law import Extent, Surroundings
+from castfem.base.errors import InputError
+from castfem.fem import reductions
+from castfem.physics.machine.time_functions import OverTime
+from castfem.model.build.water import water_supply
+from castfem.physics.thermal import flux_laws
+from castfem.physics.thermal.boundary import Cooling, Patch, Surface
+from castfem.base.tables import Table
+from castfem.base.types import Array
+
+if TYPE_CHECKING:
+    from castfem.model import Case
+    from castfem.model.heat_law import HeatLaw
+    from castfem.physics.machine import Machine
+    from castfem.physics.materials import Steel
+    from castfem.model.build.secondary import SecondaryCooling
+
+Row = tuple[list[int], flux_laws.SurfaceLaw]
+
+
+class Zones:
+    """The machine seen from the slice: which cooling holds at which time.
+
+    Args:
+        case: Its cooling zones.
+        machine: When the slice comes to them.
+        steel: Gives the emissivity where a law has none.
+        surface: Perimeter shares of the section's boundary groups.
+
+    Raises:
+        InputError: If a law names a boundary group the section does not have, or radiation needs an
+            emissivity the steel does not give.
+    """
+
+    def __init__(self, case: Case, machine: Machine, steel: Steel, surface: Surface) -> None:
+        self.spans = case.zones()
+        self.starts = [machine.time_at(span.start) for span in self.spans]
+        self._end = machine.time_at(self.spans[-1].end)
+        self._surface = surface
+        self._case = case
+        wall = wall_over_time(case, machine)
+        self._around = Surroundings(
+            steel, machine, wall, water=case.water, clock=case.casting.clock
+        )
+        self._coolings = [self._make(i) for i in range(len(self.spans))]
+        tags = [t for span in self.spans for names, _ in span.laws for t in self._tags(names)]
+        self._secondary = self._below(case, machine, steel)
+        if self._secondary is not None:
+            tags += surface.section.matching(surface.section.outer_groups)
+        self._cooled = surface.patch(tags) if tags else None
+
+    def _below(self, case: Case, machine: Machine, steel: Steel) -> SecondaryCooling | None:
+        """Put what holds from roll to roll in the place of its span, the last; None without."""
+        if not self.spans[-1].roll_to_roll:
+            return None
+        from castfem.model.build.secondary import SecondaryCooling
+
+        start = self.spans[-1].start
+        found = SecondaryCooling(case, machine, steel, self._surface, start)
+        self.starts[-1:] = [machine.time_at(position) for position in found.positions]
+        self._coolings[-1:] = found.coolings
+        return found
+
+    @property
+    def surface(self) -> Surface:
+        """Perimeter shares of the section's boundary groups."""
+        return self._surface
+
+    def name(self, index: int) -> str:
+        """Name of what cools in a zone."""
+        return self.spans[min(max(index, 0), len(self.spans) - 1)].name
+
+    @property
+    def changes(self) -> list[float]:
+        """Instants at which the cooling changes, s: the zone boundaries and the kinks of tables."""
+        times = list(self.starts[1:])
+        for span in self.spans:
+            for _, law in span.laws:
+                times += law.milestones(self._around)
+        if self._secondary is not None:
+            times += self._secondary.changes
+        wall = self._around.wall
+        return times + (list(wall.kinks) if isinstance(wall, OverTime) else [])
+
+    def set_gap(self, gap: Array) -> None:
+        """Let heat cross these gaps from now on, at the owned vertices (owned,), m."""
+        for cooling in self._coolings:
+            for patch, law in cooling.laws:
+                if isinstance(law, flux_laws.Contact) and law.follows:
+                    law.gap = gap[patch.dofs]
+
+    def follow_shape(self) -> None:
+        """Cool the surface as it is now (collective)."""
+        self._surface.follow_shape()
+
+    def flux_across(self, gap: Array, temperature: Array, time: float) -> Array:
+        """Heat flux at the owned vertices (owned,), W/m2, if these were the gaps that change it.
+
+        Args:
+            gap: (owned,), m.
+            temperature: (owned,), K.
+            time: Within the zone that counts, s.
+        """
+        flux = np.zeros_like(temperature)
+        for patch, law in self._coolings[self.index(time)].laws:
+            if isinstance(law, flux_laws.Contact) and law.follows:
+                across = replace(law, gap=gap[patch.dofs])
+                flux[patch.dofs] += across.flux(temperature[patch.dofs], time)[0]
+        return flux
+
+    def index(self, time: float) -> int:
+        """Zone of a step that begins at `time` (s)."""
+        tiny = 1e-9 * max(time, 1e-3)
+        return max(bisect_right(self.starts, time + tiny) - 1, 0)
+
+    def cooling(self, index: int) -> Cooling:
+        """The cooling of one zone."""
+        return self._coolings[index]
+
+    def ambient_range(self) -> tuple[float, float]:
+        """Lowest and highest temperature the machine can drive the strand to, K."""
+        times = [*self.starts, *self.changes, self._end]
+        # From roll to roll the surroundings do not change in time.
+        count = len(self.spans) - (self._secondary is not None)
+        ranges = [c.ambient_range(t) for c in self._coolings[:count] for t in times]
+        ranges += [c.ambient_range(self._end) for c in self._coolings[count:]]
+        return min(low for low, _ in ranges), max(high for _, high in ranges)
+
+    def perimeter_share(self) -> Array:
+        """Share of the cooled perimeter that belongs to each owned vertex (owned,), m."""
+        share = np.zeros(self._surface.section.owned)
+        if self._cooled is not None:
+            share[self._cooled.dofs] = self._cooled.weights
+        return share
+
+    def perimeter(self) -> float:
+        """Perimeter of the whole strand as it is now, m (collective)."""
+        return self._length(self._surface.whole())
+
+    def _length(self, patch: Patch) -> float:
+        """Perimeter of a part of the surface, on the whole strand, m (collective)."""
+        section = self._surface.section
+        modelled = reductions.total(section.comm, float(patch.weights.sum()))
+        return section.multiplicity * modelled
+
+    def surface_vertices(self) -> npt.NDArray[np.int64]:
+        """Owned vertices on the strand's surface, cooled or not."""
+        return self._surface.whole().dofs
+
+    def _tags(self, names: tuple[str, ...]) -> list[int]:
+        """Tags of the surface groups that `names` stand for."""
+        section = self._surface.section
+        return [t for t in section.matching(names) if section.groups[t] in section.outer_groups]
+
+    def _seen(self, index: int, law: HeatLaw, tags: list[int]) -> Surroundings:
+        """What a law on the groups of `tags` in a zone may ask for (collective)."""
+        if not law.asks_extent:
+            return self._around
+        zone, length = self._case.cooling[index], self._case.casting.length
+        end = length if zone.to is None else zone.to
+        extent = Extent(self.spans[index].start, end, self._length(self._surface.patch(tags)))
+        around = self._around
+        supply = water_supply(self._case, around.steel, self._surface.section)
+        return replace(around, extent=extent, supply=supply)
+
+    def _make(self, index: int) -> Cooling:
+        span = self.spans[index]
+        cooling = Cooling([], [])
+        section = self._surface.section
+        rows: list[Row] = []
+        crossing: set[int] = set()
+        for names, law in span.laws:
+            tags = self._tags(names)
+            if not tags:
+                raise InputError(
+                    f"cooling zone '{span.name}': no boundary group is named {', '.join(names)}; "
+                    f"this section has {', '.join(section.outer_groups)}"
+                )
+            made = law.build(self._seen(index, law, tags))
+            if isinstance(made, flux_laws.PrescribedTemperature):
+                cooling.prescribed.append((self._surface.patch(tags), made))
+            else:
+                crossing |= {len(rows)} if law.crosses_gap else set()
+                rows.append((tags, made))
+        for tags, made in across_gaps(rows, crossing):
+            cooling.laws.append((self._surface.patch(tags), made))
+        return cooling
+
+
+def across_gaps(rows: list[Row], crossing: set[int]) -> list[Row]:
+    """The laws of a zone; those that cross a gap stand beside the contact that has it, (35)-(36).
+
+    Args:
+        rows: Tags of boundary groups, and the law that holds on them.
+        crossing: Rows of the laws that cross the gap of a contact law on the same group; of two
+            contact laws there the first has the gap.
+    """
+    found: list[Row] = []
+    met: set[int] = set()
+    for tags, law in rows:
+        if not isinstance(law, flux_laws.Contact):
+            continue
+        parts: dict[tuple[int, ...], list[int]] = {}
+        for tag in tags:
+            here = [] if tag in met else [i for i in sorted(crossing) if tag in rows[i][0]]
+            parts.setdefault(tuple(here), []).append(tag)
+        met |= set(tags)
+        for numbers, part in parts.items():
+            found.append((part, replace(law, beside=tuple(_crosses(rows[i][1]) for i in numbers))))
+    for i, (tags, law) in enumerate(rows):
+        free = [tag for tag in tags if tag not in met] if i in crossing else tags
+        if free and not isinstance(law, flux_laws.Contact):
+            found.append((free, law))
+    return found
+
+
+def _crosses(law: flux_laws.SurfaceLaw) -> flux_laws.Convection | flux_laws.Radiation:
+    assert isinstance(law, flux_laws.Convection | flux_laws.Radiation)
+    return law
+
+
+def wall_over_time(case: Case, machine: Machine) -> float | OverTime | None:
+    """Temperature of the mould's wall as the slice passes it, K, over time; None if not given."""
+    given = None if case.mould is None else case.mould.wall_temperature
+    return OverTime(given, machine) if isinstance(given, Table) else given

@@ -1,0 +1,62 @@
+"""From the table [mechanics] and the steel of a case to the constitutive law."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from castfem.physics.constitutive.elasticity import Elasticity, Solidity
+from castfem.physics.constitutive.flow_laws import RadialReturn
+from castfem.physics.constitutive.parameters import DeltaShare, load_elasticity, load_law, problems_at
+from castfem.base.errors import InputError
+
+if TYPE_CHECKING:
+    from castfem.model.mechanics import Mechanics
+    from castfem.physics.materials import Steel
+
+
+def build_law(
+    table: Mechanics,
+    steel: Steel,
+    law_origin: str = "mechanics.law",
+    elasticity_origin: str = "mechanics.elasticity",
+) -> RadialReturn:
+    """The law of the slice, with the elasticity and the mushy zone of `table`.
+
+    Args:
+        table: What the case says.
+        steel: Of the case.
+        law_origin: Where the law was named ("billet.toml: mechanics.law"), for messages.
+        elasticity_origin: The same for the elasticity.
+
+    Raises:
+        InputError: With all problems found, one line each.
+    """
+    solidity = Solidity.of(
+        steel,
+        stiffness_ratio=table.liquid_stiffness,
+        mushy_zone=table.mushy_zone,
+        coherency=table.coherent_from,
+        memory=table.liquid != "fed",
+    )
+    delta = None if steel.diagram is None else DeltaShare(steel.diagram)
+    problems: list[str] = []
+    try:
+        elasticity = _elasticity(table, steel, solidity)
+    except InputError as error:
+        problems += problems_at(elasticity_origin, error).problems
+        elasticity = load_elasticity(solidity=solidity)
+    try:
+        law = load_law(table.law, elasticity, carbon=steel.composition.get("C"), delta_share=delta)
+    except InputError as error:
+        problems += problems_at(law_origin, error).problems
+    if problems:
+        raise InputError(problems)
+    return law
+
+
+def _elasticity(table: Mechanics, steel: Steel, solidity: Solidity) -> Elasticity:
+    """The set that is named, the steel's own, or that of plain carbon steel."""
+    own = steel.has("youngs_modulus") and steel.has("poisson_ratio")
+    if table.elasticity is None and own:
+        return Elasticity(steel.youngs_modulus, steel.poisson_ratio, solidity)
+    return load_elasticity(table.elasticity or "elastic_steel", solidity)

@@ -1,0 +1,240 @@
+"""From the tables of a case to the mechanics of its slice."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from castfem.model import mechanics as given
+from castfem.model.bending import axis_position, places_of
+from castfem.model.build_mould import build_mould
+from castfem.model.missing_data import no_expansion
+from castfem.model.machine import thickness_of
+from castfem.physics.constitutive.base import Law
+from castfem.physics.contact.settings import Contact
+from castfem.physics.contact.surface_interaction import SurfaceInteraction
+from castfem.base.errors import CaseError, InputError
+from castfem.fem.line_probes import LineProbes
+from castfem.fem.section import Section
+from castfem.physics.machine.time_functions import over_time
+from castfem.physics.mechanics.bent_planes import BentPlanes
+from castfem.physics.mechanics.definition import Slice
+from castfem.physics.mechanics.ferrostatic import Ferrostatic
+from castfem.physics.mechanics.imposed_axis import ImposedAxis
+from castfem.physics.mechanics.planes import PlainPlanes, Planes, TimeHistory, allowed_strains, zero
+from castfem.physics.mechanics.problem import MechanicalProblem
+from castfem.physics.mechanics.stepper import MechanicalStepper
+from castfem.physics.mechanics.supports import PrescribedDisplacement
+from castfem.model.build.law import build_law
+from castfem.base.stopwatch import Stopwatch
+from castfem.base.tables import Table, as_function
+from castfem.base.types import Array
+
+if TYPE_CHECKING:
+    from castfem.model import Case
+    from castfem.model.mould import Mould
+    from castfem.model.section import Section as Strand
+    from castfem.physics.machine.extraction.effort import Effort
+    from castfem.physics.machine import Machine
+    from castfem.physics.materials import Steel
+
+
+NOT_APART = 1e-9  # of the section's size: sides that are held at one and the same height
+
+
+def build_mechanics(
+    case: Case,
+    machine: Machine,
+    steel: Steel,
+    section: Section,
+    probes: LineProbes,
+    watch: Stopwatch,
+) -> MechanicalStepper | None:
+    """The mechanics of `case` (collective); None for a case without.
+
+    Raises:
+        InputError: If the law, a boundary group or a solver option cannot be had, the steel lacks a
+            property, or nothing tells the strain across from a displacement.
+    """
+    table = case.mechanics
+    if table is None:
+        return None
+    if lack := no_expansion(steel):
+        raise CaseError(f"steel.name: {lack}")
+    problem = MechanicalProblem(
+        section,
+        make_slice(case, table, machine, steel, section, probes),
+        table.solver,
+        tolerance=table.tolerance,
+        watch=watch,
+    )
+    _check_across(problem)
+    return MechanicalStepper(problem)
+
+
+def _check_across(problem: MechanicalProblem) -> None:
+    """Refuse a free strain across that is a displacement like any other: no side follows it."""
+    apart = problem.constraints.spread(component=1)
+    if "across" in problem.slice.planes.free and apart <= NOT_APART * problem.scales.length:
+        problem.destroy()
+        raise InputError(
+            "mechanics.planes.across: free along y, as the section's sides are: nothing tells the "
+            'two apart; hold two sides, such as [[mechanics.held]] on = ["side_low", "side_high"], '
+            'component = "y", or leave across out'
+        )
+
+
+def make_slice(
+    case: Case,
+    table: given.Mechanics,
+    machine: Machine,
+    steel: Steel,
+    section: Section,
+    probes: LineProbes,
+    law: Law | None = None,
+) -> Slice:
+    """What the slice of `case` is made of and how it is held; `law` stands in for its own."""
+    if law is None:
+        law = build_law(table, steel)
+    wall = None if case.mould is None else _wall(case.mould, case.section, machine, section)
+    interactions: tuple[SurfaceInteraction, ...] = () if wall is None else (wall,)
+    held = any(one.holds_liquid for one in interactions)
+    ferrostatic = _ferrostatic(table, machine, steel, "free" if held else "held")
+    if table.bulging is not None and table.bulging.bears:
+        from castfem.model.build.bulging import build_roll_support
+
+        rolls = build_roll_support(
+            case, table.bulging, machine, steel, section, probes, law, ferrostatic, wall
+        )
+        interactions = (*interactions, rolls)
+    return Slice(
+        law=law,
+        thermal_strain=steel.thermal_strain,
+        planes=_planes(case, table.planes, machine, steel, section),
+        held=tuple(_held(one) for one in table.held),
+        ferrostatic=ferrostatic,
+        interactions=interactions,
+        large_strain=table.strain == "large",
+        liquid=table.liquid,
+    )
+
+
+def _wall(table: Mould, strand: Strand, machine: Machine, section: Section) -> Contact:
+    """What the mould of a case does to the surface of its strand."""
+    return Contact(
+        wall=build_mould(table, strand),
+        on=section.outer_groups,
+        position=machine.position,
+        method=table.contact.method,
+        factor=table.contact.factor,
+        friction=table.friction.build(),
+    )
+
+
+def _shared(value: float | Table, machine: Machine, parts: int) -> TimeHistory:
+    """What each of the equal parts of the section bears over time of a load on the whole."""
+    if value == 0.0:
+        return zero
+    whole = over_time(value, machine)
+    return lambda time: whole(time) / parts
+
+
+def _planes(
+    case: Case,
+    table: given.GeneralizedPlaneStrain,
+    machine: Machine,
+    steel: Steel,
+    section: Section,
+) -> Planes:
+    """What constrains the planes: the rolls of a machine that bends the strand, or the case."""
+    force = _shared(table.force, machine, section.multiplicity)
+    if case.bends:
+        effort = _effort(case, table, machine, steel, section)
+        return _bent(case, table, machine, force, effort, section.multiplicity)
+    free = given.free_strains(table, allowed_strains(section.groups))
+    imposed = {
+        name: as_function(value)
+        for name in ("a0", "a1", "a2", "across")
+        if name not in free and (value := getattr(table, name)) is not None
+    }
+    return PlainPlanes(
+        free=free,
+        imposed=imposed,
+        force=force,
+        moment_x=_shared(table.moment_x, machine, section.multiplicity),
+        moment_y=_shared(table.moment_y, machine, section.multiplicity),
+    )
+
+
+def _effort(
+    case: Case,
+    table: given.GeneralizedPlaneStrain,
+    machine: Machine,
+    steel: Steel,
+    section: Section,
+) -> Effort | None:
+    """The effort of rolls and drives; a case without [machine.extraction] does not import it."""
+    if case.machine is None or case.machine.extraction is None:
+        return None
+    from castfem.model.build.extraction import build_effort
+
+    return build_effort(case, table, machine, steel, section)
+
+
+def _bent(
+    case: Case,
+    table: given.GeneralizedPlaneStrain,
+    machine: Machine,
+    force: TimeHistory,
+    effort: Effort | None,
+    parts: int,
+) -> BentPlanes:
+    """Planes that follow the curvature of the machine."""
+    thickness = thickness_of(case.section)
+    assert thickness is not None, "a strand that can be bent has a thickness"
+    axis = table.neutral_axis
+    planes = BentPlanes(
+        curvature=lambda time: machine.curvature(machine.position(time), "extrados"),
+        half_thickness=0.5 * thickness,
+        neutral_axis=None if isinstance(axis, Mapping) else axis_position(axis, thickness),
+        force=force,
+        test_direction=table.closing or "tangential",
+        contains_work=effort.contains_work if effort else bool(table.force_contains_bending),
+        effort=effort,
+        position=machine.position,
+        parts=parts,
+    )
+    if not isinstance(axis, Mapping):
+        return planes
+    places = [axis_position(place, thickness) or 0.0 for place in places_of(axis)]
+    times = (0.0, *(machine.time_at(position) for position in machine.bends))
+    imposed = ImposedAxis.alternating(planes.middle, times, *places)
+    return replace(planes, neutral_axis=imposed)
+
+
+def _held(one: given.GivenDisplacement) -> PrescribedDisplacement:
+    component = "xy".index(one.component)
+    if one.value == 0.0:
+        return PrescribedDisplacement(one.on, component)
+    return PrescribedDisplacement(one.on, component, _everywhere(as_function(one.value)))
+
+
+def _everywhere(history: TimeHistory) -> Callable[[Array, float], Array]:
+    """A displacement that is the same at all positions."""
+    return lambda positions, time: np.full(len(positions), history(time))
+
+
+def _ferrostatic(
+    table: given.Mechanics, machine: Machine, steel: Steel, outside: Literal["held", "free"]
+) -> Ferrostatic | None:
+    """Pressure of the liquid; None if it is left out.
+
+    Where no wall holds the liquid at the surface by contact it is held from `outside`.
+    """
+    if table.ferrostatic == "off":
+        return None
+    head = machine.head(steel.liquid_density)
+    return Ferrostatic(head, steel.solid_fraction, table.ferrostatic, outside)

@@ -1,0 +1,221 @@
+"""From [secondary] to what cools each face at each place, and what changes it in time."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.model.missing_data import no_emissivity
+from castfem.model.water import largest
+from castfem.base.errors import InputError
+from castfem.physics.machine.time_functions import over_time
+from castfem.physics.machine.sprays import Kind, Row, Stretch, footprint
+from castfem.model.build.water import water_supply
+from castfem.physics.thermal.boundary import Cooling, Surface
+from castfem.physics.thermal.flux_laws import Convection, Radiation, SurfaceLaw
+from castfem.physics.thermal.spray_water import RollShare, Share, SprayWater, water_across
+from castfem.physics.thermal.sprays import WATER_DENSITY
+
+if TYPE_CHECKING:
+    from castfem.model import Case
+    from castfem.model.secondary import Circuit
+    from castfem.physics.machine import Machine
+    from castfem.physics.materials import Steel
+
+_SAME = 1e-9  # m, at which two faces meet something else
+
+
+def rows_of(case: Case) -> tuple[Row, ...]:
+    """Return the rows of nozzles of a sound case with [secondary], as it has them."""
+    rolls = None if case.machine is None else case.machine.pairs()
+    assert case.secondary is not None and rolls is not None
+    rows = case.secondary.rows(rolls, case.section.height)  # type: ignore[attr-defined]
+    for defect in case.machine.defect or ():  # type: ignore[union-attr]
+        rows = defect.watered(rows)
+    return rows
+
+
+class SecondaryCooling:
+    """Cooling from roll to roll.
+
+    Args:
+        case: With [secondary], sound.
+        machine: What the slice passes, and when.
+        steel: Gives the emissivity where the case does not.
+        surface: Perimeter shares of the section's boundary groups.
+        start: Where it begins, from the meniscus, m.
+        rows: Of nozzles; by default those of the case (`castfem.physics.machine.sprays.scale_water` changes
+            the water of some).
+
+    Attributes:
+        positions: Where something changes, from `start` on, m.
+        coolings: What holds from there on, as many.
+
+    Raises:
+        InputError: The steel has no emissivity, and the case gives none.
+    """
+
+    def __init__(
+        self,
+        case: Case,
+        machine: Machine,
+        steel: Steel,
+        surface: Surface,
+        start: float,
+        rows: tuple[Row, ...] | None = None,
+    ) -> None:
+        supply = water_supply(case, steel, surface.section)
+        table, rolls = case.secondary, None if case.machine is None else case.machine.pairs()
+        assert table is not None and rolls is not None
+        self._table = table
+        self.positions: list[float]
+        self.coolings: list[Cooling]
+        self._radiation, self._run_off = self._radiates(steel), None
+        if table.run_off is not None:
+            self._run_off = Convection(table.run_off, table.water_temperature)
+        rows = rows_of(case) if rows is None else rows
+        circuits = {circuit.name: circuit for circuit in table.circuit}
+        told = {name: supply.flow(one) for name, one in circuits.items()}
+        self._most = {name: largest(flow) for name, flow in told.items()}
+        self._flows = {name: over_time(flow, machine) for name, flow in told.items()}
+        end = max(case.casting.length, table.contacts(rolls)[-1][1] + 1.0)
+        faces = []
+        for name in surface.section.outer_groups:
+            mine, met = table.on_face(name, rolls, rows, machine.inclination, end)
+            faces.append(_Face(self, surface, name, met, mine, circuits))
+        places = [s.start for face in faces for s in face.stretches]
+        self.positions, self.coolings = [], []
+        for position in _apart([start, *(p for p in places if start < p < case.casting.length)]):
+            cooling = _cooling(surface, faces, position)
+            if not self.coolings or not _same(cooling, self.coolings[-1]):
+                self.positions.append(position)
+                self.coolings.append(cooling)
+
+    def _radiates(self, steel: Steel) -> Radiation:
+        table = self._table
+        if lack := no_emissivity(table.emissivity, steel):
+            raise InputError(f"secondary: {lack}")
+        emissivity = steel.emissivity if table.emissivity is None else table.emissivity
+        return Radiation(emissivity, table.ambient)
+
+    @property
+    def changes(self) -> list[float]:
+        """Instants at which water changes its slope in time, s."""
+        return [kink for flow in self._flows.values() for kink in flow.kinks]
+
+    def roll_contact(
+        self, length: float, pitch: Sequence[tuple[float, tuple[SurfaceLaw, ...]]]
+    ) -> SurfaceLaw | None:
+        """Heat to a roll along a length of contact, m; None without contact.
+
+        Args:
+            length: Of contact, m.
+            pitch: Length, m, and laws of each other stretch of its pitch.
+        """
+        contact = self._table.contact
+        if contact is None:
+            return None
+        if contact.share is None:
+            assert contact.coefficient is not None and contact.temperature is not None
+            return Convection(contact.coefficient, contact.temperature)
+        along: dict[int, tuple[float, SurfaceLaw]] = {}
+        for part, laws in pitch:
+            for law in laws:
+                along[id(law)] = (along.get(id(law), (0.0, law))[0] + part, law)
+        return RollShare(contact.share, length, tuple(along.values()))
+
+    def open_laws(self, kind: Kind, water: SurfaceLaw | None) -> tuple[SurfaceLaw, ...]:
+        """The laws where the strand touches no roll."""
+        found: list[SurfaceLaw] = [self._radiation]
+        if kind == "run_off":
+            assert self._run_off is not None
+            found.append(self._run_off)
+        return tuple(found) if water is None else (*found, water)
+
+    def share(self, row: Row, circuit: Circuit, places: np.ndarray) -> Share:
+        """What a row adds to the water at places across its face (n,), m."""
+        model = self._table.model_of(circuit)
+        width = footprint(circuit.stand_off, model.angle)
+        each = WATER_DENSITY * row.share / circuit.nozzles() / (row.end - row.start)
+        water = each * water_across(places, circuit.across, width, model.edge)
+        h = model.coefficient(self._table.water_temperature)
+        return Share(water, self._flows[row.circuit], self._most[row.circuit], h)
+
+    @property
+    def water_temperature(self) -> float:
+        """Of all water, K."""
+        return self._table.water_temperature
+
+
+class _Face:
+    """One boundary group on its way down the machine."""
+
+    def __init__(
+        self,
+        cooling: SecondaryCooling,
+        surface: Surface,
+        name: str,
+        met: tuple[Stretch, ...],
+        rows: tuple[Row, ...],
+        circuits: dict[str, Circuit],
+    ) -> None:
+        self.stretches, self.tag = met, surface.section.groups.index(name)
+        space, dofs = surface.section.vertex_space, surface.patch([self.tag]).dofs
+        places = space.tabulate_dof_coordinates()[dofs, 0 if name.startswith("wide_face") else 1]
+        self._starts = [stretch.start for stretch in met]
+        shares = {
+            i: cooling.share(rows[i], circuits[rows[i].circuit], places)
+            for i in {i for stretch in met for i in stretch.rows}
+        }
+        self._laws: list[tuple[SurfaceLaw, ...]] = []
+        pitches: dict[int, list[tuple[float, tuple[SurfaceLaw, ...]]]] = {}
+        for stretch in met:
+            water = None
+            if stretch.rows:
+                water = SprayWater(
+                    tuple(shares[i] for i in stretch.rows), cooling.water_temperature
+                )
+            laws = () if stretch.kind == "contact" else cooling.open_laws(stretch.kind, water)
+            self._laws.append(laws)
+            if stretch.kind != "contact":
+                pitches.setdefault(stretch.gap, []).append((stretch.end - stretch.start, laws))
+        last = max(stretch.gap for stretch in met)
+        for i, stretch in enumerate(met):
+            if stretch.kind == "contact":
+                # The last roll has no pitch below it: it takes the share of the one above.
+                pitch = pitches[stretch.gap if stretch.gap < last else max(last - 1, 0)]
+                law = cooling.roll_contact(stretch.end - stretch.start, pitch)
+                self._laws[i] = () if law is None else (law,)
+
+    def laws_at(self, position: float) -> tuple[SurfaceLaw, ...]:
+        """The laws that hold from a position (m) on."""
+        return self._laws[max(bisect_right(self._starts, position + _SAME) - 1, 0)]
+
+
+def _cooling(surface: Surface, faces: Sequence[_Face], position: float) -> Cooling:
+    """What cools all faces from a position (m) on; a law that several have is asked once."""
+    tags: dict[int, tuple[SurfaceLaw, list[int]]] = {}
+    for face in faces:
+        for law in face.laws_at(position):
+            tags.setdefault(id(law), (law, []))[1].append(face.tag)
+    return Cooling([(surface.patch(those), law) for law, those in tags.values()], [])
+
+
+def _same(one: Cooling, other: Cooling) -> bool:
+    """Whether the same laws hold on the same faces."""
+    if len(one.laws) != len(other.laws):
+        return False
+    pairs = zip(one.laws, other.laws, strict=True)
+    return all(a is c and b is d for (a, b), (c, d) in pairs)
+
+
+def _apart(places: list[float]) -> list[float]:
+    """Places in order, those that are one but for rounding once."""
+    found: list[float] = []
+    for place in sorted(places):
+        if not found or place - found[-1] > _SAME:
+            found.append(place)
+    return found

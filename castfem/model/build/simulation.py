@@ -1,0 +1,332 @@
+"""The objects of a run, built once from its case: those that the case asks for and no others."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mpi4py import MPI
+
+import numpy as np
+
+from castfem.model.build_machine import build_machine
+from castfem.model.mechanics import Way
+from castfem.model.section_mesh import meshing
+from castfem.physics.coupling.staggered import ALLOWED, ORDER, StaggeredCoupling
+from castfem.physics.coupling.step_control import ALLOWED_STRAIN, Adaptive, StepControl
+from castfem.physics.coupling.subcycling import MechanicalSteps, ThermalSteps
+from castfem.fem import reductions
+from castfem.fem.line_probes import LineProbes
+from castfem.fem.root import on_root
+from castfem.fem.section import Section
+from castfem.physics.machine.machine import STANDING
+from castfem.physics.materials.curve import ThermalCurve
+from castfem.model.build import closed_form
+from castfem.model.build.cooling import Zones
+from castfem.model.build.start import given_profile
+from castfem.base.stopwatch import Stopwatch
+from castfem.physics.thermal.boundary import Surface
+from castfem.physics.thermal.deformed_section import Shape
+from castfem.physics.thermal.problem import ThermalProblem
+from castfem.physics.thermal.stepper import ThermalStepper
+
+if TYPE_CHECKING:
+    from castfem.model import Case
+    from castfem.physics.machine import Machine
+    from castfem.physics.materials import Steel
+    from castfem.physics.mechanics.stepper import MechanicalStepper
+    from castfem.meshes import SectionMesh
+    from castfem.base.types import Array
+    from castfem.physics.closed_forms import ClosedForm
+
+# T(H) is tabulated from the coldest surroundings to the start; beyond, the end values hold.
+ROOM, MARGIN = 280.0, 2.0  # K
+CENTRED = 1e-9  # of its length, how near the centre a probe ends that ends there
+
+
+@dataclass(slots=True)
+class Simulation:
+    """The objects of one run.
+
+    Attributes:
+        case: The case. machine: What the slice meets, and when.
+        steel: Its steel. section: The distributed mesh.
+        stepper: Thermal time stepping (with the problem and its curve).
+        zones: The machine's cooling. probes: Lines at which results are read.
+        control: Choice of the step: thermal, or with mechanics the coupling window.
+        steps: Thermal steps. mechanics: The mechanical step; None for a case without.
+        coupling: Takes windows of both; likewise.
+        start_temperature: At the meniscus, K. watch: Where the time goes.
+        exact: The closed form it is held against, if the case names one.
+    """
+
+    case: Case
+    machine: Machine
+    steel: Steel
+    section: Section
+    stepper: ThermalStepper
+    zones: Zones
+    probes: LineProbes
+    control: StepControl
+    steps: ThermalSteps
+    mechanics: MechanicalStepper | None
+    coupling: StaggeredCoupling | None
+    start_temperature: float
+    watch: Stopwatch
+    exact: ClosedForm | None = None
+
+    @property
+    def stations(self) -> list[float]:
+        """Positions short of the end for which the case has reference numbers, m."""
+        return stations(self.case)
+
+    @property
+    def problem(self) -> ThermalProblem:
+        """The thermal problem."""
+        return self.stepper.problem
+
+    @property
+    def centred_probes(self) -> tuple[str, ...]:
+        """Probes that end in the centre of the section, so that they measure half of its size."""
+        return tuple(
+            name
+            for name, (start, end) in self.probes.lines.items()
+            if np.linalg.norm(end) <= CENTRED * np.linalg.norm(start)
+        )
+
+    def destroy(self) -> None:
+        """Free the PETSc objects; many simulations may be built in one process."""
+        self.problem.destroy()
+        if self.mechanics is not None:
+            self.mechanics.problem.destroy()
+        self.probes.destroy()
+
+
+def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulation:
+    """Build the objects of `case` on the ranks of `comm` (collective).
+
+    Raises:
+        InputError: If the steel, the mesh or the solver options cannot be had.
+    """
+    watch = watch if watch is not None else Stopwatch()
+    with watch.section("setup: steel"):
+        machine = build_machine(case)
+        steel = case_steel(case)
+        start = starting_temperature(case, steel)
+        exact = closed_form.of_case(case, steel, start)
+    with watch.section("setup: mesh"):
+        section = Section(comm, on_root(comm, lambda: build_mesh(case)))
+        probes = LineProbes(section, _probe_lines(case, section))
+    with watch.section("setup: mechanics"):
+        mechanics = _mechanics(case, machine, steel, section, probes, watch)
+    shape = None
+    if mechanics is not None and case.coupling.follow_shape:
+        shape = Shape(section, mechanics.problem.space, steel.solidus)
+    with watch.section("setup: thermal"):
+        zones = Zones(case, machine, steel, Surface(section, shape))
+        profile = given_profile(case)
+        given = () if profile is None else profile.values
+        curve = thermal_curve(steel, zones, start, keeps_mass=shape is not None, given=given)
+        probes.conducts = curve
+        problem = ThermalProblem(section, curve, case.thermal.solver, watch=watch, shape=shape)
+    stepping = case.thermal.time
+    stepper = ThermalStepper(problem, stepping.scheme, estimate=stepping.step is None)
+    milestones = _milestones(case, machine, zones)
+    if mechanics is not None:
+        acting = mechanics.problem.slice.interactions
+        ends = (end for one in acting for end in (*one.between, *one.knots))
+        milestones += [machine.time_at(end) for end in ends if 0.0 < end < np.inf]
+    if mechanics is None:
+        control = thermal = step_control(case, milestones)
+    else:
+        control = _windows(case, machine, milestones)
+        thermal = step_control(case, [])
+    steps = ThermalSteps(stepper, thermal)
+    coupling = _coupling(case, machine, steps, mechanics, zones)
+    return Simulation(
+        case, machine, steel, section, stepper, zones, probes, control, steps, mechanics, coupling,
+        start_temperature=start, watch=watch, exact=exact,
+    )  # fmt: skip
+
+
+def _probe_lines(case: Case, section: Section) -> dict[str, tuple[Array, Array]]:
+    """Lines of the probes; where a machine bends the strand, both faces are told by name."""
+    named = {}
+    for name, line in section.probes.items():
+        opposite = [n for n in section.probes if n.replace("_extrados", "") == name != n]
+        if case.bends and opposite:
+            name = opposite[0].replace("_extrados", "_intrados")
+        named[name] = line
+    return named
+
+
+def _windows(case: Case, machine: Machine, milestones: list[float]) -> StepControl:
+    """Choice of the coupling windows, of equal times or of equal lengths of strand."""
+    duration, given = case.casting.duration, case.coupling.interval
+    allowed, most = case.coupling.window_error or ALLOWED, case.coupling.growth or 1.0
+    if not isinstance(given, Way):
+        return StepControl(
+            duration, milestones, fixed=given, tolerance=allowed, order=ORDER, most=most
+        )
+    length = given.length
+    return StepControl(
+        duration,
+        milestones,
+        fixed=STANDING * machine.window_time(length),
+        tolerance=allowed,
+        order=ORDER,
+        longest=lambda time: machine.window(time, length),
+        unit=machine.window_time(length),
+        most=most,
+    )
+
+
+def _coupling(
+    case: Case,
+    machine: Machine,
+    steps: ThermalSteps,
+    mechanics: MechanicalStepper | None,
+    zones: Zones,
+) -> StaggeredCoupling | None:
+    """The coupling of a case with mechanics."""
+    if mechanics is None:
+        return None
+    gap, given = None, case.coupling
+    window = given.interval
+    duration = machine.window_time(window.length) if isinstance(window, Way) else window
+    if (wall := mechanics.problem.contact) is not None:
+        from castfem.physics.mechanics.surface_gap import SurfaceGap
+
+        gap = SurfaceGap(wall)
+    return StaggeredCoupling(
+        steps, MechanicalSteps(mechanics, given.mechanical_step), given.dissipation, zones, gap,
+        duration, given.passes, given.settled, given.order,
+        given.strain_error or ALLOWED_STRAIN,
+        _reach(mechanics.problem.section) if (given.growth or 1.0) > 1.0 else None,
+    )  # fmt: skip
+
+
+def _reach(section: Section) -> tuple[float, float]:
+    """Largest |x| and |y| of the section, m (collective)."""
+    place = np.abs(section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2])
+    x, y = (reductions.largest(section.comm, values) for values in place.T)
+    return x, y
+
+
+def _mechanics(
+    case: Case,
+    machine: Machine,
+    steel: Steel,
+    section: Section,
+    probes: LineProbes,
+    watch: Stopwatch,
+) -> MechanicalStepper | None:
+    """The mechanics of a case that has some; a thermal simulation does not even import them."""
+    if case.mechanics is None:
+        return None
+    from castfem.model.build.mechanics import build_mechanics
+
+    return build_mechanics(case, machine, steel, section, probes, watch)
+
+
+def case_steel(case: Case) -> Steel:
+    """The steel of the case, with its composition and its changes."""
+    from castfem.physics.materials import load_steel
+
+    given = case.steel
+    return load_steel(
+        given.name,
+        composition=given.composition or None,
+        overrides=given.overrides or None,
+        origin=f"{case.title}: steel",
+    )
+
+
+def thermal_curve(
+    steel: Steel,
+    zones: Zones,
+    start: float,
+    keeps_mass: bool = False,
+    given: Sequence[float] = (),
+) -> ThermalCurve:
+    """T(H) between the coldest surroundings and the start, zero at the start.
+
+    Args:
+        steel: The steel.
+        zones: Have the surroundings.
+        start: Temperature at the meniscus, K.
+        keeps_mass: Whether the slice moves, so that solid keeps its mass and not its volume.
+        given: Temperatures that it begins with instead, K.
+    """
+    coldest, hottest = zones.ambient_range()
+    lower = max(min(coldest, start, *given), ROOM) - MARGIN
+    upper = max(start, *given, hottest if hottest < np.inf else start) + MARGIN
+    upper = max(upper, steel.liquidus + MARGIN)
+    return steel.thermal_curve(lower, upper, start, start if keeps_mass else None)
+
+
+def starting_temperature(case: Case, steel: Steel) -> float:
+    """Temperature of the steel at the meniscus, K."""
+    if case.casting.temperature is not None:
+        return case.casting.temperature
+    return steel.liquidus + (case.casting.poured_superheat or 0.0)
+
+
+def stations(case: Case) -> list[float]:
+    """Positions short of the end for which the case has reference numbers, m."""
+    length = case.casting.length
+    return sorted({r.at for r in case.reference if r.at is not None and r.at < length})
+
+
+def _milestones(case: Case, machine: Machine, zones: Zones) -> list[float]:
+    """Instants to be hit exactly: changes of cooling, mould and speed, stations, output; s."""
+    found = [*zones.changes, *machine.kinks]
+    bends = (*machine.bends, *_drawn(case)) if case.mechanics is not None else ()
+    found += [machine.time_at(p) for p in (*stations(case), *case.mould_knots(), *bends)]
+    if case.output_fields:
+        every = case.output_every
+        found += [i * every for i in range(1, int(case.casting.duration / every) + 1)]
+    return found
+
+
+def _drawn(case: Case) -> tuple[float, ...]:
+    """Positions of the rolls where they make the axial effort, m: it changes its slope there."""
+    if case.machine is None or case.machine.extraction is None:
+        return ()
+    rolls = case.machine.pairs()
+    assert rolls is not None, "the case has been checked"
+    return tuple(pair.position for pair in rolls.pairs)
+
+
+def step_control(case: Case, milestones: list[float], least: float = 0.0) -> StepControl:
+    """Thermal step control of the case, for `least` seconds or more; it hits the milestones (s)."""
+    duration, stepping = max(case.casting.duration, least), case.thermal.time
+    if stepping.step is not None:
+        return StepControl(duration, milestones, fixed=stepping.step)
+    given = stepping.adaptive
+    if given is None:
+        raise ValueError("a case has a fixed step or an adaptive one")
+    adaptive = Adaptive(given.tolerance, given.first, given.smallest, given.largest)
+    order = 3 if stepping.scheme == "sdirk2" else 2
+    return StepControl(duration, milestones, adaptive=adaptive, order=order)
+
+
+def build_mesh(case: Case) -> SectionMesh:
+    """The section's mesh, from the user's cache if it is there.
+
+    Raises:
+        CaseError: The mesh cannot be built, or would have bad cells.
+    """
+    from castfem import meshes
+
+    with meshing():
+        return meshes.cached(meshes.build, cache_folder() / "meshes", **case.mesh_parameters())
+
+
+def cache_folder() -> Path:
+    """The user's cache folder for castfem."""
+    import platformdirs
+
+    return Path(platformdirs.user_cache_dir("castfem", appauthor=False))

@@ -1,0 +1,102 @@
+"""Where and with what a run begins: at the meniscus or below the mould, poured or a profile."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.physics.coupling.subcycling import ThermalSteps
+from castfem.fem.section import Section
+from castfem.base.tables import Table
+from castfem.base.types import Array
+
+if TYPE_CHECKING:
+    from castfem.model import Case
+    from castfem.model.build.simulation import Simulation
+    from castfem.physics.thermal.stepper import ThermalState
+
+
+def given_profile(case: Case) -> Table | None:
+    """Return the temperature over the depth below the surface that a run begins with, if any."""
+    start = case.casting.start
+    profile = None if start is None else start.profile
+    return profile if isinstance(profile, Table) else None
+
+
+def starting_enthalpy(simulation: Simulation) -> float | Array:
+    """H that the balance of heat is counted from, one or of the owned vertices, J/m3 (collective).
+
+    That is the steel as poured, or the profile that is given.
+    """
+    curve, profile = simulation.problem.curve, given_profile(simulation.case)
+    if profile is None:
+        return float(curve.enthalpy(simulation.start_temperature))
+    return np.asarray(curve.enthalpy(profile(depth_below_surface(simulation.section))))
+
+
+def starting_time(simulation: Simulation) -> float:
+    """When the run begins, s after the slice has left the meniscus."""
+    case, start = simulation.case, simulation.case.casting.start
+    below = start is not None and start.at == "mould_exit"
+    exit_ = case.mould_exit() if below else None
+    return 0.0 if exit_ is None else simulation.machine.time_at(exit_)
+
+
+def starting_state(simulation: Simulation) -> ThermalState:
+    """The temperatures that a run begins with (collective).
+
+    Raises:
+        RunFailure: The slice cannot be taken through its mould.
+    """
+    stepper, time = simulation.stepper, starting_time(simulation)
+    if given_profile(simulation.case) is not None:
+        enthalpy = np.asarray(starting_enthalpy(simulation))
+        return stepper.state_from(time, enthalpy, np.zeros_like(enthalpy), 0.0)
+    state, start = stepper.initial(simulation.start_temperature), simulation.case.casting.start
+    if start is not None and start.meniscus is not None:
+        met = through_mould(simulation, state, simulation.machine.time_at(start.meniscus))
+        return replace(met, time=0.0)
+    return through_mould(simulation, state, time) if time > 0.0 else state
+
+
+def through_mould(simulation: Simulation, state: ThermalState, end: float) -> ThermalState:
+    """Take the temperatures alone from the meniscus to a time, s, as the zones cool them.
+
+    The slice keeps its shape: the mould strains nothing of the run ([Pascon2003] VI.3.1).
+
+    Raises:
+        RunFailure: At the smallest step.
+    """
+    from castfem.model.build.simulation import step_control
+
+    zones = simulation.zones
+    stops = sorted({t for t in (*zones.changes, *simulation.machine.kinks) if 0.0 < t < end})
+    steps = ThermalSteps(simulation.stepper, step_control(simulation.case, stops, end))
+    entered = -1
+    for stop in (*stops, end):
+        zone = zones.index(state.time)
+        if zone != entered:
+            simulation.problem.set_cooling(zones.cooling(zone))
+            steps.control.restart()
+            entered = zone
+        state = steps.to(state, stop).state
+    return state
+
+
+def depth_below_surface(section: Section) -> Array:
+    """Distance of each owned vertex from the strand's surface (owned,), m (collective)."""
+    source = section.source
+    if section.comm.rank != 0 or source is None:
+        return section.scatter(None)
+    outer = [i for i, name in enumerate(source.groups) if name in section.outer_groups]
+    facets = source.facets[np.isin(source.facet_group, outer)]
+    points = np.asarray(source.points)[:, :2]
+    nearest = np.full(len(points), np.inf)
+    for a, b in np.asarray(source.points)[facets][:, :, :2]:
+        along = b - a
+        share = np.clip((points - a) @ along / (along @ along), 0.0, 1.0)
+        away = np.linalg.norm(points - a - share[:, None] * along, axis=1)
+        nearest = np.minimum(nearest, away)
+    return section.scatter(nearest)

@@ -1,0 +1,311 @@
+"""The case: everything a run needs to know, validated and in SI."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field, ModelWrapValidatorHandler, model_validator
+
+from castfem.base.errors import InputError
+from castfem.base.tables import Table as TableOfValues
+from castfem.model.base import TableModel
+from castfem.model.casting import (
+    CONTACT_FIELDS,
+    THERMAL_FIELDS,
+    Casting,
+    FieldName,
+    Output,
+    Reference,
+    Steel,
+    usual_interval,
+)
+from castfem.model.cooling import Contact, HeatLaw, Zone
+from castfem.model.document import PROPERTY_FILES, is_path
+from castfem.model.machine import Machine
+from castfem.model.mechanics import Coupling, Mechanics
+from castfem.model.mould import Mould
+from castfem.model.optimise import Optimise
+from castfem.model.quality import Quality
+from castfem.model.secondary import Secondary
+from castfem.model.section import Mesh, Section
+from castfem.model.thermal import Thermal
+from castfem.model.verification import Verification
+from castfem.model.water import Water
+from castfem.physics.mould.taper import segment_ends
+
+_NOT_PHYSICS: Any = {
+    "title": True,
+    "output": True,
+    "reference": True,
+    "verification": True,
+    "optimise": True,
+    "casting": {"length"},
+    "mould": {"oscillation"},
+    "thermal": {"solver"},
+    "mechanics": {"solver"},
+}
+
+_MOULD = "mould"  # in the name of a zone
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """A cooling zone as far as the strand is followed.
+
+    Attributes:
+        name: Name of the zone.
+        start: Where it begins, from the meniscus, m.
+        end: Where it ends, m; not beyond the followed length.
+        laws: Pairs of the boundary groups (or beginnings of their names) and the law on them.
+        whole: Whether that end is its own.
+        roll_to_roll: Whether it is that of [secondary], whose laws are not told here.
+    """
+
+    name: str
+    start: float
+    end: float
+    laws: tuple[tuple[tuple[str, ...], HeatLaw], ...]
+    whole: bool
+    roll_to_roll: bool = False
+
+
+class Case(TableModel):
+    """A case file. Tables may be inherited from the file named by `extends`."""
+
+    title: str = Field(min_length=1, description="one line that says what the case is")
+    casting: Casting
+    steel: Steel
+    section: Section
+    mesh: Mesh
+    cooling: tuple[Zone, ...] = Field(min_length=1)
+    thermal: Thermal = Field(default_factory=lambda: Thermal.model_validate({}))
+    mechanics: Mechanics | None = Field(
+        None, description="the mechanical problem; left out: temperatures alone"
+    )
+    mould: Mould | None = Field(
+        None, description="the rigid mould; left out: an idealised one, without contact forces"
+    )
+    machine: Machine | None = Field(
+        None, description="the rolls below the mould; left out: a strand that goes straight down"
+    )
+    water: Water | None = Field(
+        None,
+        description="spray water of the whole strand, of which zones and circuits take shares; "
+        "left out: each tells its own",
+    )
+    secondary: Secondary | None = Field(
+        None, description="cooling from roll to roll below [[cooling]]; left out: none"
+    )
+    coupling: Coupling = Field(default_factory=lambda: Coupling.model_validate({}))
+    quality: Quality | None = Field(
+        None, description="by what the strand is judged; left out: no crack index is computed"
+    )
+    output: Output = Field(default_factory=lambda: Output.model_validate({}))
+    verification: Verification | None = Field(
+        None, description="the closed form it is held against; left out: none"
+    )
+    optimise: Optimise | None = Field(
+        None,
+        description="what castfem optimise looks for; left out: nothing. A run of the case does "
+        "not look at it",
+    )
+    reference: tuple[Reference, ...] = ()
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _with_interval(cls, data: Any, handler: ModelWrapValidatorHandler[Case]) -> Case:
+        """Put in how often the fields are written, so that the case of a run names it."""
+        case = handler(data)
+        casting, output = case.casting, case.output
+        if output is None or output.every is not None or casting is None:
+            return case  # faulty tables are None where all problems are gathered
+        if None in (casting.speed, casting.length):
+            return case
+        output = output.model_copy(update={"every": usual_interval(casting.duration)})
+        return case.model_copy(update={"output": output})
+
+    def zones(self) -> tuple[Span, ...]:
+        """Return the cooling zones within the followed length, in casting order."""
+        spans, start = [], 0.0
+        default = self.section.cooled_groups()
+        for zone in self.cooling:
+            end = self.casting.length if zone.to is None else min(zone.to, self.casting.length)
+            laws = tuple((law.on or default, law) for law in zone.surface)
+            spans.append(Span(zone.name, start, end, laws, whole=zone.to == end))
+            start = end
+            if end >= self.casting.length:
+                return tuple(spans)
+        if self.secondary is not None:
+            end = self.casting.length
+            spans.append(Span("secondary", start, end, (), whole=True, roll_to_roll=True))
+        return tuple(spans)
+
+    def mould_exit(self) -> float | None:
+        """Return where the mould ends, from the meniscus, m; None if the case has none.
+
+        That is mould.length. Without [mould] it is the end of the zones, from the meniscus on, that
+        are called a mould or, if the first is not, that cool by contact with a wall.
+        """
+        if self.mould is not None:
+            return self.mould.length
+        named = [_MOULD in zone.name.lower() for zone in self.cooling]
+        walled = [any(isinstance(law, Contact) for law in zone.surface) for zone in self.cooling]
+        of_mould = named if named[0] else walled
+        last = next((i for i, part in enumerate(of_mould) if not part), len(of_mould)) - 1
+        return None if last < 0 else self.cooling[last].to
+
+    @property
+    def bends(self) -> bool:
+        """Whether the rolls of its machine bend the strand; false as well where none are sound."""
+        rolls = None if self.machine is None else self.machine.pairs()
+        return rolls is not None and any(math.isfinite(pair.radius) for pair in rolls.pairs)
+
+    @property
+    def output_every(self) -> float:
+        """Time between two states of the fields, s."""
+        assert self.output.every is not None, "the case has been checked"
+        return self.output.every
+
+    @property
+    def output_fields(self) -> tuple[FieldName, ...]:
+        """The fields to write: those asked for, or what the simulation has."""
+        if self.output.fields is not None:
+            return self.output.fields
+        usual: tuple[FieldName, ...] = (
+            "displacement",
+            "stress",
+            "von_mises",
+            "viscoplastic_strain",
+        )
+        found = THERMAL_FIELDS + (usual if self.mechanics is not None else ())
+        return found + (CONTACT_FIELDS if self.mould is not None else ())
+
+    def expected(self) -> tuple[Reference, ...]:
+        """Return the reference numbers that hold where the run ends."""
+        end = self.casting.length
+        return tuple(r for r in self.reference if r.at is None or math.isclose(r.at, end))
+
+    def mould_knots(self) -> tuple[float, ...]:
+        """Return where the mould begins, changes the slope of its walls and ends, m; () without."""
+        table = self.mould
+        if table is None:
+            return ()
+        profiles = [given.profile(table.length) for given in table.taper.parts.values()]
+        knots = segment_ends(profiles, table.length)
+        warmth = table.copper.temperature if table.condition == "cold" else None
+        if isinstance(warmth, TableOfValues):
+            knots += [p for p in warmth.arguments if 0.0 < p < table.length]
+        return tuple(sorted(knots))
+
+    def mesh_parameters(self) -> dict[str, Any]:
+        """Return the keys of [section] and [mesh] that are given, in SI: the mesh's parameters."""
+        section = self.section.model_dump(exclude_none=True)
+        bulge = getattr(self.section, "bulge", None)
+        if isinstance(bulge, TableOfValues):
+            section["bulge"] = (list(bulge.arguments), list(bulge.values))
+        elif bulge is not None:
+            section["bulge"] = ([0.0], [bulge])
+        return section | self.mesh.model_dump(exclude_none=True)
+
+    def document(self) -> dict[str, Any]:
+        """Return the case as the tables of a case file, every quantity with its unit."""
+        tables = self.model_dump(mode="json", exclude_none=True)
+        for table, key in (
+            (tables["steel"], "composition"),
+            (tables["steel"], "overrides"),
+            (tables["thermal"], "solver"),
+            (tables, "reference"),
+            (tables.get("mechanics", {}), "solver"),
+            (tables.get("mechanics", {}), "held"),
+            (tables.get("machine", {}), "segment"),
+            (tables.get("secondary", {}), "nozzle"),
+            (tables.get("secondary", {}), "circuit"),
+            (tables["output"], "probe"),
+        ):
+            if key in table and not table[key]:
+                del table[key]
+        if self.mechanics is None:
+            del tables["coupling"]
+        return tables
+
+    def resolved_toml(self) -> str:
+        """Return a case file without `extends` that reads back to an equal case."""
+        import tomli_w
+
+        return tomli_w.dumps(self.document())
+
+    def _repr_html_(self) -> str:
+        """The case as a notebook shows it: its file, with the defaults, in the units chosen."""
+        from html import escape
+
+        import tomli_w
+
+        from castfem.base.shown_units import shown_in
+        from castfem.model.shown_units import units_of, with_units
+
+        with shown_in(units_of(self)):
+            text = tomli_w.dumps(with_units(self.document()))
+        return f"<b>{escape(self.title)}</b><pre>{escape(text)}</pre>"
+
+    def physics(self) -> dict[str, Any]:
+        """Return all that the computed fields depend on, as tables.
+
+        It leaves out the title, the output settings, the reference numbers and the followed
+        length (a run may be resumed further down the strand); property files count by content.
+        """
+        physics = self.model_dump(mode="json", exclude_none=True, exclude=_NOT_PHYSICS)
+        if self.mechanics is None:
+            del physics["coupling"]
+        for table, key in PROPERTY_FILES:
+            name = str(physics.get(table, {}).get(key, ""))
+            if is_path(name):
+                path = Path(name)
+                content = path.read_bytes() if path.is_file() else b""
+                digest = hashlib.sha256(content).hexdigest()
+                physics[table][key] = f"file of SHA-256 {digest}"
+        return physics
+
+    def physics_hash(self) -> str:
+        """Return a hash of `physics`."""
+        return _hash(self.physics())
+
+    def physics_record(self) -> dict[str, Any]:
+        """Return `physics` ("case") and its hash ("physics"), as a checkpoint keeps them.
+
+        This writes out the whole case, which takes long if it has large tables: a run asks once.
+        """
+        tables = self.physics()
+        return {"physics": _hash(tables), "case": tables}
+
+    def with_(self, changes: Mapping[str, Any] | None = None, **dotted: Any) -> Case:
+        """Return a changed case: `case.with_({"casting.speed": "3 m/min"})`.
+
+        Args:
+            changes: Dotted key and new value, as it would be written in a case file. A zone or
+                another entry of an array is named by its index or its name. A bare name will do
+                for a key that only one table of the case has: speed for casting.speed.
+            dotted: The same for bare names and keys of the top level:
+                `case.with_(speed="3 m/min", title="slower")`.
+
+        Raises:
+            InputError: The changed case is not valid; all problems at once.
+        """
+        from castfem.model.load import changed
+
+        if changes is not None and not isinstance(changes, Mapping):
+            raise InputError(
+                f'with_: keys and values are needed, such as {{"casting.speed": "3 m/min"}} or '
+                f'speed="3 m/min" (given: {changes!r})'
+            )
+        return changed(self, {**(changes or {}), **dotted})
+
+
+def _hash(physics: Mapping[str, Any]) -> str:
+    text = json.dumps(physics, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

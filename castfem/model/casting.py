@@ -1,0 +1,286 @@
+"""The tables [casting], [steel], [output] and [[reference]] of a case file."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import AfterValidator, Field, field_validator
+
+from castfem.base import units
+from castfem.base.quantities import Kind, Length, Percent, Temperature, Time
+from castfem.base.shown_units import ShownUnits, UnitsNotation
+from castfem.base.table_notation import Curve
+from castfem.base.tables import Table
+from castfem.base.tolerances import ROUNDING
+from castfem.model.base import TableModel
+from castfem.model.probe import Probe
+from castfem.physics.machine.travel import Changing, Steady, Travel
+
+ThermalField = Literal["temperature", "solid_fraction"]
+MechanicalField = Literal[
+    "displacement", "stress", "von_mises", "strain", "viscoplastic_strain", "pressure"
+]
+ContactField = Literal["gap", "contact_pressure"]
+ReferenceKind = Literal["value", "at_least", "at_most"]
+"""What is known of a quantity: its value, or a bound."""
+SpeedOverTime = Annotated[float | Table, Curve(Kind("m/s", "m/min", least=0.0), over="time")]
+FieldName = Literal[ThermalField, MechanicalField, ContactField]
+"""Fields that can be written."""
+THERMAL_FIELDS: tuple[FieldName, ...] = get_args(ThermalField)
+MECHANICAL_FIELDS: tuple[FieldName, ...] = get_args(MechanicalField)
+CONTACT_FIELDS: tuple[FieldName, ...] = get_args(ContactField)
+
+
+TemperatureOverDepth = Annotated[float | Table, Curve(Kind("K", "degC"), over="depth")]
+
+
+_ROUNDED = 1e-6  # of a per cent
+
+
+Instant = Annotated[float, Kind("s", "s", least=0.0)]
+SuperheatOverTime = Annotated[
+    float | Table, Curve(Kind("K", "K", difference=True, least=0.0), over="time")
+]
+
+
+class Start(TableModel):
+    """Where, when and with what a run begins."""
+
+    at: Literal["meniscus", "mould_exit"] = Field(
+        "meniscus",
+        description="where the run, its history and its mechanics begin: at mould_exit, unstrained "
+        "and in its shape as cold, after a run of the temperature alone through the zones of the "
+        "mould, or with the profile",
+    )
+    profile: TemperatureOverDepth | None = Field(
+        None,
+        description="temperature there over the depth below the surface; left out: the steel as "
+        "poured, cooled by the mould",
+    )
+    meniscus: Length | None = Field(
+        None,
+        description="height of the meniscus over which the steel has met the wall already where "
+        "the slice is formed: it is cooled as over the same height below, in its shape and "
+        "unstrained; left out: not at all",
+        examples=["8 mm"],
+    )
+
+    time: Instant | None = Field(
+        None,
+        description="when the slice leaves the meniscus, on the clock by which the tables over "
+        "time of casting.speed, casting.superheat and of water go; left out: at 0 s",
+        examples=["120 s"],
+    )
+
+    @field_validator("profile")
+    @classmethod
+    def _is_table(cls, profile: float | Table | None) -> float | Table | None:
+        """Refuse one temperature, which is casting.temperature."""
+        if profile is None or isinstance(profile, Table):
+            return profile
+        raise ValueError(
+            "a table over depth is needed; the one temperature of a slice is casting.temperature"
+        )
+
+
+class Casting(TableModel):
+    """How the strand is cast. Exactly one of `superheat` and `temperature` is given."""
+
+    speed: SpeedOverTime = Field(
+        description="casting speed, or over time; the slice leaves the meniscus at time 0, or at "
+        "casting.start.time",
+        examples=["3.6 m/min"],
+    )
+    length: Length = Field(
+        description="length that is followed, from the meniscus", examples=["600 mm"]
+    )
+    superheat: SuperheatOverTime | None = Field(
+        None,
+        description="temperature of the steel at the meniscus, above the liquidus; over time a "
+        "slice has that of its own start, casting.start.time",
+    )
+    temperature: Temperature | None = Field(
+        None,
+        description="temperature of the steel at the meniscus",
+        examples=["1540 degC"],
+    )
+    start: Start | None = Field(
+        None, description="where and with what it begins; left out: liquid, at the meniscus"
+    )
+
+    @field_validator("speed")
+    @classmethod
+    def _goes(cls, speed: float | Table | None) -> float | Table | None:
+        """Refuse a strand that never goes at all."""
+        if speed is None or max(speed.values if isinstance(speed, Table) else (speed,)) > 0.0:
+            return speed
+        raise ValueError("must be above 0 m/min")
+
+    @property
+    def travel(self) -> Travel:
+        """The way of the slice over time."""
+        if isinstance(self.speed, Table):
+            return Changing([t - self.clock for t in self.speed.arguments], self.speed.values)
+        return Steady(self.speed)
+
+    @property
+    def clock(self) -> float:
+        """When the slice leaves the meniscus, on the clock of the tables over time, s."""
+        return 0.0 if self.start is None or self.start.time is None else self.start.time
+
+    @property
+    def poured_superheat(self) -> float | None:
+        """Superheat that the slice has at the meniscus, K; None where its temperature is given."""
+        table = self.superheat
+        return float(table(self.clock)) if isinstance(table, Table) else table
+
+    @property
+    def duration(self) -> float:
+        """Time from the meniscus to the end of the followed length, s; inf if it is not reached."""
+        return self.travel.time_at(self.length)
+
+
+class Steel(TableModel):
+    """The steel that is cast: a property set, its composition and changes for this case."""
+
+    name: str = Field(
+        description="a set shipped with castfem, or a TOML file of your own, relative to this "
+        "file; it does away with an inherited composition, unless it is to be computed from it"
+    )
+    composition: dict[str, Percent] = Field(
+        default_factory=dict,
+        description="weight percent of the elements (C = 0.42), for sets computed from it; of an "
+        "inherited set that is not, it makes plain_carbon",
+    )
+    overrides: dict[str, Any] = Field(
+        default_factory=dict,
+        description="keys of the property set to change for this case, written as in its file",
+    )
+
+
+def _whole_percent(fraction: float | None) -> float | None:
+    """Refuse what has no name of two digits, and the solidus, whose shell is there anyway."""
+    if fraction is not None and abs(100.0 * fraction - round(100.0 * fraction)) > _ROUNDED:
+        raise ValueError("whole per cents are needed, such as 0.7")
+    if fraction is not None and not 0.005 < fraction < 0.995:
+        raise ValueError("must lie between 0 and 1; at 0 it is liquidus_depth, at 1 the shell")
+    return fraction
+
+
+WholePercent = Annotated[
+    float, Kind("1", label="solid fraction", sample="0.7"), AfterValidator(_whole_percent)
+]
+
+
+MOST_STATES = 250
+"""States of the fields, at most, of a case that does not say how often: a film of ten seconds."""
+_SHORTEST = 0.5  # s
+
+
+def usual_interval(duration: float) -> float:
+    """Return the time between two states of the fields of a case that gives none, s.
+
+    Args:
+        duration: Of the way that is followed, s; inf for one that has no end.
+    """
+    if not _SHORTEST * MOST_STATES < duration < math.inf:
+        return _SHORTEST
+    least = duration / MOST_STATES * (1.0 - ROUNDING)
+    decade = 10.0 ** math.floor(math.log10(least))
+    return next(every for n in (1, 2, 5, 10) if (every := n * decade) >= least)
+
+
+class Output(TableModel):
+    """What a run writes, and how often."""
+
+    fields: tuple[FieldName, ...] | None = Field(
+        None,
+        description="fields in fields.xdmf, [] for none; by default those of the temperature, "
+        "with [mechanics] displacement, stress, von_mises and viscoplastic_strain, with [mould] "
+        "gap and contact_pressure",
+        examples=[["temperature", "displacement"]],
+    )
+    every: Time | None = Field(
+        None,
+        description="time between two states of the fields, which end a step: none is longer. "
+        f"By default 0.5 s, and where that makes more than {MOST_STATES} states the first of 1, "
+        "2, 5, 10 s ... that does not",
+        examples=["2 s"],
+    )
+    figures: bool = Field(True, strict=True, description="draw the figures at the end of the run")
+    checkpoint_every: int = Field(
+        20,
+        ge=0,
+        strict=True,
+        description="steps between two checkpoints (for --resume); 0 for none",
+    )
+    smooth: bool | None = Field(
+        None,
+        strict=True,
+        description="compute smooth twins of the largest von Mises stress, von_mises_smooth at the "
+        "end and way_von_mises_smooth on the way; `castfem optimise` does where it is named there",
+        examples=[True],
+    )
+    units: Annotated[ShownUnits, UnitsNotation()] | None = Field(
+        None,
+        description="in which units tables, figures and the report show numbers: plant (mm, degC, "
+        "MPa, kN ...), si, or a table of units by what is measured or by the name of a quantity, "
+        "with system for all others ([output.md](output.md#units)); files keep their documented "
+        "units; left out: plant",
+        examples=["si"],
+    )
+    shell_at: tuple[WholePercent, ...] = Field(
+        (),
+        description="solid fractions, whole per cents, to which the shell is told besides that of "
+        "the solidus: 0.7 gives the columns fs70_mid_face, fs70_corner ...",
+        examples=[[0.3, 0.7]],
+    )
+    probe: tuple[Probe, ...] = ()
+
+
+def _quantity(text: str) -> str:
+    units.parse_any(text)
+    return text
+
+
+class Reference(TableModel):
+    """A number to compare with, printed beside the computed one where the run ends."""
+
+    quantity: str = Field(description="name of the computed quantity, as in summary.json")
+    value: Annotated[str, AfterValidator(_quantity)] = Field(
+        description='expected value with its unit, such as "4.75 mm"'
+    )
+    kind: ReferenceKind = Field(
+        "value",
+        description="`value` is what is expected, or a bound: the computed one is at least, or at "
+        "most, this",
+    )
+    source: str = Field(description="where the number comes from")
+    at: Length | None = Field(
+        None,
+        description="position where it holds, from the meniscus; by default the end of the run",
+        examples=["600 mm"],
+    )
+    note: str = Field("", description="remark printed with it")
+    changed: tuple[str, ...] | None = Field(
+        None,
+        description="keys that were changed since, by a file that extends this one, `--set` or a "
+        "script: castfem writes them, and takes no difference from a number of the unchanged case",
+        examples=[["casting.speed"]],
+    )
+
+    @property
+    def si(self) -> float:
+        """The expected value in SI."""
+        return units.parse_any(self.value)[0]
+
+    @property
+    def si_unit(self) -> str:
+        """The SI unit of `si`, "1" for a plain number."""
+        return units.parse_any(self.value)[1]
+
+    @property
+    def unit(self) -> str:
+        """The unit in which the value was given, empty for a plain number."""
+        return units.split(self.value)[1]

@@ -1,0 +1,316 @@
+"""The array of tables [[machine.defect]]: what is wrong with the rolls of a machine (VI.4).
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+from pydantic import Field
+
+from castfem.base.quantities import Kind
+from castfem.model.extraction import COUPLED
+from castfem.model.problems import Problem
+from castfem.model.variants import Variants
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from castfem.base.types import Array
+    from castfem.model.case import Case
+    from castfem.physics.machine.rolls import Pair, Rolls
+    from castfem.physics.machine.sprays import Row
+
+MOST_OFF = 0.1  # of a pitch, by which a pair is off
+Offset = Annotated[float, Kind("m", "mm", label="distance", sample="2 mm")]
+WaterShare = Annotated[  # no nozzle has ten times its water: 66 is meant as 66 percent
+    float, Kind("1", "percent", least=0.0, most=10.0, label="share", sample="66 percent")
+]
+ExtraForce = Annotated[float, Kind("N", "kN", least=0.0, label="force", sample="120 kN")]
+
+
+class Defect(Variants):
+    """What every kind of defect has; a new one is a subclass with its own `kind`.
+
+    It says what becomes of the rolls, of what they resist, of the rows of nozzles: what it leaves
+    alone it need not name.
+    """
+
+    tag_key = "kind"
+    kinds: ClassVar[dict[str, Any]] = {}
+
+    def on(self, pairs: list[Pair]) -> None:
+        """Change the pairs that have the defect; what a faulty case does not tell is left."""
+
+    def watered(self, rows: tuple[Row, ...]) -> tuple[Row, ...]:
+        """Return the rows of nozzles."""
+        return rows
+
+    def problems(self, case: Case, pairs: int) -> Iterator[tuple[str, str]]:
+        """Yield key and fault of a defect that a machine with so many pairs cannot have."""
+        yield from ()
+
+    def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:
+        """Return the resistance of each pair (n,), N, out of that of a maker's curve.
+
+        Args:
+            steps: Without this defect (n,), N.
+            normal: The rolls without defects.
+            rolls: With all of them.
+            sliding: What a locked roll resists with, over what one that turns does.
+        """
+        return steps
+
+
+class RollDefect(Defect):
+    """A defect of one pair."""
+
+    roll: int = Field(ge=1, strict=True, description="number of the pair, from 1", examples=[48])
+
+    def __str__(self) -> str:
+        """What messages call it."""
+        return f"roll {self.roll}, {self.tag},"
+
+    @abstractmethod
+    def changed(self, pair: Pair) -> Pair:
+        """Return the pair that has the defect."""
+
+    def on(self, pairs: list[Pair]) -> None:
+        """See `Defect`."""
+        if self.roll is not None and self.roll <= len(pairs):
+            pairs[self.roll - 1] = self.changed(pairs[self.roll - 1])
+
+    def problems(self, case: Case, pairs: int) -> Iterator[tuple[str, str]]:
+        """See `Defect`."""
+        if self.roll is not None and self.roll > pairs:
+            yield "roll", f"({self.roll}): the machine has {pairs} pairs, numbered from 1"
+
+
+class Locked(RollDefect):
+    """A pair that does not turn: the strand slides on it, and it draws no more (eq. 327)."""
+
+    kind: Literal["locked"]
+
+    def changed(self, pair: Pair) -> Pair:
+        """See `RollDefect`."""
+        return replace(pair, locked=True)
+
+    def problems(self, case: Case, pairs: int) -> Iterator[tuple[str, str]]:
+        """See `Defect`."""
+        yield from super().problems(case, pairs)
+        if case.machine is not None and "extraction" not in case.machine.model_fields_set:
+            yield (
+                "kind",
+                '("locked") has no effect without [machine.extraction], which has what rolls '
+                "resist; add it, or leave the defect out",
+            )
+
+    def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:
+        """Return the steps with that of the pair as many times as high (328)."""
+        found = steps.copy()
+        found[self.roll - 1] *= sliding
+        return found
+
+
+class Misaligned(RollDefect):
+    """A pair that is off: the strand is bent there and back, with new radii (eq. 329)."""
+
+    kind: Literal["misaligned"]
+    by: Offset = Field(
+        description="distance towards the centre of curvature; negative: away from it",
+        examples=["2 mm"],
+    )
+    resistance: ExtraForce | None = Field(
+        None,
+        description="what a maker's curve of the resistance grows by, as a coupled run tells it, "
+        "over the pairs where the strand is bent more than before; left out: nothing",
+    )
+
+    def __str__(self) -> str:
+        """What messages call it."""
+        return f"roll {self.roll} off by {1e3 * (self.by or 0.0):g} mm"
+
+    def changed(self, pair: Pair) -> Pair:
+        """See `RollDefect`."""
+        return replace(pair, offset=pair.offset + (self.by or 0.0))
+
+    def problems(self, case: Case, pairs: int) -> Iterator[tuple[str, str]]:
+        """See `Defect`."""
+        yield from super().problems(case, pairs)
+        machine = case.machine
+        if machine is None:
+            return
+        normal = machine.normal()
+        if normal is not None and self.roll is not None and self.roll <= pairs:
+            yield from self._far_off(normal)
+        if self.resistance is None:
+            return
+        table, given = machine.extraction, "extraction" in machine.model_fields_set
+        if not given or (table is not None and table.resistance == COUPLED):
+            yield (
+                "resistance",
+                "has no effect without a maker's curve, machine.extraction.resistance, that it "
+                "would be added to; leave it out",
+            )
+
+    def _far_off(self, normal: Rolls) -> Iterator[tuple[str, str]]:
+        """Yield a pair that is farther off than a strand would follow, or (329) holds."""
+        places = [pair.position for pair in normal.pairs[max(self.roll - 2, 0) : self.roll + 1]]
+        pitch = min((b - a for a, b in pairwise(places)), default=math.inf)
+        if self.by is not None and abs(self.by) > MOST_OFF * pitch:
+            yield (
+                "by",
+                f"({1e3 * self.by:g} mm): by more than {MOST_OFF:g} of the {1e3 * pitch:.4g} mm "
+                f"to the next pair roll {self.roll} cannot be off; a strand follows no such bend",
+            )
+
+    def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:
+        """Return the steps with the extra resistance, shared as the extra bending is."""
+        import numpy as np
+
+        bends = [
+            np.abs(np.diff([1.0 / pair.radius for pair in these.pairs], prepend=0.0))
+            for these in (rolls, normal)
+        ]
+        more = np.maximum(bends[0] - bends[1], 0.0)
+        near = np.abs(np.arange(len(more)) - self.roll) <= 2  # from its pair above to two below
+        more = np.where(near, more, 0.0)
+        total = float(more.sum())
+        return steps if total == 0.0 else steps + (self.resistance or 0.0) * more / total
+
+
+class Lost(RollDefect):
+    """A pair that is not there: those beside it hold the strand, and carry what it did."""
+
+    kind: Literal["lost"]
+
+    def changed(self, pair: Pair) -> Pair:
+        """See `RollDefect`."""
+        return replace(pair, lost=True)
+
+    def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:
+        """Return the steps with that of the pair on those beside it."""
+        found, i = steps.copy(), self.roll - 1
+        above, below = ([j for j in rolls.there if (j > i) == later] for later in (False, True))
+        taking = above[-1:] + below[:1]
+        for j in taking:
+            found[j] += found[i] / len(taking)
+        found[i] = 0.0
+        return found
+
+
+class Nozzles(Defect):
+    """Nozzles of a circuit that bring less, or more, water than they are meant to (VI.4.1)."""
+
+    kind: Literal["nozzles"]
+    circuit: str = Field(description="name of the circuit of [secondary]", examples=["bender"])
+    rolls: tuple[int, int] = Field(
+        description="numbers of the roll above the first row of nozzles and of that below the last",
+        examples=[[47, 52]],
+    )
+    share: WaterShare = Field(description="of their water", examples=["66 percent"])
+
+    def __str__(self) -> str:
+        """What messages call it."""
+        between = f"from roll {self.rolls[0]} to {self.rolls[1]}"
+        return f'nozzles of "{self.circuit}" {between} with {100.0 * self.share:g} % of their water'
+
+    @property
+    def water(self) -> str:
+        """How much of it there is, and where, in words."""
+        share = f"{100.0 * self.share:g} % of the water"
+        return f"{share} from roll {self.rolls[0]} to {self.rolls[1]}"
+
+    def watered(self, rows: tuple[Row, ...]) -> tuple[Row, ...]:
+        """See `Defect`."""
+        from castfem.physics.machine.sprays import scale_water
+
+        return scale_water(rows, self.circuit, *self.rolls, self.share)
+
+    def problems(self, case: Case, pairs: int) -> Iterator[tuple[str, str]]:
+        """See `Defect`."""
+        if None in (self.circuit, self.rolls):
+            return
+        circuits = [] if case.secondary is None else [c for c in case.secondary.circuit if c]
+        found = [circuit for circuit in circuits if circuit.name == self.circuit]
+        if not found:
+            known = ", ".join(f'"{circuit.name}"' for circuit in circuits) or "no [secondary]"
+            yield "circuit", f'("{self.circuit}") is not there; the case has {known}'
+            return
+        first, last = max(self.rolls[0], found[0].rolls[0]), min(self.rolls[1], found[0].rolls[1])
+        if first >= last:
+            yield (
+                "rolls",
+                f'(from {self.rolls[0]} to {self.rolls[1]}) meet no nozzles of "{self.circuit}", '
+                f"which goes from roll {found[0].rolls[0]} to {found[0].rolls[1]}",
+            )
+
+
+def with_defects(rolls: Rolls, defects: Sequence[Defect | None]) -> Rolls:
+    """Return the rolls with their defects."""
+    from castfem.physics.machine.defects import with_radii
+
+    pairs = list(rolls.pairs)
+    for defect in defects:
+        if defect is not None:
+            defect.on(pairs)
+    return with_radii(replace(rolls, pairs=tuple(pairs)))
+
+
+def check_defects(case: Case) -> Iterator[Problem]:
+    """Yield defects that a machine cannot have."""
+    table = case.machine
+    normal = None if table is None else table.normal()
+    if table is None or normal is None or not table.defect:
+        return
+    seen: list[dict[str, Any]] = []
+    for i, defect in enumerate(table.defect):
+        if defect is None:
+            continue
+        path = ("machine", "defect", i)
+        for key, fault in defect.problems(case, len(normal.pairs)):
+            yield Problem((*path, key), fault)
+        if (keys := defect.model_dump()) in seen:
+            yield Problem(path, "stands there twice; leave one of the two out")
+        seen.append(keys)
+    lost = {one.roll for one in table.defect if isinstance(one, Lost)}
+    for i, defect in enumerate(table.defect):
+        if isinstance(defect, RollDefect) and not isinstance(defect, Lost) and defect.roll in lost:
+            yield Problem(
+                ("machine", "defect", i, "roll"),
+                f"({defect.roll}): this pair is lost as well; leave one of the two out",
+            )
+    rolls = with_defects(normal, table.defect)
+    if len(rolls.there) < 2:
+        yield Problem(("machine", "defect"), "leave fewer than two pairs that hold the strand")
+        return
+    bulging = None if case.mechanics is None else case.mechanics.bulging
+    bulges = bulging is not None and bulging.model not in (None, "none")
+    yield from _at_an_end(table.defect, rolls, bulges)
+
+
+def _at_an_end(defects: Sequence[Defect | None], rolls: Rolls, bulges: bool) -> Iterator[Problem]:
+    """Yield defects of the first and last pair that want another pair beyond them."""
+    ends = {rolls.there[0]: "above", rolls.there[-1]: "below"}
+    for i, defect in enumerate(defects):
+        if not isinstance(defect, RollDefect) or defect.roll is None:
+            continue
+        index, path = defect.roll - 1, ("machine", "defect", i, "roll")
+        if isinstance(defect, Misaligned) and index in ends and defect.by:
+            yield Problem(
+                path,
+                f"({defect.roll}): no pair {ends[index]} it holds the strand, which is bent "
+                "between three (329); only a pair with one on each side can be off",
+            )
+        elif isinstance(defect, Lost) and index < rolls.there[0] and bulges:
+            yield Problem(
+                path,
+                f"({defect.roll}): above the first pair the mould holds the faces, so that nothing "
+                "would bulge where it is lost; leave it in, or leave mechanics.bulging out",
+            )

@@ -1,0 +1,392 @@
+"""Case files as documents: TOML, `extends`, overrides, and which file each key came from.
+
+Tables merge deeply: a file adds to and changes what it extends. Arrays (of tables, too) replace;
+a table in the place of an inherited array changes single entries of it by their names
+(`castfem.model.entries`).
+Of two keys that exclude each other the later one wins: a file that sets `superheat` drops an
+inherited `temperature`. A table whose kind changes (`shape`) is replaced as a whole; what it does
+not know of other tables is left out where it was inherited (`castfem.model.shape_keys`), as is the
+composition of another steel (`castfem.model.steel_layers`).
+"""
+
+from __future__ import annotations
+
+import copy
+import os
+import re
+import tomllib
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from castfem.base.errors import InputError
+from castfem.base.messages import shown
+from castfem.base.units import nearest
+from castfem.model import entries, outdated, shape_keys, steel_layers
+from castfem.model.dotted_keys import no_entry, step_into
+from castfem.model.shipped_cases import find
+
+Keys = tuple[str | int, ...]
+
+_EACH = -1  # stands for any entry of an array
+_EXCLUSIVE: tuple[tuple[Keys, str, str], ...] = (
+    (("casting",), "superheat", "temperature"),
+    (("thermal", "time"), "step", "adaptive"),
+    (("machine",), "rolls", "segment"),
+    (("cooling", _EACH, "surface", _EACH), "coefficient", "flux"),
+    (("cooling", _EACH, "surface", _EACH), "water", "flow"),
+)
+# A table whose shape or law changes is another table; [mechanics] has more to it than its law.
+_KINDS = ("shape", "law")
+_MANY_SIDED: tuple[Keys, ...] = (("mechanics",),)
+# What may be written in several ways that do not mix.
+_UNDIVIDED: tuple[Keys, ...] = (("mould", "taper"), ("machine", "rolls"))
+# A table that one word may stand for, and the key that the word is the value of.
+_ONE_WORD: dict[Keys, str] = {
+    ("mould", "contact"): "method",
+    ("mechanics", "bulging"): "model",
+}
+PROPERTY_FILES: tuple[tuple[str, str], ...] = (
+    ("steel", "name"),
+    ("mechanics", "law"),
+    ("mechanics", "elasticity"),
+    ("tensile", "material"),
+    ("tensile", "elasticity"),
+)
+SET = "--set"
+"""Origin of a key that the command line has changed."""
+
+
+@dataclass
+class Document:
+    """A case as it was written, before it is validated.
+
+    Attributes:
+        data: The merged tables, without `extends`.
+        label: Name of the file that was asked for.
+        origins: Where a key (or the table it stands in) was written: a file, or "--set".
+        joined: File (or "--set") that wrote last in a table that another had begun.
+        faults: Full lines about files and overrides that could not be used.
+        changes: Dotted keys that were overridden, and their new values.
+        left_out: Full lines about inherited keys that a later setting has done away with.
+    """
+
+    data: dict[str, Any]
+    label: str
+    origins: dict[Keys, str] = field(default_factory=dict)
+    joined: dict[Keys, str] = field(default_factory=dict)
+    faults: list[str] = field(default_factory=list)
+    changes: list[tuple[str, Any]] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+
+    def origin(self, path: Keys) -> str:
+        """Return the file in which a key stands, or the table around it if it is missing."""
+        for end in range(len(path), 0, -1):
+            if path[:end] in self.origins:
+                return self.origins[path[:end]]
+        return self.label
+
+    def place(self, path: Keys) -> str:
+        """Return the file to mend: of a table that several have written in, the last of them."""
+        return self.joined.get(path) or self.origin(path)
+
+
+def read(path: Path) -> Document:
+    """Read a case file and all it extends; what cannot be read is noted in `faults`."""
+    return _read(path, os.fspath(path), ())
+
+
+def _read(path: Path, label: str, chain: tuple[Path, ...]) -> Document:
+    document = Document({}, label)
+    data = _load(path, document)
+    if data is None:
+        return document
+    base = data.pop("extends", None)
+    _anchor(data, path.parent)
+    if base is not None:
+        if not isinstance(base, str) or not base:
+            document.faults.append(f"{label}: extends: must be the path or the name of a case")
+        else:
+            _extend(document, path, base, (*chain, path.resolve()))
+    inherited = copy.deepcopy(document.data)
+    _merge(document, document.data, data, (), label)
+    end_layer(document, inherited, {label})
+    return document
+
+
+def _extend(document: Document, path: Path, base: str, chain: tuple[Path, ...]) -> None:
+    """Read the file named by `extends` into the document, before the file's own keys."""
+    try:
+        below = find(base, path)
+    except InputError as error:
+        what = str(error).removeprefix(f"{base}: ")
+        document.faults.append(f'{document.label}: extends ("{base}"): {what}')
+        return
+    if below.resolve() in chain:
+        names = " -> ".join(p.name for p in (*chain, below))
+        document.faults.append(f'{document.label}: extends ("{base}"): goes in a circle: {names}')
+        return
+    inherited = _read(below, os.path.normpath(below), chain)
+    document.faults += inherited.faults
+    document.data, document.origins = inherited.data, inherited.origins
+    document.joined = inherited.joined
+    document.left_out = inherited.left_out
+
+
+def _load(path: Path, document: Document) -> dict[str, Any] | None:
+    """Return the tables of one file; note why if it cannot be read."""
+    label = document.label
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+        return tomllib.loads(text)
+    except FileNotFoundError:
+        near = nearest(path.name, (p.name for p in path.parent.glob("*.toml")))
+        document.faults.append(f"{label}: file not found{near}")
+    except OSError as error:
+        document.faults.append(f"{label}: cannot be read: {error.strerror}")
+    except UnicodeDecodeError as error:
+        line = error.object[: error.start].count(b"\n") + 1
+        document.faults.append(f"{label}: line {line}: not a text in UTF-8; save it as that")
+    except tomllib.TOMLDecodeError as error:
+        document.faults.append(f"{label}: {_syntax(str(error), text)}")
+    return None
+
+
+def _syntax(message: str, text: str) -> str:
+    """Return a TOML syntax error as "line 3, column 7: what is wrong: the line"."""
+    what, _, place = message.partition(" (at ")
+    place = place.rstrip(")")
+    if not place.startswith("line"):
+        return f"line {text.count(chr(10)) + 1}: {what} (the file ends too early)"
+    number = int(place.split()[1].rstrip(","))
+    lines = text.splitlines()
+    line = lines[number - 1].strip() if number <= len(lines) else ""
+    if what.startswith("Cannot declare") and (table := _heading(line)):
+        first = next((n for n, one in enumerate(lines, 1) if _heading(one) == table), number)
+        listed = any(_heading(one) == table and one.strip()[:2] == "[[" for one in lines[:number])
+        if listed and line[:2] != "[[":
+            return f"{place}: {line} is one of several tables; write [[{table}]]"
+        before = f"in line {first}" if first < number else "by a key"
+        return f"{place}: {line} is there already, {before}; put its keys under one heading"
+    # The parser writes the names of a table as a tuple of Python.
+    what = re.sub(r"\('(.+?)',?\)", lambda names: names[1].replace("', '", "."), what)
+    return f"{place}: {what}: {line}"
+
+
+def _heading(line: str) -> str:
+    """Return the name of the table that a line begins, "mould.tube"; "" if it begins none."""
+    found = re.match(r"\s*\[\[?([^\[\]]+)\]", line)
+    return re.sub(r"\s", "", found[1]) if found else ""
+
+
+def _anchor(data: dict[str, Any], folder: Path) -> None:
+    """Make the paths written in a file independent of where castfem is started.
+
+    Those are the names of property files (`PROPERTY_FILES`), the rolls of a machine and every
+    `file` of a table.
+    """
+    for table, key in PROPERTY_FILES:
+        inner = data.get(table)
+        if isinstance(inner, dict) and isinstance(inner.get(key), str):
+            inner[key] = anchored_set(inner[key], folder)
+    machine = data.get("machine")
+    if isinstance(machine, dict) and isinstance(machine.get("rolls"), str):
+        machine["rolls"] = os.path.abspath(folder / machine["rolls"])
+    _anchor_files(data, folder)
+
+
+def is_path(name: str) -> bool:
+    """Return whether the name of a property set is that of a file, not of a shipped set."""
+    return name.endswith(".toml") or "/" in name or name.startswith(".")
+
+
+def anchored_set(name: str, folder: Path) -> str:
+    """Return the absolute path of a property file; the name of a shipped set as it is."""
+    return os.path.abspath(folder / name) if is_path(name) else name
+
+
+def _anchor_files(value: Any, folder: Path) -> None:
+    if isinstance(value, dict):
+        if isinstance(value.get("file"), str):
+            value["file"] = os.path.abspath(folder / value["file"])
+        for inner in value.values():
+            _anchor_files(inner, folder)
+    elif isinstance(value, list):
+        for inner in value:
+            _anchor_files(inner, folder)
+
+
+def _merge(
+    document: Document, under: dict[str, Any], over: dict[str, Any], path: Keys, label: str
+) -> None:
+    """Merge the table `over`, which stands in the file `label`, into `under` at `path`."""
+    _exclude(under, over, path)
+    changed = any(kind in over and over[kind] != under.get(kind) for kind in _KINDS)
+    if changed and path not in _MANY_SIDED:
+        under.clear()
+        _forget(document, path)
+        document.origins[path] = label
+    for key, value in over.items():
+        here = (*path, key)
+        if isinstance(value, dict):
+            _write_out(document, under, here)
+        if isinstance(value, dict) and entries.are_named(under.get(key)):
+            problem = entries.change(
+                under[key], value, here, lambda *it: _merge(document, it[0], it[1], it[2], label)
+            )
+            document.faults += [f"{label}: {text}" for text in problem]
+            continue
+        tables = isinstance(value, dict) and isinstance(under.get(key), dict)
+        if tables and here not in _UNDIVIDED:
+            document.joined[here] = label
+            _merge(document, under[key], value, here, label)
+        else:
+            _forget(document, here)
+            document.origins[here] = label
+            under[key] = value
+
+
+def _write_out(document: Document, under: dict[str, Any], path: Keys) -> None:
+    """Make a table of a word that stands for one, for keys that come to join it."""
+    word = under.get(str(path[-1]))
+    if path in _ONE_WORD and isinstance(word, str):
+        under[str(path[-1])] = {_ONE_WORD[path]: word}
+        document.origins[(*path, _ONE_WORD[path])] = document.origin(path)
+
+
+def _exclude(under: dict[str, Any], keys: Collection[str], path: Keys) -> None:
+    """Drop from the table `under` at `path` what new keys in it exclude."""
+    for where, one, other in _EXCLUSIVE:
+        if _any_entry(path) == where and (one in keys) != (other in keys):
+            under.pop(other if one in keys else one, None)
+
+
+def _any_entry(path: Keys) -> Keys:
+    """A path, with any entry of an array for its numbers."""
+    return tuple(_EACH if isinstance(step, int) else step for step in path)
+
+
+def _forget(document: Document, path: Keys) -> None:
+    """Drop what is known of the origins at and below a path."""
+    for places in (document.origins, document.joined):
+        for known in [k for k in places if k[: len(path)] == path]:
+            del places[known]
+
+
+def end_layer(document: Document, before: Mapping[str, Any], labels: Collection[str]) -> None:
+    """Do what can be done only when all keys of a layer (a file, `--set`, a script) are in.
+
+    Args:
+        document: With the keys of the layer.
+        before: Its tables before them.
+        labels: Origins of the layer's keys.
+    """
+
+    def inherited(path: Keys) -> bool:
+        return document.origin(path) not in labels
+
+    settled = steel_layers.settle(before, document.data, inherited)
+    if settled:
+        places = (("steel", "name"), ("steel", "composition"))
+        where = next((document.origin(p) for p in places if not inherited(p)), document.label)
+        document.left_out.append(f"{where}: steel.name: {settled}")
+    dropped = shape_keys.leave_out(before, document.data, inherited)
+    if dropped:
+        where = document.origin(("section", "shape"))
+        listed = [f"{key} ({document.origin(tuple(key.split('.')))})" for key in dropped]
+        shape = document.data["section"]["shape"]
+        document.left_out.append(
+            f'{where}: section.shape: "{shape}" does not know what was inherited, which is left '
+            f"out: {', '.join(listed)}"
+        )
+    outdated.mark(before, document.data)
+
+
+def override(
+    document: Document, assignments: Iterable[str], meant: Callable[[str], str] = str
+) -> None:
+    """Apply `a.b.0.c=value` assignments; values are TOML, or else taken as text.
+
+    Args:
+        document: What is changed; what is wrong with an assignment is noted in its `faults`.
+        assignments: As the user wrote them.
+        meant: The dotted key that one without dots stands for; raises ValueError if none does.
+    """
+    before = copy.deepcopy(document.data)
+    for assignment in assignments:
+        key, equals, text = assignment.partition("=")
+        if not equals or not key.strip():
+            document.faults.append(
+                f'--set: "{assignment}": write it as key=value, such as casting.speed="3 m/min"'
+            )
+            continue
+        try:
+            value = tomllib.loads(f"value = {text}")["value"]
+        except tomllib.TOMLDecodeError:
+            value = text.strip()
+        try:
+            full = meant(key.strip())
+        except ValueError as error:
+            document.faults.append(f"--set: {key.strip()}: {error}")
+            continue
+        put(document, full, value, SET)
+    end_layer(document, before, {SET})
+    entitle(document)
+
+
+_NAMED = 3  # changes in a title
+_LESS_NEWS = ("mesh", "thermal", "coupling")  # which change how well it is computed
+_NO_NEWS = (
+    "title",
+    "output",
+    "reference",
+    "verification",
+    "optimise",
+)  # keys, and what is below them, that change no result
+
+
+def entitle(document: Document) -> None:
+    """Say in the title what was changed, unless that was: it heads tables and pictures."""
+    title, changes = document.data.get("title"), dict(document.changes)
+    keys = sorted(changes, key=lambda key: key.partition(".")[0] in _LESS_NEWS)
+    listed = {key: changes[key] for key in keys if key.partition(".")[0] not in _NO_NEWS}
+    if not isinstance(title, str) or "title" in changes or not listed:
+        return
+    parts = [p for p in title.split("; ") if p.partition(" = ")[0] not in listed]
+    named = [f"{key} = {shown(value).strip(chr(34))}" for key, value in listed.items()]
+    more = [f"and {len(named) - _NAMED} more"] if len(named) > _NAMED else []
+    document.data["title"] = "; ".join([*parts, *named[:_NAMED], *more])
+
+
+def put(document: Document, key: str, value: Any, label: str) -> None:
+    """Set one dotted key in the document; note in `faults` if there is no such place."""
+    parts = [part.strip() for part in key.split(".")]
+    place: Any = document.data
+    path: Keys = ()
+    for part in parts[:-1]:
+        step = step_into(place, part)
+        if step is None:
+            document.faults.append(f"{label}: {key}: {no_entry(place, path, part)}")
+            return
+        if isinstance(place, dict):
+            _exclude(place, (str(step),), path)
+        path = (*path, step)
+        if isinstance(place, dict):
+            _write_out(document, place, path)
+            if step not in place:
+                place[step] = {}
+                document.origins[path] = label
+        place = place[step]
+    document.changes.append((key, value))
+    last = step_into(place, parts[-1])
+    if last is None:
+        document.faults.append(f"{label}: {key}: {no_entry(place, path, parts[-1])}")
+        return
+    if isinstance(place, dict):
+        if (*path, last) in PROPERTY_FILES and isinstance(value, str):
+            value = anchored_set(value, Path.cwd())
+        _merge(document, place, {str(last): copy.deepcopy(value)}, path, label)
+    else:
+        place[last] = value
+        document.origins[(*path, last)] = label

@@ -1,0 +1,159 @@
+"""Names of keys in short, where a case leaves no doubt which is meant.
+
+`speed` is `casting.speed`; `cooling.mould.coefficient` is that of the heat law of the zone that has
+one, as `cooling.mould.contact.coefficient` and `cooling.mould.surface.0.coefficient` are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pydantic.fields import FieldInfo
+
+from castfem.base.messages import dotted
+from castfem.base.units import nearest
+from castfem.model.base import TableModel
+from castfem.model.dotted_keys import step_into
+from castfem.model.problems import below, model_at, submodels
+
+Keys = tuple[str | int, ...]
+
+_SHOWN = 6  # candidates named in a message
+_NOT_MEANT = ("reference", "optimise")  # of what a run gives: no settings of it
+
+
+def full_key(root: type[TableModel], data: Mapping[str, Any], key: str) -> str:
+    """Return the dotted key that `key` stands for in a case.
+
+    A key of the top level, or with dots in it, is returned as it is, known or not; the heat law of
+    a zone, which the latter may leave out or name, is put into it. Any other is looked for in all
+    tables the case has, written or not: [output], of which every key has its default, is there
+    where the file leaves it out. A key that has its default, or of which another one takes the
+    place, counts too.
+
+    Args:
+        root: Model of the whole case.
+        data: The case as a document.
+        key: What the user wrote.
+
+    Raises:
+        ValueError: No key has this name, or several have; the text names those that may be meant.
+    """
+    if "." in key:
+        return _with_law(root, data, [part.strip() for part in key.split(".")]) or key
+    if key in root.model_fields:
+        return key
+    known = list(_keys(root, root, data, ()))
+    meant = [path for path in known if path[-1] == key]
+    if len(meant) == 1:
+        return _written(data, meant[0])
+    if meant:
+        names = [_written(data, path) for path in meant]
+        more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+        raise ValueError(f"may stand for {', '.join(names[:_SHOWN])}{more}; write one in full")
+    near = nearest(key, dict.fromkeys([*root.model_fields, *(str(path[-1]) for path in known)]))
+    absent = [name for name in below(root, key) if name.partition(".")[0] not in _NOT_MEANT]
+    similar = absent or [_written(data, p) for p in known if near and f" {p[-1]}?" in near]
+    if similar:
+        near = f"; did you mean {' or '.join(similar[:3])}?"
+    raise ValueError(f"no table of the case has a key of this name{near}")
+
+
+def _with_law(root: type[TableModel], data: Mapping[str, Any], parts: list[str]) -> str:
+    """Return a key of a zone with the heat law that it leaves out; "" where it leaves out none.
+
+    Raises:
+        ValueError: Several laws have it.
+    """
+    zones = data.get("cooling")
+    if parts[0] != "cooling" or len(parts) < 3 or not isinstance(zones, list):
+        return ""
+    index = step_into(zones, parts[1])
+    if not isinstance(index, int):
+        return ""
+    zone, model = zones[index], model_at(root, ("cooling", index), data)
+    laws = zone.get("surface") if isinstance(zone, Mapping) else None
+    if model is None or parts[2] in model.model_fields or not isinstance(laws, list):
+        return ""
+    tags = [{e.get("name"), e.get("law")} if isinstance(e, Mapping) else set() for e in laws]
+    meant, rest = [i for i, tag in enumerate(tags) if parts[2] in tag], parts[3:]
+    if not (meant and rest):
+        models = [model_at(root, ("cooling", index, "surface", i), data) for i in range(len(laws))]
+        written = [i for i, e in enumerate(laws) if isinstance(e, Mapping) and parts[2] in e]
+        having = [i for i, one in enumerate(models) if one and parts[2] in one.model_fields]
+        meant, rest = written or having, parts[2:]
+    if len(meant) > 1:
+        words = ", ".join(str(laws[i].get("name") or laws[i].get("law", i)) for i in meant)
+        raise ValueError(
+            f"several heat laws of zone {parts[1]} have it ({words}); put one before it, or "
+            "surface and its number"
+        )
+    return ".".join([*parts[:2], "surface", str(meant[0]), *rest]) if meant else ""
+
+
+def all_keys(root: type[TableModel], data: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the dotted names of all keys that the tables of a case have, written or not.
+
+    Args:
+        root: Model of the whole case.
+        data: The case as a document; what is no table where one should be is left out.
+    """
+    yield from (
+        name for name in root.model_fields if not submodels(root.model_fields[name].annotation)
+    )
+    yield from (_written(data, path) for path in _keys(root, root, data, ()))
+
+
+def _keys(
+    root: type[TableModel], model: type[TableModel], data: Mapping[str, Any], path: Keys
+) -> Iterator[Keys]:
+    """Yield the paths of all keys in the table `model` at `path` and in the tables within it."""
+    table: Any = data
+    for part in path:
+        table = table[part] if isinstance(part, int) else table.get(part, {})
+    for name, field in model.model_fields.items():
+        here, value = (*path, name), table.get(name)
+        if here[0] in _NOT_MEANT:
+            continue
+        if path:
+            yield here
+        if not submodels(field.annotation):
+            if isinstance(value, Mapping) and "dict" in str(field.annotation):
+                yield from ((*here, inner) for inner in value)
+            continue
+        if value is None:
+            implied = _implied(field)
+            # What is left out at the top ([mechanics], [mould]) is left out of the case.
+            left_out = not path and field.default_factory is None
+            idle = here == ("coupling",) and "mechanics" not in data
+            if implied is not None and not left_out and not idle:
+                yield from _keys(root, implied, data, here)
+            continue
+        entries = [(*here, i) for i in range(len(value))] if isinstance(value, list) else [here]
+        for entry in entries:
+            inner = model_at(root, entry, data)
+            if inner is not None:
+                yield from _keys(root, inner, data, entry)
+
+
+def _implied(field: FieldInfo) -> type[TableModel] | None:
+    """Return the table that a case may have though it is not written: one made of defaults."""
+    models = submodels(field.annotation)
+    if len(models) != 1 or (field.default_factory is None and field.default is not None):
+        return None
+    whole = not any(inner.is_required() for inner in models[0].model_fields.values())
+    return models[0] if whole else None
+
+
+def _written(data: Mapping[str, Any], path: Keys) -> str:
+    """Return a path as users write it, entries of arrays by their names where they have one."""
+    parts: list[str | int] = []
+    place: Any = data
+    for part in path:
+        inner = place.get(part, {}) if isinstance(place, Mapping) else place[part]
+        name = inner.get("name") if isinstance(part, int) and isinstance(inner, Mapping) else None
+        alone = isinstance(name, str) and [e.get("name") for e in place].count(name) == 1
+        parts.append(name if alone and name and "." not in name else part)
+        place = inner
+    return dotted(tuple(parts))

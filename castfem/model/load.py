@@ -1,0 +1,246 @@
+"""Loading a case: file, `extends`, overrides, validation, and all problems in one go."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from castfem.base.errors import InputError
+from castfem.model import (
+    document,
+    dotted_keys,
+    key_names,
+    plausibility,
+    problems,
+    tensile,
+    validation,
+)
+from castfem.model.base import LENIENT
+from castfem.model.case import Case
+from castfem.model.problems import Problem
+from castfem.model.tensile import TensileCase
+
+_NAMED = (
+    (("cooling",), "zone"),
+    (("secondary", "circuit"), "circuit"),
+    (("secondary", "nozzle"), "nozzle"),
+)
+AnyCase = Case | TensileCase
+"""A strand, or a tensile test."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What came of reading a case.
+
+    Attributes:
+        case: The case; with problems, what is sound of it: whatever is faulty is None in it.
+            None if not even the files could be read.
+        problems: One line each.
+        steel: Where the steel was chosen ("billet.toml: steel"), for its own messages; of a tensile
+            test, where its material was.
+        law: The same for the law of the mechanics ("billet.toml: mechanics.law").
+        elasticity: The same for its elasticity.
+        warnings: What a sound case has that was probably not meant, and what a later setting took
+            out of it, one line each.
+        line: Puts where it was written before what was found later.
+        origin: File (or "--set") in which a key was written.
+    """
+
+    case: AnyCase | None
+    problems: tuple[str, ...]
+    steel: str = "steel"
+    law: str = "mechanics.law"
+    elasticity: str = "mechanics.elasticity"
+    warnings: tuple[str, ...] = ()
+    line: Callable[[Problem], str] = str
+    origin: Callable[[document.Keys], str] = str
+
+
+def load_case(path: str | Path, overrides: Iterable[str] = ()) -> Case:
+    """Read and validate the case file of a strand.
+
+    Args:
+        path: The case file.
+        overrides: Assignments `dotted.key=value`, or of a bare key that only one table of the case
+            has; the value is TOML, or else taken as text.
+
+    Raises:
+        InputError: Something is wrong; it holds every problem found, one line each.
+    """
+    return _or_raise(read_case(path, overrides))
+
+
+def load_any(path: str | Path, overrides: Iterable[str] = ()) -> AnyCase:
+    """Read and validate a case file of either kind; as `load_case`."""
+    reading = read_case(path, overrides)
+    if reading.problems or reading.case is None:
+        raise InputError(reading.problems)
+    return reading.case
+
+
+def read_case(path: str | Path, overrides: Iterable[str] = ()) -> Reading:
+    """Read a case file and return what is sound of it with all its problems (see `load_case`)."""
+    written = document.read(Path(path))
+    if written.faults:
+        return Reading(None, tuple(written.faults))
+    kind = _kind(written)
+    document.override(written, overrides, lambda key: key_names.full_key(kind, written.data, key))
+    return _validate(written)
+
+
+def from_document(data: Mapping[str, Any], label: str = "case") -> Case:
+    """Validate the tables of a case that was made in memory, written as in a case file.
+
+    Raises:
+        InputError: As `load_case`.
+    """
+    sound = _without_none(dict(data))
+    return _or_raise(_validate(document.Document(copy.deepcopy(sound), label)))
+
+
+def _without_none(given: Any) -> Any:
+    """Return tables without the keys that are None, which stands for leaving out, at any depth."""
+    if isinstance(given, dict):
+        return {key: _without_none(value) for key, value in given.items() if value is not None}
+    return [_without_none(value) for value in given] if isinstance(given, list) else given
+
+
+def changed(
+    case: Case,
+    changes: Mapping[str, Any],
+    label: str = "with_",
+    labels: Mapping[str, str] | None = None,
+) -> Case:
+    """Return the case with some keys changed; see `Case.with_`.
+
+    Args:
+        case: The case.
+        changes: Dotted or bare key (`castfem.model.key_names`) and new value.
+        label: Where the changes were written, for messages.
+        labels: The same by key, of those that were written elsewhere.
+    """
+    before = case.document()
+    written = document.Document(copy.deepcopy(before), "case")
+    places = {label}
+    for key, value in changes.items():
+        if not isinstance(key, str):
+            written.faults.append(f"{label}: {key!r}: the name of a key is needed")
+            continue
+        where = (labels or {}).get(key, label)
+        places.add(where)
+        try:
+            full = key_names.full_key(Case, written.data, key)
+        except ValueError as error:
+            written.faults.append(f"{where}: {key}: {error}")
+            continue
+        document.put(written, full, value, where)
+    document.end_layer(written, before, places)
+    document.entitle(written)
+    return _or_raise(_validate(written))
+
+
+def value_of(case: Case, key: str) -> Any:
+    """Return what a case has under a key, as a case file has it; None where it has nothing.
+
+    Args:
+        case: The case.
+        key: Dotted or bare, as `changed` takes it.
+
+    Raises:
+        ValueError: No key has this bare name, or several have.
+    """
+    data = case.document()
+    return dotted_keys.value_at(data, key_names.full_key(Case, data, key))
+
+
+def _or_raise(reading: Reading) -> Case:
+    if reading.problems or reading.case is None:
+        raise InputError(reading.problems)
+    if isinstance(reading.case, TensileCase):
+        raise InputError(f"{reading.case.title}: is a tensile test; a strand is needed here")
+    return reading.case
+
+
+def _validate(written: document.Document) -> Reading:
+    """Validate a document, check across keys, and collect the problems with their files."""
+    kind = _kind(written)
+    case, found = _build(kind, written.data)
+    found = [*found, *_together(case, faulty=bool(found))]
+    lines = [*written.faults, *(_line(written, problem) for problem in found)]
+    table, name = ("steel", "name") if kind is Case else (tensile.TABLE, "material")
+    steel = f"{written.origin((table, name))}: {table}"
+    law, elasticity = (
+        f"{written.origin(('mechanics', key))}: mechanics.{key}" for key in ("law", "elasticity")
+    )
+    odd = plausibility.warnings(case) if isinstance(case, Case) and not lines else ()
+    left_out = () if lines else tuple(written.left_out)
+    own = written.label, document.SET
+    told = (p for p in odd if p.inherited or written.origin(p.path) in own)
+    warnings = (*left_out, *(_line(written, problem) for problem in told))
+    line = partial(_line, written)
+    return Reading(
+        case, tuple(dict.fromkeys(lines)), steel, law, elasticity, warnings, line, written.origin
+    )
+
+
+def _together(case: AnyCase, faulty: bool) -> list[problems.Problem]:
+    """Return the problems of keys taken together; where some are faulty, as many as can be told.
+
+    Args:
+        case: The case, its faulty values None.
+        faulty: Whether there are any: a check that trips over one of them, or over what another
+            check has found, has nothing to add.
+    """
+    checks = tensile.check(case) if isinstance(case, TensileCase) else validation.check(case)
+    found: list[problems.Problem] = []
+    try:
+        found.extend(checks)
+    except (ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError):
+        if not faulty and not found:
+            raise
+    return found
+
+
+def _kind(written: document.Document) -> type[AnyCase]:
+    return TensileCase if tensile.TABLE in written.data else Case
+
+
+def _build(kind: type[AnyCase], data: dict[str, Any]) -> tuple[AnyCase, list[problems.Problem]]:
+    """Return the case, faulty values None, and the problems within single keys."""
+    try:
+        return kind.model_validate(data), []
+    except ValidationError as error:
+        found = problems.from_validation(error, data, kind)
+        sound = copy.deepcopy(data)
+        for problem in found:
+            _mend(sound, problem)
+        return kind.model_validate(sound, context=LENIENT), found
+
+
+def _mend(data: dict[str, Any], problem: problems.Problem) -> None:
+    """Take an unknown key out of the data, put None for a missing one."""
+    *above, key = problem.path
+    table = problems.at(data, tuple(above))
+    if isinstance(table, dict) and problem.kind == "extra_forbidden":
+        table.pop(key, None)
+    elif isinstance(table, dict) and problem.kind == "missing":
+        table[key] = None
+
+
+def _line(written: document.Document, problem: problems.Problem) -> str:
+    """Return "file: dotted.key: text"; zones, circuits and nozzles by their names, too."""
+    where = problems.dotted(problem.path)
+    for array, what in _NAMED:
+        entry = problem.path[: len(array) + 1]
+        if entry[:-1] == array and len(entry) > len(array):
+            name = problems.at(written.data, (*entry, "name"))
+            where += f' ({what} "{name}")' if isinstance(name, str) else ""
+    parts = [written.place(problem.path), where, problem.text]
+    return ": ".join(part for part in parts if part)

@@ -1,0 +1,293 @@
+"""The table [machine]: the rolls that guide the strand below its mould.
+
+What reads and checks them (`castfem.physics.machine.rolls`) is imported by a case that has some alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field
+
+from castfem.base.quantities import Length, Notation
+from castfem.base.table_notation import schema_of_columns
+from castfem.model.base import TableModel
+from castfem.model.defects import Defect, RollDefect
+from castfem.model.extraction import Extraction
+from castfem.model.problems import Problem
+from castfem.model.section import Strip
+
+if TYPE_CHECKING:
+    from pydantic import GetJsonSchemaHandler
+    from pydantic_core import CoreSchema
+
+    from castfem.model.case import Case
+    from castfem.physics.machine.rolls import Fault, Rolls
+
+_SQUARE = math.radians(0.1)  # how far from 90 degrees a strand counts as horizontal
+_STRAINED = 0.05  # of a face of the bent strand
+_OTHER = 0.1  # of the thickness: how far an aperture may be from it
+_ALIKE = 3  # faults of one kind that are told one by one
+
+
+@dataclass(frozen=True, slots=True)
+class RollTable(Notation):
+    """Annotation of a field that takes rolls: a CSV file, or columns."""
+
+    takes: str = 'CSV file: `"rolls.csv"`, or its columns'
+
+    def read(self, given: object) -> Rolls | None:
+        """Return the rolls, or raise ValueError."""
+        from castfem.physics.machine.rolls import Rolls, read_rolls
+
+        if given is None or isinstance(given, Rolls):
+            return given
+        if isinstance(given, str):
+            given = {"file": given}
+        if not isinstance(given, Mapping):
+            raise ValueError('the rolls of a machine are a file, rolls = "rolls.csv", or columns')
+        return read_rolls(given)
+
+    def write(self, value: Rolls | None) -> Any:
+        """Return what reads back to the same rolls."""
+        from castfem.physics.machine.rolls import columns_of
+
+        return None if value is None else columns_of(value)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        from castfem.physics.machine.rolls import COLUMNS, KINDS
+
+        ways = schema_of_columns(
+            COLUMNS,
+            [f"{name}_unit" for name in COLUMNS if name != "driven"],
+            needed=[name for name in KINDS if name in ("position", "diameter")],
+            cells=("number", "string", "boolean"),
+        )
+        return {"anyOf": [{"type": "string"}, *ways], "description": "rolls, from a file"}
+
+
+class RollSegment(TableModel):
+    """Pairs of rolls of one pitch and diameter."""
+
+    rolls: int = Field(ge=1, strict=True, description="number of pairs", examples=[8])
+    pitch: Length = Field(
+        description="distance along the strand of each pair from the one before",
+        examples=["250 mm"],
+    )
+    diameter: Length = Field(description="diameter of the rolls", examples=["215 mm"])
+    radius: Length | None = Field(
+        None,
+        description="radius of the strand at the last pair, to which 1/R goes linearly from the "
+        "segment before; left out: straight",
+        examples=["8 m"],
+    )
+    aperture: Length | None = Field(
+        None, description="distance of the rolls of a pair; by default the section's height",
+        examples=["222 mm"],
+    )  # fmt: skip
+
+
+class Machine(TableModel):
+    """The rolls below the mould, which bend and straighten the strand: `rolls` or `segment`."""
+
+    rolls: Annotated[Any, RollTable()] = Field(
+        None, description="table of the pairs, see docs/machine.md"
+    )
+    first: Length | None = Field(
+        None,
+        description="of segments: position of the first pair, from the meniscus",
+        examples=["900 mm"],
+    )
+    radius_of: Literal["extrados", "centreline", "intrados"] = Field(
+        "extrados", description="of segments: the face whose radius is given"
+    )
+    segment: tuple[RollSegment, ...] = Field((), description="pairs of one pitch and diameter")
+    extraction: Extraction | None = Field(
+        None, description="resistance of the rolls, shared by the drives; left out: no effort of it"
+    )
+
+    defect: tuple[Defect, ...] | None = Field(
+        None, description="what is wrong with the machine; left out: nothing"
+    )
+
+    def pairs(self) -> Rolls | None:
+        """Return the rolls with their defects; None while what is needed for them is missing."""
+        rolls = self.normal()
+        if rolls is None or not self.defect:
+            return rolls
+        from castfem.model.defects import with_defects
+
+        return with_defects(rolls, self.defect)
+
+    def normal(self) -> Rolls | None:
+        """Return the rolls without defects; None while what is needed for them is missing."""
+        if self.rolls is not None or not self.segment or self.first is None:
+            found: Rolls | None = self.rolls
+            return found
+        from castfem.physics.machine.rolls import Segment, expand
+
+        if any(s is None or None in (s.rolls, s.pitch, s.diameter) for s in self.segment):
+            return None
+        parts = [
+            Segment(s.rolls, s.pitch, s.diameter, s.radius or math.inf, s.aperture)
+            for s in self.segment
+        ]
+        return expand(parts, self.first, self.radius_of)
+
+
+def thickness_of(section: Any) -> float | None:
+    """Return the size of a section from extrados to intrados, m; None of one that has none."""
+    for key in ("height", "diameter"):
+        if getattr(section, key, None) is not None:
+            return float(getattr(section, key))
+    return None
+
+
+def check_machine(case: Case) -> Iterator[Problem]:
+    """Yield what keeps [machine] from being one, of a faulty case what can be told."""
+    table = case.machine
+    if table is None:
+        return
+    if table.rolls is None and not table.segment:
+        if not table.model_fields_set & {"rolls", "segment"}:
+            yield Problem(
+                ("machine",),
+                'has no rolls; rolls = "rolls.csv", or first = "900 mm" and [[machine.segment]]',
+            )
+        return
+    if table.rolls is not None and table.segment:
+        yield Problem(("machine",), "rolls and segment exclude each other; give one of the two")
+        return
+    if table.segment and "first" not in table.model_fields_set:
+        yield Problem(
+            ("machine", "first"),
+            'is missing; where the first pair of the segments stands, such as "900 mm"',
+        )
+    if case.section is None:
+        return
+    thickness, rolls = thickness_of(case.section), table.normal()
+    if thickness is None and isinstance(case.section, Strip):
+        yield Problem(("machine",), "a strip has no thickness that rolls could hold; leave it out")
+    if thickness is None or rolls is None:
+        return
+    from castfem.physics.machine.rolls import faults
+
+    ends = None if case.cooling is None and case.mould is None else _mould_exit(case)
+    key = "rolls" if table.rolls is not None else "segment"
+    found = list(faults(rolls, thickness, ends))
+    for text in _together(rolls, found):
+        yield Problem(("machine", key), text)
+    if table.defect and not found:
+        yield from _impossible_defects(rolls, table.defect, thickness)
+
+
+def _together(rolls: Rolls, found: Sequence[Fault]) -> Iterator[str]:
+    """Yield faults in words; of more than a few of one kind the first, and how many there are."""
+    kinds = [fault.kind for fault in found]
+    for i, fault in enumerate(found):
+        count = kinds.count(fault.kind)
+        if count <= _ALIKE or fault.kind not in kinds[:i]:
+            more = f" (and {count - 1} more like it)" if count > _ALIKE else ""
+            yield f"{rolls.place(fault.index)}: {fault.text}{more}"
+
+
+def _impossible_defects(
+    rolls: Rolls, defects: Sequence[Defect | None], thickness: float
+) -> Iterator[Problem]:
+    """Yield the defects that leave other rolls no room, each with the first of these."""
+    from castfem.model.defects import with_defects
+    from castfem.physics.machine.rolls import faults
+
+    alone = False
+    for i, defect in enumerate(defects):
+        wrong = next(faults(with_defects(rolls, [defect]), thickness, None), None)
+        if defect is None or wrong is None:
+            continue
+        alone = True
+        yield Problem(("machine", "defect", i), _no_room(rolls, [defect], wrong))
+    wrong = next(faults(with_defects(rolls, defects), thickness, None), None)
+    if wrong is not None and not alone:
+        given = [one for one in defects if one is not None]
+        yield Problem(("machine", "defect"), _no_room(rolls, given, wrong))
+
+
+def _no_room(rolls: Rolls, defects: Sequence[Defect], wrong: Fault) -> str:
+    """What is wrong with the rolls as defects leave them, in words."""
+    named = " and ".join(dict.fromkeys(str(defect) for defect in defects))
+    where, what = rolls.place(wrong.index), wrong.text.rpartition("; ")[0]
+    return f"with {named} the strand is bent too sharply: {where}: {what}; move it less"
+
+
+def _mould_exit(case: Case) -> float | None:
+    """Where the mould ends; None as well where a faulty case does not tell."""
+    try:
+        return case.mould_exit()
+    except (AttributeError, TypeError):
+        return None
+
+
+def machine_warnings(case: Case) -> Iterator[Problem]:
+    """Yield what rolls of a sound case have that was probably not meant."""
+    table, thickness = case.machine, thickness_of(case.section)
+    normal = None if table is None else table.normal()
+    if table is None or normal is None or thickness is None:
+        return
+    key = "rolls" if table.rolls is not None else "segment"
+    found = list(_doubtful(normal, thickness))
+    yield from (Problem(("machine", key), text) for text in found)
+    rolls = table.pairs()
+    if not found and rolls is not None and table.defect:
+        of_rolls = [one for one in table.defect if isinstance(one, RollDefect)]
+        named = " and ".join(dict.fromkeys(str(one).rstrip(",") for one in of_rolls))
+        for text in _doubtful(rolls, thickness):
+            yield Problem(("machine", "defect"), f"with {named}: {text.partition('; ')[0]}")
+    yield from _beyond(case, rolls or normal)
+
+
+def _beyond(case: Case, rolls: Rolls) -> Iterator[Problem]:
+    """Yield a strand that bulges and is followed by more than a pitch below its last roll."""
+    bulging = None if case.mechanics is None else case.mechanics.bulging
+    if bulging is None or not bulging.bears or len(rolls.there) < 2:
+        return
+    above, last = (rolls.pairs[i].position for i in rolls.there[-2:])
+    if case.casting.length > last + (last - above):
+        yield Problem(
+            ("casting", "length"),
+            f"({case.casting.length:.4g} m) goes beyond the last roll, at {last:.4g} m: "
+            "nothing bulges there, and a strand that is still liquid would not break out; give the "
+            "rolls that hold it, or follow it to the last one",
+        )
+
+
+def _doubtful(rolls: Rolls, thickness: float) -> Iterator[str]:
+    """Yield what rolls have that was probably not meant."""
+    line, last = rolls.line(thickness), rolls.pairs[-1]
+    angle = line.inclination(last.position)
+    if math.isfinite(last.radius):
+        yield f"the strand is still bent at the last roll, R = {last.radius:g} m"
+    elif angle > 0.0 and abs(angle - 0.5 * math.pi) > _SQUARE:
+        yield (
+            f"the angles do not close: the strand leaves the last bent roll at "
+            f"{math.degrees(angle):.4g} degrees to the vertical, not at 90; are radii, positions "
+            "and the face of the radii right?"
+        )
+    tightest = min(rolls.pairs, key=lambda pair: abs(pair.radius))
+    strain = 0.5 * thickness / abs(tightest.radius)
+    if strain > _STRAINED:
+        yield (
+            f"{rolls.place(rolls.pairs.index(tightest))}: R = {tightest.radius:g} m strains the "
+            f"faces of the strand by {100.0 * strain:.3g} %"
+        )
+    for i in range(len(rolls.pairs)):
+        aperture = rolls.aperture(i, thickness)
+        if abs(aperture / thickness - 1.0) > _OTHER:
+            yield (
+                f"{rolls.place(i)}: aperture ({1e3 * aperture:g} mm) of a section "
+                f"{1e3 * thickness:g} mm thick"
+            )
+            return

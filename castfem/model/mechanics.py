@@ -1,0 +1,365 @@
+"""The tables [mechanics] and [coupling]: what the slice is made of, and how its run is cut up.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field
+
+from castfem.base.constants import ZERO_STRENGTH
+from castfem.base.curves import CurveOverEither
+from castfem.base.messages import choices
+from castfem.base.quantities import Kind, Notation, PositiveDifference, Time
+from castfem.base.table_notation import Curve, CurveOr
+from castfem.base.tables import Table
+from castfem.base.types import MushyZone
+from castfem.base.units import parse_any
+from castfem.model.base import TableModel, written
+from castfem.model.bulging import Bulging, BulgingMark
+from castfem.model.thermal import PetscOption
+
+if TYPE_CHECKING:
+    from pydantic import GetJsonSchemaHandler
+    from pydantic_core import CoreSchema
+
+FREE = "free"
+_TIME, _LENGTH = Kind("s", "s", above=0.0), Kind("m", "mm", above=0.0)
+_DISTANCE = Kind("m", "mm")
+
+Share = Annotated[float, Kind("1", least=0.0, most=1.0, label="share", sample="1")]
+Ratio = Annotated[float, Kind("1", above=0.0, most=1.0, label="ratio", sample="1e-5")]
+Solid = Annotated[float, Kind("1", least=0.0, most=0.99, label="solid fraction", sample="0.5")]
+Growth = Annotated[float, Kind("1", least=1.0, most=100.0, label="growth", sample="8")]
+Tolerance = Annotated[float, Kind("1", above=0.0, most=0.1, label="tolerance", sample="1e-8")]
+Force = Annotated[
+    float | Table,
+    CurveOverEither(
+        Kind("N", "kN", label="force", sample="10 kN"), over="time", others=("position",)
+    ),
+]
+MomentOfTime = Annotated[
+    float | Table, Curve(Kind("N m", "kN m", label="moment", sample="1 kN m"), over="time")
+]
+DisplacementOfTime = Annotated[
+    float | Table, Curve(Kind("m", "mm", label="displacement", sample="0.1 mm"), over="time")
+]
+
+
+AxialStrain = Annotated[
+    str | float | Table, CurveOr(Kind("1", label="strain", sample="0.001"), "time", FREE)
+]
+Gradient = Annotated[
+    str | float | Table,
+    CurveOr(Kind("1/m", "1/m", label="gradient", sample="0.1 1/m"), "time", FREE),
+]
+
+
+AXES = {"intrados": 0.5, "centre": 0.0, "extrados": -0.5}
+"""Places of a neutral axis by name: from the middle towards the intrados, over the thickness."""
+BENT = ("bending", "straightening")
+"""What the rolls do to the strand where a neutral axis may be imposed in two places."""
+
+
+@dataclass(frozen=True, slots=True)
+class AxisMark(Notation):
+    """Annotation of a field that takes the place of a neutral axis."""
+
+    takes: str = (
+        '`"free"`, `"intrados"`, `"centre"`, `"extrados"`, or distance from the middle towards '
+        'the intrados: `"20 mm"`; or one of them in `{ bending, straightening }` each'
+    )
+
+    def read(self, given: object) -> Any:
+        """Return the word, the distance in m, or both of a table; raise ValueError otherwise."""
+        if isinstance(given, Mapping):
+            if set(given) != set(BENT):
+                raise ValueError(
+                    f"a table has the keys {' and '.join(BENT)}, where the axis lies while the "
+                    "strand is bent and while it is straightened"
+                )
+            found = {name: self.read(given[name]) for name in BENT}
+            if any(place is None or place == FREE for place in found.values()):
+                raise ValueError(f'"{FREE}" goes with the whole way of the strand, or not at all')
+            return found
+        if given is None or given == FREE or (isinstance(given, str) and given in AXES):
+            return given
+        try:
+            return _DISTANCE.read(given)
+        except ValueError as error:
+            raise ValueError(f'{error}; or "{FREE}", {choices(AXES)}') from None
+
+    def write(self, value: Any) -> Any:
+        """Return what reads back to the same place."""
+        if isinstance(value, Mapping):
+            return {name: self.write(place) for name, place in value.items()}
+        return _DISTANCE.write(value) if isinstance(value, float) else value
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        place = {"anyOf": [{"enum": list(AXES)}, _DISTANCE.json_schema()]}
+        both = {
+            "type": "object",
+            "properties": {name: place for name in BENT},
+            "required": list(BENT),
+            "additionalProperties": False,
+        }
+        return {"anyOf": [{"enum": [FREE, *AXES]}, _DISTANCE.json_schema(), both]}
+
+
+class GeneralizedPlaneStrain(TableModel):
+    """Degrees of freedom of the two planes that bound the slice: e = 1 + a0 + a1 x + a2 y (37).
+
+    Each is free, or imposed as a value or a table over time; what the section's symmetry
+    excludes stays zero. Where the rolls of [machine] bend the strand they give a2 for a0, (41).
+    """
+
+    a0: AxialStrain = Field(
+        "free", description='axial strain: "free" or imposed', examples=["free", 0.0]
+    )
+    a1: Gradient | None = Field(
+        None, description="gradient of the axial strain along x; free unless symmetry excludes it"
+    )
+    a2: Gradient | None = Field(
+        None, description="gradient of the axial strain along y; free unless symmetry excludes it"
+    )
+    across: AxialStrain | None = Field(
+        None, description="uniform strain along y, for a strip cut out of something wide"
+    )
+    force: Force = Field(written("0 kN"), description="external axial force on the whole strand")
+    moment_x: MomentOfTime = Field(
+        written("0 kN m"),
+        description="external moment with x, on the whole strand",
+    )
+    moment_y: MomentOfTime = Field(
+        written("0 kN m"), description="external moment with y, on the whole strand"
+    )
+    neutral_axis: Annotated[Any, AxisMark()] = Field(
+        None,
+        description="of a strand that its machine bends: where the thickness of the slice stays 1 "
+        "(eq. 42-44); by default free, found by equilibrium",
+        examples=["free"],
+    )
+    closing: Literal["tangential", "axial"] | None = Field(
+        None,
+        description="of a strand that its machine bends: what the force balances, N - kM, from "
+        "which the work of bending is taken, or N alone as in the thesis; by default tangential",
+        examples=["tangential"],
+    )
+    force_contains_bending: bool | None = Field(
+        None,
+        description="whether the force, as a measured one, has the work of bending in it; asked "
+        "for where a table over position is closed tangentially, else false",
+        examples=[True],
+    )
+
+
+class GivenDisplacement(TableModel):
+    """A displacement given on boundary groups, beside the lines of symmetry."""
+
+    on: tuple[str, ...] = Field(
+        min_length=1,
+        description="boundary groups; a name also stands for all groups that begin with it",
+    )
+    component: Literal["x", "y"] = Field(description="direction of the displacement")
+    value: DisplacementOfTime = Field(written("0 mm"), description="the displacement")
+
+
+class Mechanics(TableModel):
+    """The mechanical problem of the slice in generalized plane strain."""
+
+    law: str = Field(
+        "norton_hoff_kozlowski",
+        description="constitutive law: a set shipped with castfem, or a TOML file of your own, "
+        "relative to this file",
+    )
+    elasticity: str | None = Field(
+        None,
+        description="Young's modulus and Poisson's ratio: a shipped set or a TOML file; by "
+        "default the steel's own, or else elastic_steel",
+        examples=["elastic_steel"],
+    )
+    liquid_stiffness: Ratio = Field(
+        1e-5,
+        description="Young's modulus over that of the solid of liquid that is elastic, and of what "
+        "a mushy zone begins with (mush)",
+    )
+    liquid: Literal["fed", "elastic"] = Field(
+        "fed",
+        description="fed: the liquid flows in from above where the shell moves away and carries "
+        "its pressure alone; elastic: a soft body, as in the thesis (V.1.6), which holds the shell",
+    )
+    mush: MushyZone | None = Field(
+        None,
+        description="what the mushy zone bears. skeleton: stiffness and flow stress of the solid, "
+        "in proportion to the solid fraction above coherency; geometric, linear: a modulus that "
+        "goes so with the solid fraction; none: no more than the liquid. By default skeleton where "
+        "the liquid is fed (none with coherency = 0), geometric where it is elastic",
+        examples=["skeleton"],
+    )
+    coherency: Solid | None = Field(
+        None,
+        description="solid fraction up to which the mushy zone is as soft as the liquid. By "
+        f"default {ZERO_STRENGTH:g} of a skeleton, else 0",
+    )
+    ferrostatic: Literal["proportional", "full", "none", "off"] = Field(
+        "full",
+        description="pressure of the liquid in the mushy zone: full until all is solid, for the "
+        "liquid between the crystals bears it; proportional to the liquid (eq. 219); none as soon "
+        "as anything is solid; off: no pressure at all",
+    )
+    strain: Literal["small", "large"] = Field(
+        "small", description="small strain, or an objective update on the deformed slice"
+    )
+    tolerance: Tolerance = Field(
+        1e-8, description="forces left unbalanced, relative to the stress there is"
+    )
+    planes: GeneralizedPlaneStrain = Field(
+        default_factory=lambda: GeneralizedPlaneStrain.model_validate({}),
+        description="degrees of freedom of generalized plane strain",
+    )
+    bulging: Annotated[Bulging | None, BulgingMark()] = Field(
+        None,
+        description="how the wide faces bulge between the rolls of [machine], which bear them; "
+        "left out: they are not borne",
+    )
+    held: tuple[GivenDisplacement, ...] = Field(
+        (), description="displacements given on the surface"
+    )
+    solver: dict[str, PetscOption] = Field(
+        default_factory=dict, description="PETSc options of the nonlinear solver, merged over ours"
+    )
+
+    @property
+    def mushy_zone(self) -> MushyZone:
+        """What the mushy zone bears, `mush` or its default."""
+        if self.mush is not None:
+            return self.mush
+        if self.liquid == "elastic":
+            return "geometric"
+        return "none" if self.coherency == 0.0 else "skeleton"
+
+    @property
+    def coherent_from(self) -> float:
+        """Solid fraction from which the mushy zone bears anything, `coherency` or its default."""
+        if self.coherency is not None:
+            return self.coherency
+        return ZERO_STRENGTH if self.mushy_zone == "skeleton" else 0.0
+
+    @property
+    def liquid_has_modulus(self) -> bool:
+        """Whether `liquid_stiffness` is of anything: liquid that is fed has no modulus."""
+        return self.liquid == "elastic" or self.mushy_zone in ("geometric", "linear")
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A coupling window that is given by the length of strand that goes by.
+
+    Attributes:
+        length: m.
+    """
+
+    length: float
+
+
+@dataclass(frozen=True, slots=True)
+class WindowMark(Notation):
+    """Annotation of a field that takes a time or a length of strand."""
+
+    takes: str = 'time: `"0.1 s"`, or length: `"5 mm"`'
+
+    def read(self, given: object) -> float | Way:
+        """Return the time in s, or the length; raise ValueError if it is neither."""
+        if isinstance(given, Way):
+            return given
+        try:
+            of_length = isinstance(given, str) and parse_any(given)[1] == "m"
+        except ValueError:
+            of_length = False
+        return Way(_LENGTH.read(given)) if of_length else _TIME.read(given)
+
+    def write(self, value: float | Way) -> Any:
+        """Return what reads back to the same window."""
+        return _LENGTH.write(value.length) if isinstance(value, Way) else _TIME.write(value)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"anyOf": [_TIME.json_schema(), _LENGTH.json_schema()]}
+
+
+class Coupling(TableModel):
+    """How the thermal and the mechanical problem are coupled."""
+
+    interval: Annotated[float | Way, WindowMark()] = Field(
+        written("0.1 s"),
+        description="coupling window: time, or length of strand, after which the two exchange "
+        "temperatures, gap and viscoplastic work",
+    )
+    mechanical_step: Time | None = Field(
+        None,
+        description="longest step of the mechanics within a window; by default they take one",
+        examples=["50 ms"],
+    )
+    order: Literal["thermal_first", "mechanics_first"] = Field(
+        "thermal_first",
+        description="who goes first; mechanics_first strains the slice as if it went on cooling "
+        "as in the window before (thesis, Fig. 84)",
+    )
+    passes: int = Field(
+        8,
+        ge=1,
+        strict=True,
+        description="largest number of coupling iterations in a window: it is repeated until "
+        "the gap to the mould converges, and cut back if it does not; 1: neither, but windows "
+        "whose gap has not converged are counted",
+    )
+    settled: PositiveDifference = Field(
+        written("1 K"),
+        description="tolerance of the coupling iterations: the gap has converged when the gap just "
+        "computed would change the surface temperature by less",
+    )
+    window_error: PositiveDifference | None = Field(
+        None,
+        description="error of the surface temperature allowed in a window whose gap changes; a "
+        "window with more is cut back, unless it is shorter than 0.1 s and than a fiftieth of the "
+        "interval; by default 2 K",
+        examples=["2 K"],
+    )
+    growth: Growth | None = Field(
+        None,
+        description="how many times `interval` a window may grow to between events (rolls, ends of "
+        "zones, edges of sprays, kinks of the speed), after each of which it begins with "
+        "`interval`; by default it does not grow",
+        examples=[8.0],
+    )
+    strain_error: Tolerance | None = Field(
+        None,
+        description="error of the axial strain at the surface allowed in a window that has grown; "
+        "by default 1e-5",
+        examples=[1e-5],
+    )
+    follow_shape: bool = Field(
+        True,
+        description="whether heat flows through the slice as it has moved, out of the surface it "
+        "has now (thesis IV); false: through the undeformed one",
+    )
+    dissipation: Share = Field(
+        1.0, description="share of the viscoplastic work that becomes heat; 0: it is left out"
+    )
+
+
+def free_strains(planes: GeneralizedPlaneStrain, allowed: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the free generalized strains; by default a1 and a2 as far as `allowed`."""
+    given = {name: getattr(planes, name) for name in ("a0", "a1", "a2", "across")}
+    return tuple(
+        name
+        for name, value in given.items()
+        if value == FREE or (value is None and name in ("a1", "a2") and name in allowed)
+    )

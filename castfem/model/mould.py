@@ -1,0 +1,340 @@
+"""The table [mould]: the rigid mould, its contact with the strand and its friction."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, ValidationInfo, field_validator
+
+from castfem.base.quantities import Distance, Kind, Length, PositiveNumber, Speed, Temperature
+from castfem.base.table_notation import Curve
+from castfem.base.tables import Table
+from castfem.base.units import nearest
+from castfem.model.base import TableModel, written
+from castfem.model.mechanics import Share
+from castfem.model.mould_tube import MouldTube
+from castfem.model.problems import Problem
+from castfem.model.taper import Perimeter, TaperMark
+from castfem.model.variants import Variants
+from castfem.model.wall_shape import WallShape
+from castfem.physics.mould.displaced import WallDisplacement
+
+if TYPE_CHECKING:
+    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+    from pydantic_core import CoreSchema
+
+    from castfem.physics.contact.friction import Friction as FrictionLaw
+
+TemperatureOfPosition = Annotated[float | Table, Curve(Kind("K", "degC"), over="position")]
+ConductivityOfTemperature = Annotated[
+    float | Table, Curve(Kind("W/(m K)", "W/(m K)", above=0.0), over="temperature")
+]
+ExpansionOfTemperature = Annotated[
+    float | Table, Curve(Kind("1/K", "1/K", above=0.0), over="temperature")
+]
+ModulusOfTemperature = Annotated[
+    float | Table,
+    Curve(Kind("Pa", "GPa", above=0.0, label="Young's modulus", sample="117 GPa"), "temperature"),
+]
+PoissonOfTemperature = Annotated[
+    float | Table,
+    Curve(Kind("1", least=0.0, most=0.49, label="Poisson's ratio", sample="0.34"), "temperature"),
+]
+ExpansionCoefficient = Annotated[float, Kind("1/K", "1/K", above=0.0)]
+Stress = Annotated[float, Kind("Pa", "MPa", above=0.0, label="stress", sample="10 MPa")]
+FrictionCoefficient = Annotated[
+    float, Kind("1", least=0.0, label="friction coefficient", sample="0.3")
+]
+Frequency = Annotated[float, Kind("1/s", "1/min", above=0.0, label="frequency", sample="150 1/min")]
+Exponent = Annotated[float, Kind("1", above=0.0, most=1.0, label="exponent", sample="0.5")]
+EXAMPLES = {
+    "contact": '{ method = "nitsche", factor = 100 }',
+    "friction": '{ law = "coulomb", coefficient = 0.3 }',
+}
+"""Tables within [mould] that one word may stand for, written out."""
+
+
+@dataclass(frozen=True, slots=True)
+class OneWord:
+    """Annotation of a table that a single word may stand for: that word under its main key.
+
+    Attributes:
+        key: The main key.
+        words: What it may be where nothing else has to be given.
+        example: The table written out.
+    """
+
+    key: str
+    words: tuple[str, ...]
+    example: str
+
+    def _table(self, given: Any) -> Any:
+        if not isinstance(given, str):
+            return given
+        if given not in self.words:
+            raise ValueError(
+                f"must be {' or '.join(self.words)}, or a table with '{self.key}', such as "
+                f"{self.example}{nearest(given, self.words)}"
+            )
+        return {self.key: given}
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_before_validator_function(self._table, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"anyOf": [{"enum": list(self.words)}, handler(schema)]}
+
+
+class ContactSettings(TableModel):
+    """How the strand is kept out of the wall: penalty (eq. 239) or Nitsche's method."""
+
+    method: Literal["penalty", "nitsche"] = Field(
+        "penalty",
+        description='method; `contact = "nitsche"` in [mould] says the same in one line',
+    )
+    factor: PositiveNumber | None = Field(
+        None,
+        description="stiffness of the contact over that of the cell behind it; by default 10",
+        examples=[1000],
+    )
+
+    @field_validator("factor")
+    @classmethod
+    def _stable(cls, factor: float | None, info: ValidationInfo) -> float | None:
+        """Refuse factors with which Nitsche's method cannot solve a strand (docs/contact.md)."""
+        if factor is None or info.data.get("method") != "nitsche":
+            return factor
+        from castfem.physics.contact.settings import FACTOR, LEAST_NITSCHE
+
+        if factor >= LEAST_NITSCHE:
+            return factor
+        raise ValueError(
+            f"too small for Nitsche's method to be stable; allowed: at least "
+            f"{LEAST_NITSCHE:g}, or leave it out for {FACTOR:g}"
+        )
+
+
+class Friction(Variants):
+    """What every friction law has; a new one is a subclass with its own `law` and `build`."""
+
+    tag_key = "law"
+    kinds: ClassVar[dict[str, Any]] = {}
+
+    def build(self) -> FrictionLaw | None:
+        """Return the law as the contact asks it, None for a wall without friction."""
+        return None
+
+    def problems(self) -> Iterator[Problem]:
+        """Yield what its values cannot be together."""
+        yield from ()
+
+
+class NoFriction(Friction):
+    """The strand slides freely."""
+
+    law: Literal["none"]
+
+
+class Coulomb(Friction):
+    """Coulomb: the friction stress is at most the coefficient times the pressure (eq. 231)."""
+
+    law: Literal["coulomb"]
+    coefficient: FrictionCoefficient = Field(description="friction stress over pressure")
+
+    def build(self) -> FrictionLaw:
+        """See `Friction.build`."""
+        from castfem.physics.contact import friction
+
+        return friction.Coulomb(self.coefficient)
+
+
+class Limited(Friction):
+    """Coulomb, limited where pressure and friction make the surface yield (eq. 233)."""
+
+    law: Literal["limited"]
+    coefficient: FrictionCoefficient = Field(description="friction stress over pressure")
+    yield_stress: Stress = Field(
+        description="yield stress p0 of the weaker of the two, sqrt(p^2 + 3 tau^2) <= p0"
+    )
+
+    def build(self) -> FrictionLaw:
+        """See `Friction.build`."""
+        from castfem.physics.contact import friction
+
+        return friction.Coulomb(self.coefficient, yield_stress=self.yield_stress)
+
+
+class Tresca(Friction):
+    """Tresca: the friction stress is at most a share of the yield stress (eq. 234, 235)."""
+
+    law: Literal["tresca"]
+    share: Share = Field(description="share m in m p0 / sqrt(3)")
+    yield_stress: Stress = Field(description="yield stress p0 of the weaker of the two")
+    steepest: PositiveNumber = Field(
+        1.0, description="the friction stress is at most this many times the pressure"
+    )
+
+    def build(self) -> FrictionLaw:
+        """See `Friction.build`."""
+        from castfem.physics.contact import friction
+
+        return friction.Tresca(self.share, self.yield_stress, self.steepest)
+
+
+class Viscous(Friction):
+    """Friction that goes with a power of the sliding speed, beyond a threshold (eq. 236, 237)."""
+
+    law: Literal["viscous"]
+    stress: Stress = Field(description="friction stress at the given speed", examples=["20 kPa"])
+    speed: Speed = Field(description="sliding speed at which it holds", examples=["3.6 m/min"])
+    exponent: Exponent = Field(1.0, description="exponent n of the speed")
+    coefficient: FrictionCoefficient = Field(
+        0.0, description="friction stress over pressure up to which it sticks; 0: a lubricant"
+    )
+    yield_stress: Stress | None = Field(
+        None,
+        description="yield stress p0: beyond the threshold at most p0 / sqrt(3); needed with one",
+    )
+    steepest: PositiveNumber = Field(
+        1.0, description="beyond the threshold it is at most this many times the pressure"
+    )
+
+    def build(self) -> FrictionLaw:
+        """See `Friction.build`; without a yield stress the given stress has no other limit."""
+        from castfem.physics.contact import friction
+
+        speed, exponent, steepest = self.speed, self.exponent, self.steepest
+        if self.yield_stress is None:
+            return friction.Lubricant(self.stress / speed**exponent, exponent, steepest)
+        share = math.sqrt(3.0) * self.stress / self.yield_stress
+        base = friction.Coulomb(self.coefficient)
+        return friction.Viscous(base, share, self.yield_stress, speed, exponent, steepest)
+
+    def problems(self) -> Iterator[Problem]:
+        """See `Friction.problems`."""
+        if self.coefficient and self.yield_stress is None:
+            yield Problem(
+                ("mould", "friction"),
+                'a threshold needs the limit of what comes on top: yield_stress = "10 MPa"',
+            )
+        if self.yield_stress is not None and self.stress > self.yield_stress / math.sqrt(3.0):
+            yield Problem(
+                ("mould", "friction", "stress"),
+                f"({1e-6 * self.stress:.4g} MPa) is above yield_stress / sqrt(3), "
+                f"{1e-6 * self.yield_stress / math.sqrt(3.0):.4g} MPa, to which it is limited at "
+                "any speed; lower it, or raise yield_stress",
+            )
+
+
+class Copper(TableModel):
+    """Thermal expansion of the mould, where its sizes are those of the cold mould."""
+
+    expansion: ExpansionCoefficient = Field(
+        written("17e-6 1/K"), description="mean expansion coefficient", examples=["17e-6 1/K"]
+    )
+    cold: Temperature = Field(
+        written("25 degC"),
+        description="temperature at which the sizes are given",
+        examples=["25 degC"],
+    )
+    temperature: TemperatureOfPosition | None = Field(
+        None,
+        description="mean temperature of the wall over its thickness; by default wall_temperature",
+        examples=["120 degC"],
+    )
+    conductivity: ConductivityOfTemperature | None = Field(
+        None,
+        description="for [mould.tube]; by default that of [Calcutt2001], 394 to 377 W/(m K)",
+    )
+    mean_expansion: ExpansionOfTemperature | None = Field(
+        None,
+        description="for [mould.tube]: mean coefficient from 20 degC over temperature; by default "
+        "that of [Calcutt2001], 16.8e-6 to 17.7e-6 1/K",
+    )
+    youngs_modulus: ModulusOfTemperature | None = Field(
+        None, description="for [mould.tube]; by default 117 GPa at 20 degC, 106 GPa at 300 degC"
+    )
+    poisson: PoissonOfTemperature | None = Field(
+        None, description="Poisson's ratio, for [mould.tube]; by default 0.34"
+    )
+
+
+class Oscillation(TableModel):
+    """How the mould oscillates, a sine; nothing but its numbers is computed from it."""
+
+    stroke: Length = Field(description="from the highest to the lowest point", examples=["6 mm"])
+    frequency: Frequency = Field(description="strokes per time", examples=["150 1/min"])
+
+    def negative_strip(self, speed: float) -> float:
+        """Time in each stroke in which the mould goes down faster than the strand, s.
+
+        Args:
+            speed: Of casting, m/s.
+        """
+        fastest = math.pi * self.frequency * self.stroke
+        if not speed < fastest:
+            return 0.0
+        return math.acos(speed / fastest) / (math.pi * self.frequency)
+
+
+class Mould(TableModel):
+    """The rigid mould round the strand; left out: an idealised mould that follows the strand."""
+
+    length: Length = Field(
+        description="from the meniscus to the end of the mould", examples=["600 mm"]
+    )
+    taper: Annotated[Perimeter, TaperMark()] = Field(
+        written("0 %/m"),
+        description="relative change of the section's sizes per metre (eq. 300); positive: the "
+        "mould closes downwards",
+        examples=["1 %/m"],
+    )
+    width: Length | None = Field(
+        None, description="of the cavity at the meniscus; by default that of the strand"
+    )
+    height: Length | None = Field(None, description="likewise, in y")
+    diameter: Length | None = Field(None, description="likewise, of a round")
+    corner_radius: Distance | None = Field(
+        None, description="of the cavity at the meniscus; by default that of the strand"
+    )
+    wall_temperature: TemperatureOfPosition | None = Field(
+        None,
+        description="of the face towards the strand, constant or along the mould",
+        examples=["160 degC"],
+    )
+    condition: Literal["working", "cold"] = Field(
+        "working",
+        description="the mould to which sizes and taper belong: hot as it works, or cold; a cold "
+        "one is expanded by [mould.copper]",
+    )
+    copper: Copper = Field(
+        default_factory=lambda: Copper.model_validate({}),
+        description="thermal expansion of a mould given cold",
+    )
+    displacement: Annotated[WallDisplacement, WallShape()] | None = Field(
+        None,
+        description="how far the wall at work stands from the cavity of sizes and taper, all round "
+        "and along; `castfem mould --hot` and `castfem section` write it. Instead of the expansion "
+        "of [mould.copper]",
+    )
+    tube: MouldTube | None = Field(
+        None, description="the copper tube, for `castfem mould --hot`; a run has no use for it"
+    )
+    oscillation: Oscillation | None = Field(None, description="its oscillation")
+    contact: Annotated[
+        ContactSettings, OneWord("method", ("penalty", "nitsche"), EXAMPLES["contact"])
+    ] = Field(
+        default_factory=lambda: ContactSettings.model_validate({}), description="contact method"
+    )
+    friction: Annotated[Friction, OneWord("law", ("none",), EXAMPLES["friction"])] = Field(
+        default_factory=lambda: NoFriction(law="none"), description="friction law"
+    )

@@ -1,0 +1,113 @@
+"""The table [mould.tube]: the copper tube round the cavity, and what heats, cools and holds it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from castfem.base.quantities import Distance, Kind, Length
+from castfem.base.table_notation import Curve
+from castfem.base.tables import Table
+from castfem.base.units import in_mm
+from castfem.model.base import TableModel, written
+from castfem.model.problems import Problem
+from castfem.model.section import BeamBlank, Rectangle, Section
+
+FluxOfPosition = Annotated[
+    float | Table, Curve(Kind("W/m^2", "MW/m^2", least=0.0), over="position")
+]
+CoefficientOfPosition = Annotated[
+    float | Table, Curve(Kind("W/(m^2 K)", "W/(m^2 K)", above=0.0), over="position")
+]
+TemperatureOfPosition = Annotated[float | Table, Curve(Kind("K", "degC"), over="position")]
+Cells = Annotated[float, Kind("1", least=1.0, most=64.0, label="number of cells", sample="2")]
+Share = Annotated[float, Kind("1", least=0.0, most=2.0, label="share", sample="0.6")]
+
+
+MOST_BRICKS = 300_000
+"""Cells of a tube, at most: each has 27 nodes."""
+
+
+class MouldTube(TableModel):
+    """The copper tube of a mould, for its distortion by heat; the length is the mould's."""
+
+    thickness: Length = Field(description="of the wall", examples=["10 mm"])
+    above: Distance = Field(written("100 mm"), description="how far it goes on above the meniscus")
+    support: Literal["free", "hung", "clamped", "between"] = Field(
+        "hung",
+        description="hung: its upper end is held along the mould; clamped: in all directions; "
+        "between: both ends along the mould; free: not at all",
+    )
+    flux: FluxOfPosition | None = Field(
+        None,
+        description="into the hot face below the meniscus; by default that of the strand, which "
+        "is run for it",
+        examples=["2 MW/m^2"],
+    )
+    corner_flux: Share = Field(
+        1.0, description="flux on the arcs of the corners over that at mid-face; of a given flux"
+    )
+    corner_reach: Length = Field(
+        written("20 mm"), description="length of face over which it falls to that"
+    )
+    water_coefficient: CoefficientOfPosition = Field(
+        written("30000 W/(m^2 K)"), description="heat transfer to the cooling water"
+    )
+    water_temperature: TemperatureOfPosition = Field(
+        written("40 degC"), description="of the cooling water"
+    )
+    hot_face: TemperatureOfPosition | None = Field(
+        None,
+        description="temperature of the face towards the strand, below the meniscus, instead of a "
+        "flux",
+    )
+    water_side: TemperatureOfPosition | None = Field(
+        None, description="temperature of the water side, instead of water"
+    )
+    cells_across: Cells = Field(2.0, description="cells through the wall")
+    cell_size: Length = Field(
+        written("12 mm"),
+        description="largest cell round the wall and along it; at the meniscus a third of it",
+    )
+    solver: Literal["auto", "direct", "multigrid"] = Field(
+        "auto", description="of the linear systems; auto: direct where they are small"
+    )
+
+
+def _bricks(table: MouldTube, section: Section, length: float | None) -> Iterator[Problem]:
+    """Yield cells so small that there would be no end to them."""
+    size, across = table.cell_size, table.cells_across
+    width, height = section.outline()
+    if size is None or across is None or table.above is None:
+        return
+    if width is None or height is None or length is None:
+        return
+    count = across * 0.5 * (width + height) / size * (length + table.above) / size
+    if count > MOST_BRICKS:
+        yield Problem(
+            ("mould", "tube", "cell_size"),
+            f"({in_mm(size)}) makes about {count:.2g} cells of the tube, at most "
+            f"{MOST_BRICKS:g}; give a larger one",
+        )
+
+
+def check_tube(table: MouldTube, section: Section, length: float | None) -> Iterator[Problem]:
+    """Yield what a tube of a mould of this length (m) cannot be; faulty values are None."""
+    path = ("mould", "tube")
+    if isinstance(section, BeamBlank):
+        yield Problem(path, "only a rectangle or a round has a tube; leave the table out")
+    if isinstance(section, Rectangle) and section.corner_radius == 0.0:
+        yield Problem(
+            path,
+            "a tube has rounded corners; give the section some: corner_radius = "
+            '"5 mm" in [section]',
+        )
+    if table.flux is not None and table.hot_face is not None:
+        yield Problem(
+            (*path, "hot_face"), "the flux is given, too: one of the two, leave the other out"
+        )
+    yield from _bricks(table, section, length)
+    if table.cells_across is not None and table.cells_across % 1.0:
+        yield Problem((*path, "cells_across"), "must be a whole number")

@@ -1,0 +1,369 @@
+"""The table [optimise]: what may be changed in a case, what is to become best, what must hold.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, field_validator
+
+from castfem.base import units
+from castfem.model import result_names
+from castfem.model.base import TableModel
+from castfem.model.problems import Problem
+
+if TYPE_CHECKING:
+    from castfem.model.case import Case
+
+Sense = Literal["at_least", "at_most"]
+_SENSES: dict[str, Sense] = {">=": "at_least", "≥": "at_least", "<=": "at_most", "≤": "at_most"}
+_CONSTRAINT = re.compile(r"\s*(\w+)\s*(>=|<=|≥|≤)\s*(\S.*?)\s*")
+_SHARE = re.compile(r"(.*\S)\s+of\s+idealised")
+_EXAMPLE = '"heat_removed >= 99 % of idealised" or "von_mises_max <= 14 MPa"'
+_MOST_OBJECTIVES = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """A constraint.
+
+    Attributes:
+        text: As written.
+        right: Of that, what stands right of the sign.
+        quantity: Name of the result that is bounded.
+        sense: On which side.
+        value: The bound in SI; with `relative` a share of the result in the idealised mould.
+        unit: In which it was written, "" for none.
+        relative: Whether it is such a share.
+    """
+
+    text: str
+    right: str
+    quantity: str
+    sense: Sense
+    value: float
+    unit: str
+    relative: bool
+
+    @property
+    def sign(self) -> float:
+        """1 where more is better, -1 where less is."""
+        return 1.0 if self.sense == "at_least" else -1.0
+
+
+def bound(text: str) -> Bound:
+    """Read a constraint.
+
+    Raises:
+        ValueError: It is not written as one.
+    """
+    found = _CONSTRAINT.fullmatch(text)
+    if found is None:
+        other = re.search(r"[<>=]+", text)
+        mend = f' with >= or <=, not "{other[0]}",' if other and other[0] not in _SENSES else ""
+        raise ValueError(f"is no constraint; write it{mend} as {_EXAMPLE}")
+    name, sign, right = found.groups()
+    share = _SHARE.fullmatch(right)
+    if share is None:
+        value, _ = units.parse_any(right)
+        return Bound(text, right, name, _SENSES[sign], value, units.split(right)[1], False)
+    value = units.parse(share[1], "1", kind=("share of the idealised mould's", "99 %"))
+    return Bound(text, right, name, _SENSES[sign], value, units.split(share[1])[1], True)
+
+
+def _constraint(text: str) -> str:
+    bound(text)
+    return text
+
+
+def _listed(given: Any) -> Any:
+    """One name may stand for a list of one."""
+    return (given,) if isinstance(given, str) else given
+
+
+def _as_text(given: Any) -> Any:
+    """A number without unit as the text that it would be with one."""
+    return repr(given) if isinstance(given, int | float) and given is not True else given
+
+
+_ONE_OR_MORE = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}
+Names = Annotated[tuple[str, ...], BeforeValidator(_listed), WithJsonSchema(_ONE_OR_MORE)]
+Constraint = Annotated[str, AfterValidator(_constraint)]
+Constraints = Annotated[
+    tuple[Constraint, ...], BeforeValidator(_listed), WithJsonSchema(_ONE_OR_MORE)
+]
+_TEXT_OR_NUMBER = {"anyOf": [{"type": "string"}, {"type": "number"}]}
+Value = Annotated[str, BeforeValidator(_as_text), WithJsonSchema(_TEXT_OR_NUMBER)]
+
+
+def _checked_range(ends: tuple[str, ...] | None) -> tuple[str, ...] | None:
+    """Refuse what is no range."""
+    if ends is None:
+        return ends
+    if len(ends) != 2:
+        raise ValueError('two values are needed, such as ["0 %/m", "3 %/m"]')
+    (low, unit), (high, other) = (units.parse_any(end) for end in ends)
+    if unit != other:
+        raise ValueError(f"its ends measure different things ({unit} and {other})")
+    if not low < high:
+        raise ValueError("is empty: the first value must lie below the second")
+    return ends
+
+
+class Variable(TableModel):
+    """A key of the case whose value is looked for, in a range."""
+
+    key: str = Field(
+        description="dotted key; within a taper by part, or by segment and end",
+        examples=["mould.taper", "mould.taper.corner", "mould.taper.0.taper", "casting.speed"],
+    )
+    range: tuple[Value, ...] = Field(
+        description="lowest and highest value, with unit", examples=[["0 %/m", "3 %/m"]]
+    )
+    start: Value | None = Field(
+        None,
+        description="where the search begins; by default, of a taper, that of the strand in its "
+        "idealised mould (302), (303), else the value of the case",
+    )
+
+    _is_range = field_validator("range")(_checked_range)
+
+    @property
+    def si(self) -> tuple[float, float, str]:
+        """Both ends of the range in SI, and that unit."""
+        (low, unit), (high, _) = (units.parse_any(end) for end in self.range)
+        return low, high, unit
+
+    @property
+    def unit(self) -> str:
+        """The unit in which the range is written, "" for none."""
+        return units.split(self.range[0])[1]
+
+
+class Input(TableModel):
+    """A number that is not known exactly: what it may be, every value as likely as another."""
+
+    key: str = Field(
+        description="dotted key, or, where it is relative, a property of the steel or a parameter "
+        "of the constitutive law or the elasticity",
+        examples=["cooling.mould.surface.0.coefficient", "mechanics.law.strength"],
+    )
+    range: tuple[Value, ...] | None = Field(
+        None,
+        description="lowest and highest value, with unit",
+        examples=[["1500 W/(m^2 K)", "1700 W/(m^2 K)"]],
+    )
+    relative: tuple[Value, ...] | None = Field(
+        None,
+        description="or by how much number or table may be smaller and larger",
+        examples=[["-10 %", "10 %"]],
+    )
+
+    _is_range = field_validator("range")(_checked_range)
+
+    @field_validator("relative")
+    @classmethod
+    def _is_relative(cls, ends: tuple[str, ...] | None) -> tuple[str, ...] | None:
+        """Refuse what are no two shares."""
+        if ends is None:
+            return ends
+        if len(ends) != 2:
+            raise ValueError('two shares are needed, such as ["-10 %", "10 %"]')
+        low, high = (units.parse(end, "1", kind=("change", "10 %")) for end in ends)
+        if not -1.0 < low < high:
+            raise ValueError('is empty, or goes to zero: write it as ["-10 %", "10 %"]')
+        return ends
+
+
+class Front(TableModel):
+    """A second result to be weighed against the first: the front of what can be had of both."""
+
+    minimise: str | None = Field(
+        None, description="result that is to be small", examples=["mould_gap_max"]
+    )
+    maximise: str | None = Field(
+        None, description="or one that is to be large", examples=["heat_removed"]
+    )
+    points: int = Field(6, ge=3, le=50, strict=True, description="of the front, at most")
+
+    @property
+    def objective(self) -> tuple[str, float]:
+        """The result, and 1 where it is to be small, -1 where large."""
+        return (self.minimise, 1.0) if self.minimise is not None else (self.maximise or "", -1.0)
+
+
+class Optimise(TableModel):
+    """What `castfem optimise` looks for: values of some keys with which a result is best."""
+
+    minimise: Names = Field((), description="result, as in summary.json, that is to be small")
+    maximise: Names = Field((), description="likewise, that is to be large")
+    constraints: Constraints = Field(
+        (),
+        description="what must hold: result, >= or <=, and a value with unit or a share of what "
+        "the idealised mould gives",
+        examples=[["heat_removed >= 99 % of idealised", "mould_gap_max <= 0.05 mm"]],
+    )
+    fidelity: Literal["thermal", "coarse", "default", "fine"] = Field(
+        "default",
+        description="how well the runs of the search are computed (thermal: temperature alone, "
+        "without a mould); the best one is run by the others, too, which gives its numerical error",
+    )
+    method: Literal["cobyqa", "slsqp", "optuna"] = Field(
+        "cobyqa",
+        description="cobyqa: from the start downhill; slsqp: likewise, by derivatives that the "
+        "runs carry along, for three variables or more and a result without kinks "
+        "(von_mises_smooth); optuna (the extra castfem[optimise]): first with half of the runs all "
+        "over the ranges, for several valleys and many variables",
+    )
+    most_runs: int = Field(
+        60,
+        ge=1,
+        strict=True,
+        description="the search ends when so many runs have been made, at the earliest after those "
+        "that measure the noise; further ones, often as many again, look about the best run and "
+        "check it",
+    )
+    variable: tuple[Variable, ...] = Field(
+        min_length=1, description="the keys whose values are looked for"
+    )
+    input: tuple[Input, ...] = Field(
+        (), description="what is not known exactly, and spreads the answer"
+    )
+    samples: int | None = Field(
+        None,
+        ge=8,
+        strict=True,
+        description="runs for that spread, at least those that fix its polynomials; by default a "
+        "few more, fewer where runs carry derivatives",
+        examples=[32],
+    )
+    front: Front | None = Field(
+        None, description="what is weighed against the result that is to be best"
+    )
+
+    @property
+    def bounds(self) -> tuple[Bound, ...]:
+        """The constraints."""
+        return tuple(bound(text) for text in self.constraints)
+
+    @property
+    def names(self) -> set[str]:
+        """The results that are looked at."""
+        front = set() if self.front is None else {self.front.objective[0]}
+        bounded = {one.quantity for one in self.bounds}
+        return {name for name, _ in self.objectives} | bounded | front
+
+    @property
+    def objectives(self) -> tuple[tuple[str, float], ...]:
+        """What is to be best: result, and 1 where it is to be small, -1 where large."""
+        return (*((n, 1.0) for n in self.minimise), *((n, -1.0) for n in self.maximise))
+
+
+def check_optimise(case: Case) -> Iterator[Problem]:
+    """Yield what cannot be looked for."""
+    table = case.optimise
+    if table is None:
+        return
+    yield from _objectives(table)
+    yield from _front(table)
+    yield from _inputs(table)
+    for number, text in enumerate(table.constraints or ()):
+        if text is not None:
+            yield from _constraint_faults(case, number, bound(text))
+    keys = [variable.key for variable in table.variable or () if variable is not None]
+    for key in sorted({key for key in keys if keys.count(key) > 1}):
+        yield Problem(("optimise", "variable"), f'("{key}") is given twice; leave one out')
+    yield from _starts(table)
+
+
+def _objectives(table: Optimise) -> Iterator[Problem]:
+    if table.minimise is None or table.maximise is None:
+        return
+    count = len(table.objectives)
+    if not 1 <= count <= _MOST_OBJECTIVES:
+        told = "nothing is to become best" if not count else f"{count} results are to become best"
+        more = ", and weigh it against another by [optimise.front]" if count else ""
+        yield Problem(
+            ("optimise",),
+            f'{told}; give minimise = "von_mises_max" or maximise = "heat_removed", one of them'
+            f"{more}",
+        )
+    for key in ("minimise", "maximise"):
+        for name in getattr(table, key):
+            yield from _unknown(name, ("optimise", key))
+
+
+def _unknown(name: str, path: tuple[str, ...]) -> Iterator[Problem]:
+    if result_names.unit_of(name) is None:
+        near = units.nearest(name, result_names.all_names())
+        yield Problem(path, f'("{name}") is no result of a run{near}')
+
+
+def _starts(table: Optimise) -> Iterator[Problem]:
+    """Yield starts beyond their ranges; in other units or none they are refused by the key."""
+    for number, variable in enumerate(table.variable or ()):
+        if variable is None or variable.range is None or variable.start is None:
+            continue
+        low, high, unit = variable.si
+        path = ("optimise", "variable", number, "start")
+        try:
+            start, other = units.parse_any(variable.start)
+        except ValueError as error:
+            yield Problem(path, str(error))
+            continue
+        if unit == other and not low <= start <= high:
+            ends = " to ".join(variable.range)
+            yield Problem(path, f'("{variable.start}") is not within the range, {ends}')
+
+
+def _inputs(table: Optimise) -> Iterator[Problem]:
+    varied = {variable.key for variable in table.variable or () if variable is not None}
+    for number, one in enumerate(table.input or ()):
+        if one is None:
+            continue
+        path = ("optimise", "input", number)
+        if (one.range is None) == (one.relative is None):
+            yield Problem(path, 'one of range and relative is needed, such as ["-10 %", "10 %"]')
+        if one.key in varied:
+            yield Problem(
+                (*path, "key"),
+                f'("{one.key}") is a variable, too, whose value an input would take; leave one out',
+            )
+
+
+def _front(table: Optimise) -> Iterator[Problem]:
+    front = table.front
+    if front is None:
+        return
+    path = ("optimise", "front")
+    if (front.minimise is None) == (front.maximise is None):
+        yield Problem(path, 'one of minimise and maximise is needed, such as "heat_removed"')
+        return
+    name, _ = front.objective
+    yield from _unknown(name, (*path, "minimise" if front.minimise is not None else "maximise"))
+    if name in ((*(table.minimise or ()), *(table.maximise or ()))):
+        yield Problem(path, f'("{name}") is weighed against itself; name another result')
+
+
+def _constraint_faults(case: Case, number: int, found: Bound) -> Iterator[Problem]:
+    path = ("optimise", "constraints", number)
+    if found.relative:
+        fault = result_names.fault(found.quantity, f"1 {_of(found.quantity)}")
+        if case.mould is None:
+            yield Problem(path, f'("{found.text}"): the case has no [mould], it is idealised')
+        elif found.value <= 0.0:
+            yield Problem(path, f'("{found.text}"): a share above 0 % is needed')
+    else:
+        fault = result_names.fault(found.quantity, found.right)
+    if fault is not None:
+        yield Problem(path, fault[1])
+
+
+def _of(name: str) -> str:
+    unit = result_names.unit_of(name) or "1"
+    return "" if unit == "1" else unit

@@ -1,0 +1,288 @@
+"""What may be meant but seldom is: values of a sound case that look like slips.
+
+A case with them runs; the bounds lie beyond what strands are cast with, not beyond what can be
+computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from castfem.base import ranges
+from castfem.base.tables import Table
+from castfem.base.tolerances import ROUNDING
+from castfem.base.units import convert, format, in_mm
+from castfem.model import bounds, effort
+from castfem.model.case import Case
+from castfem.model.check_cooling import law_groups
+from castfem.model.check_secondary import secondary_warnings
+from castfem.model.cooling import Contact, HeatLaw, Radiation, Spray, Zone
+from castfem.model.extraction import extraction_warnings
+from castfem.model.idle_keys import idle_keys
+from castfem.model.machine import machine_warnings
+from castfem.model.mechanics import Way
+from castfem.model.mould_plausibility import mould_warnings
+from castfem.model.problems import Problem
+from castfem.model.shared_heat import beyond_tables
+from castfem.physics.thermal.sprays import CORRELATIONS
+
+if TYPE_CHECKING:
+    from castfem.physics.constitutive.base import Law
+    from castfem.physics.materials import Steel
+
+_WARMER = 1.0  # K, that a start may be above what was poured
+_SAME_CARBON = 0.03  # wt%
+_WIDEST_CELL = 15e-3  # m: shells are some 10 to 25 mm thick where their mould ends
+_LONGEST_WINDOW = 0.25  # m of strand: a narrow pitch of rolls, a third of a mould
+_MISSING = 0.2  # of a zone, in which a table of it has no rows
+_NEARLY = 1e-3  # m: a zone that ends as near to a roll as this was meant to end there
+_SIGNED = {
+    name: f"{name}_signed" for name in ("kozlowski_zhu", "norton_hoff_kozlowski")
+}  # the same law with signed hardening
+
+
+def warnings(case: Case) -> Iterator[Problem]:
+    """Yield what a sound case has that was probably not meant."""
+    yield from bounds.unusual(case)
+    yield from effort.many(case)
+    yield from _coarse(case)
+    yield from _sprays(case)
+    yield from beyond_tables(case)
+    yield from machine_warnings(case)
+    yield from extraction_warnings(case)
+    yield from _short_tables(case)
+    yield from _nearly_at_rolls(case)
+    yield from secondary_warnings(case)
+    yield from idle_keys(case)
+    if case.mould is not None:
+        yield from mould_warnings(case.mould, case.section, case.mesh)
+    start = 0.0
+    for index, zone in enumerate(case.cooling):
+        yield from _wasted(case, zone, ("cooling", index))
+        if case.mould is not None and start < case.mould.length:
+            yield from _fixed(case, zone, ("cooling", index))
+        start = case.casting.length if zone.to is None else zone.to
+
+
+def warnings_with(
+    case: Case, steel: Steel, law_carbon: float | None = None, law: Law | None = None
+) -> Iterator[Problem]:
+    """Yield what a sound case has that does not fit its steel.
+
+    Args:
+        case: The case.
+        steel: Its steel.
+        law_carbon: wt% C of the steel whose numbers its mechanical law has; None if none is stated.
+        law: That law; None without mechanics.
+    """
+    if steel.left_out:
+        names = ", ".join(steel.left_out)
+        yield Problem(
+            ("steel", "composition"),
+            f"there are no data for {names}; the steel is computed without",
+        )
+    start = case.casting.temperature
+    if start is not None and start < steel.liquidus:
+        yield Problem(
+            ("casting", "temperature"),
+            f"({format(start, 'K', 'degC')}) lies below the liquidus of {steel.name} "
+            f"({convert(steel.liquidus, 'K', 'degC'):.6g} degC): the slice begins with "
+            f"{100.0 * float(steel.solid_fraction(start)):.3g} % of solid",
+        )
+    yield from _hot(case, steel)
+    from castfem.physics.materials.plausible import unusual
+
+    for problem in unusual(steel):
+        yield Problem(("steel", "name"), f"{steel.name}: {problem.path[-1]}: {problem.text}")
+    if law is not None and case.mechanics is not None:
+        from castfem.physics.constitutive import parameters
+
+        if text := parameters.unusual(case.mechanics.law, law):
+            yield Problem(("mechanics", "law"), text)
+        yield from _hardens_for_good(case, law)
+        yield from _limit_of_signed_strain(case, law)
+    # A steel computed from its carbon is meant by it; a set of fixed numbers stands for a class.
+    carbon = case.steel.composition.get("C")
+    if case.mechanics is None or carbon is None or law_carbon is None:
+        return
+    if abs(carbon - law_carbon) > _SAME_CARBON:
+        name = str(case.mechanics.law).rpartition("/")[2]
+        yield Problem(
+            ("mechanics", "law"),
+            f'("{name}") has the numbers of a steel of {law_carbon:g} %C, {steel.name} has '
+            f'{carbon:g} %C; "kozlowski_zhu" goes by the carbon of the steel',
+        )
+
+
+def _hot(case: Case, steel: Steel) -> Iterator[Problem]:
+    """Yield steel that is poured hotter than any is, and a start hotter than it was poured."""
+    start = case.casting.temperature
+    superheat = ranges.RANGES["casting.superheat"]
+    if start is not None and start - steel.liquidus > superheat.usual[1]:
+        yield Problem(
+            ("casting", "temperature"),
+            f"{start - steel.liquidus:.4g} K above the liquidus of {steel.name} are far from what "
+            f"metal is poured with, at most {superheat.usual[1]:g} K; are number and unit right?",
+        )
+    profile = None if case.casting.start is None else case.casting.start.profile
+    above = case.casting.poured_superheat
+    poured = start if above is None else steel.liquidus + above
+    if isinstance(profile, Table) and poured is not None and max(profile.values) > poured + _WARMER:
+        yield Problem(
+            ("casting", "start", "profile"),
+            f"({format(max(profile.values), 'K', 'degC')}) is hotter than the steel was poured "
+            f"({convert(poured, 'K', 'degC'):.6g} degC); are number and unit right?",
+        )
+
+
+def _hardens_for_good(case: Case, law: Law) -> Iterator[Problem]:
+    """Yield a law with which a strip that creeps from roll to roll never repeats itself."""
+    bulging = None if case.mechanics is None else case.mechanics.bulging
+    if case.mechanics is None or bulging is None or bulging.model != "creep":
+        return
+    from castfem.physics.machine.bulging.creep import VIRGIN_PITCHES, accumulates
+
+    if accumulates(law):
+        name = str(case.mechanics.law).rpartition("/")[2]
+        mend = _SIGNED.get(name.removesuffix(".toml").removesuffix("_p1"))
+        yield Problem(
+            ("mechanics", "law"),
+            f'("{name}") hardens further in each pitch: the bulge is what {VIRGIN_PITCHES} pitches '
+            "make of virgin steel; "
+            + (f'give "{mend}"' if mend else 'give it hardening = "signed"')
+            + ', or bulging = "elastic"',
+        )
+
+
+def _limit_of_signed_strain(case: Case, law: Law) -> Iterator[Problem]:
+    """Yield a law whose yield limit goes by a rate that belongs to another direction of flow."""
+    from castfem.physics.constitutive.hardening_laws import NortonHoff
+
+    if isinstance(law, NortonHoff) and law.signed and law.yield_limit is None and case.mechanics:
+        name = str(case.mechanics.law).rpartition("/")[2]
+        yield Problem(
+            ("mechanics", "law"),
+            f'("{name}") has signed strain and finds its '
+            "yield limit automatically: bent and straightened, a slab finds no equilibrium with "
+            'both; give it yield_limit = "0 MPa"',
+        )
+
+
+def _coarse(case: Case) -> Iterator[Problem]:
+    """Yield cells and coupling windows in which what is looked for is lost."""
+    if case.mesh.surface_size > _WIDEST_CELL:
+        yield Problem(
+            ("mesh", "surface_size"),
+            f"({format(case.mesh.surface_size, 'm', 'mm')}) is as thick as a shell; castfem error "
+            "tells what cells cost",
+        )
+    if case.mechanics is None:
+        return
+    window, given = case.coupling.interval, case.casting.speed
+    speed = max(given.values) if isinstance(given, Table) else given
+    fastest = ranges.RANGES["casting.speed"].usual[1]
+    length = window.length if isinstance(window, Way) else window * min(speed, fastest)
+    if length > _LONGEST_WINDOW:
+        yield Problem(
+            ("coupling", "interval"),
+            f"({length:.4g} m of strand) is longer than what a gap opens or "
+            "a pitch bulges in; 0.1 s or 5 mm is usual",
+        )
+
+
+def _short_tables(case: Case) -> Iterator[Problem]:
+    """Yield heat given over position that ends, while it changes, long before its zone does."""
+    start = 0.0
+    for index, zone in enumerate(case.cooling):
+        end = case.casting.length if zone.to is None else min(zone.to, case.casting.length)
+        for place, law in enumerate(zone.surface):
+            for key in type(law).model_fields:
+                table = getattr(law, key)
+                if not isinstance(table, Table) or table.over != "position":
+                    continue
+                last, settled = table.arguments[-1], table.values[-1] == table.values[-2]
+                if not settled and start < end and last < end - _MISSING * (end - start):
+                    yield Problem(
+                        ("cooling", index, "surface", place, key),
+                        f"the table ends at {in_mm(last)}, the zone at {in_mm(end)}: its last "
+                        "value goes on to there; give the row at the end of the zone",
+                    )
+        start = end
+
+
+def _nearly_at_rolls(case: Case) -> Iterator[Problem]:
+    """Yield zones that end beside a roll: what jumps there falls into a window of no length."""
+    rolls = None if case.machine is None else case.machine.pairs()
+    if case.mechanics is None or rolls is None:
+        return
+    for index, zone in enumerate(case.cooling):
+        for number, pair in enumerate(rolls.pairs, start=1):
+            if zone.to is not None and ROUNDING < abs(zone.to - pair.position) < _NEARLY:
+                yield Problem(
+                    ("cooling", index, "to"),
+                    f"({zone.to:.9g} m) is {1e3 * abs(zone.to - pair.position):.3g} mm off roll "
+                    f"{number}: strain rates between the two mean nothing; give "
+                    f'"{pair.position:.9g} m"',
+                )
+
+
+def _sprays(case: Case) -> Iterator[Problem]:
+    """Yield sprays outside of what their correlation was measured for, and without radiation."""
+    for i, zone in enumerate(case.cooling):
+        sprays = [(j, law) for j, law in enumerate(zone.surface) if isinstance(law, Spray)]
+        for j, law in sprays:
+            low, high = CORRELATIONS[law.correlation].water
+            if law.water is None:
+                continue  # that of the whole zone
+            if low <= law.water <= high or law.water == 0.0:
+                continue
+            reach = f"{low:g} to {high:g}" if low else f"at most {high:g}"
+            held = CORRELATIONS[law.correlation].held
+            how = "extrapolated" if not held or law.water < low else held
+            yield Problem(
+                ("cooling", i, "surface", j, "water"),
+                f"({law.water:.4g} L/(m^2 s)) is outside of what {law.correlation} was measured "
+                f"for, {reach} L/(m^2 s): {how}",
+            )
+        if sprays and not any(isinstance(law, Radiation) for law in zone.surface):
+            yield Problem(
+                ("cooling", i),
+                "a spray without radiation; the correlation is of the water alone, add a surface "
+                'with law = "radiation"',
+            )
+
+
+def _wasted(case: Case, zone: Zone, path: tuple[str | int, ...]) -> Iterator[Problem]:
+    """Yield radiation and convection beside contact that has no gap for them to cross."""
+    touching: set[str] = set()
+    for law in zone.surface:
+        if isinstance(law, Contact) and (law.gap == 0.0 or (law.gap is None and not case.mould)):
+            touching |= law_groups(case.section, law)
+    for index, law in enumerate(zone.surface):
+        if law.crosses_gap and touching & law_groups(case.section, law):
+            yield Problem(
+                (*path, "surface", index),
+                f"{law.tag} has no effect beside contact without a gap: where the strand touches "
+                "there is contact alone (eq. 35); what is meant as a mean of both is convection "
+                "with a mean coefficient",
+            )
+
+
+def _fixed(case: Case, zone: Zone, path: tuple[str | int, ...]) -> Iterator[Problem]:
+    """Yield heat in the mould that the gap which opens there does not change."""
+    following = [law for law in zone.surface if isinstance(law, Contact) and law.gap is None]
+    met = {group for law in following for group in law_groups(case.section, law)}
+    for index, law in enumerate(zone.surface):
+        if law in following or _crosses(law, law_groups(case.section, law), met):
+            continue
+        yield Problem(
+            (*path, "surface", index),
+            f"{law.called or law.tag} is not changed by the gap that opens in the mould; heat "
+            'that is to follow it is law = "contact" without the key gap',
+        )
+
+
+def _crosses(law: HeatLaw, groups: set[str], met: set[str]) -> bool:
+    """Return whether a law crosses the gap of contact wherever it holds."""
+    return law.crosses_gap and groups <= met

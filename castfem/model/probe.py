@@ -1,0 +1,87 @@
+"""The array of tables [[output.probe]]: points of the section that are followed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from castfem.base.errors import InputError
+from castfem.base.messages import choices
+from castfem.base.quantities import Distance, Kind
+from castfem.base.types import Array
+from castfem.base.units import nearest
+from castfem.model.base import TableModel
+
+if TYPE_CHECKING:
+    from castfem.model.case import Case
+
+Coordinate = Annotated[float, Kind("m", "mm")]
+
+
+class Probe(TableModel):
+    """A point of the steel that is followed, as a thermocouple would; x and y, or a depth."""
+
+    name: str = Field(
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$",
+        description="name of the probe and of its file, probes/NAME.csv",
+    )
+    x: Coordinate | None = Field(
+        None, description="place on the undeformed section, from its middle", examples=["30 mm"]
+    )
+    y: Coordinate | None = Field(None, description="likewise, with x", examples=["57.5 mm"])
+    under: str | None = Field(
+        None,
+        description="place of the surface below which it lies, instead of x and y: mid_face, "
+        "narrow_face, corner ... as in the columns of history.csv",
+        examples=["mid_face"],
+    )
+    depth: Distance | None = Field(
+        None, description="how deep below it, with under", examples=["5 mm"]
+    )
+
+    def place(self, lines: Mapping[str, tuple[Any, Any]]) -> Array:
+        """Return where it lies on the undeformed section, x and y in m.
+
+        Args:
+            lines: Name of each place of the surface, and the line inward from there: its two ends.
+
+        Raises:
+            InputError: The section has no such place, or is not as deep there.
+        """
+        if self.under is None:
+            return np.array([self.x, self.y], dtype=float)
+        if self.under not in lines:
+            raise InputError(
+                f'output.probe "{self.name}": under: no place "{self.under}" on this section; '
+                f"allowed: {choices(list(lines))}{nearest(self.under, lines)}"
+            )
+        start, end = (np.asarray(at, float) for at in lines[self.under])
+        length, depth = float(np.linalg.norm(end - start)), self.depth or 0.0
+        if depth > length:
+            raise InputError(
+                f'output.probe "{self.name}": depth ({1e3 * depth:g} mm) is beyond the inner end '
+                f"of the line there, at {1e3 * length:g} mm"
+            )
+        return np.asarray(start + depth / length * (end - start))
+
+
+def outside(case: Case, name: str, place: Array) -> InputError:
+    """What a probe outside of the section is answered with.
+
+    Args:
+        case: Has the probe.
+        name: Of the probe.
+        place: Where it lies, x and y in m.
+    """
+    x, y = 1e3 * place
+    part = getattr(case.section, "symmetry", "whole")
+    mirrored = part != "whole" and min(x, y) < 0.0
+    mend = f"; the modelled part is a {part}: give its mirror image" if mirrored else ""
+    round_ = ", whose corners are round" if getattr(case.section, "corner_radius", None) else ""
+    return InputError(
+        f'output.probe "{name}": x = {x:g}, y = {y:g} mm lies outside the section{round_}{mend}; '
+        "under and depth, instead of x and y, place it below the surface"
+    )

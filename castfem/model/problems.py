@@ -1,0 +1,207 @@
+"""Problems of a case file, told in one line each: where, what, what is allowed, what was meant."""
+
+from __future__ import annotations
+
+import types
+import typing
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from castfem.base.messages import Path, choices, dotted, shown
+from castfem.base.quantities import Kind
+from castfem.base.table_notation import Curve
+from castfem.base.units import nearest
+from castfem.model.base import TableModel
+from castfem.model.variants import Variants, tag_of
+
+_MISSING = object()
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Something wrong with a case.
+
+    Attributes:
+        path: Keys and indices down to what is wrong; () for the whole case.
+        text: What is wrong, what is allowed.
+        kind: pydantic's name of the error, empty for what castfem's own checks find.
+        inherited: Whether it is told of a case that has not written the key itself, too.
+    """
+
+    path: Path
+    text: str
+    kind: str = ""
+    inherited: bool = True
+
+
+def at(data: Any, path: Path) -> Any:
+    """Return the value at a path, `_MISSING` where there is none."""
+    for part in path:
+        within = isinstance(data, Sequence) and isinstance(part, int) and part < len(data)
+        if within or (isinstance(data, Mapping) and part in data):
+            data = data[part]
+        else:
+            return _MISSING
+    return data
+
+
+def from_validation(
+    error: ValidationError, data: Mapping[str, Any], root: type[TableModel]
+) -> list[Problem]:
+    """Return the problems pydantic found in a `root`, their paths those of the document."""
+    found = []
+    for details in error.errors(include_url=False):
+        path, kind = details["loc"], details["type"]
+        value = at(data, path)
+        if kind == "too_short" and value:  # pydantic counts the sound entries only
+            continue
+        found.append(Problem(path, _text(details, path, value, root, data), kind))
+    return found
+
+
+def _text(
+    details: ErrorDetails, path: Path, value: Any, root: type[TableModel], data: Mapping[str, Any]
+) -> str:
+    """Return the text of one problem: what is wrong (value); what is allowed; nearest name."""
+    kind, context = details["type"], details.get("ctx", {})
+    given = "" if value is _MISSING else f" ({shown(value)})"
+    if kind == "extra_forbidden":
+        model = model_at(root, path[:-1], data)
+        keys = list(model.model_fields) if model else []
+        keys += ["extends"] if len(path) == 1 else []
+        meant = below(root, str(path[0])) if len(path) == 1 else []
+        near = f"; did you mean {' or '.join(meant)}?" if meant else nearest(str(path[-1]), keys)
+        return f"unknown key{given}; allowed: {choices(keys)}{near}"
+    if kind == "missing":
+        return _missing(model_at(root, path[:-1], data), path)
+    if kind == "union_tag_not_found":
+        return (
+            f"the key '{context['discriminator']}' is missing; one of {choices(_tags(root, path))}"
+        )
+    if kind == "union_tag_invalid":
+        key, name, tags = context["discriminator"], str(context["tag"]), _tags(root, path)
+        return f'{key} = "{name}" is not known; one of {choices(tags)}{nearest(name, tags)}'
+    if kind == "literal_error":
+        names = _literals(str(context.get("expected")))
+        return f"not possible{given}; one of {choices(names)}{nearest(str(value), names)}"
+    if kind == "value_error":
+        return f"{context['error']}{given}"
+    if kind in ("tuple_type", "list_type") and isinstance(value, Mapping):
+        return f"must be a list of tables, each of which begins with {_entry(path)}{given}"
+    if kind == "greater_than_equal" and context.get("ge"):
+        return f"must be at least {context['ge']}{given}"
+    return f"{_PLAIN.get(kind, details['msg'])}{given}"
+
+
+_PLAIN = {
+    "model_type": "must be a table",
+    "model_attributes_type": "must be a table",
+    "dict_type": "must be a table",
+    "tuple_type": "must be a list",
+    "list_type": "must be a list",
+    "string_type": "must be a text",
+    "bool_type": "must be true or false",
+    "int_type": "must be a whole number",
+    "too_short": "must not be empty",
+    "string_too_short": "must not be empty",
+    "greater_than_equal": "must not be negative",
+    "string_pattern_mismatch": "takes at most 100 letters, digits, - and _; the first is no sign",
+}
+
+
+def _missing(model: type[TableModel] | None, path: Path) -> str:
+    """Say what is missing, and how it may be written."""
+    field = model.model_fields.get(str(path[-1])) if model else None
+    if field is None:
+        return "is missing"
+    for kind in field.metadata:
+        if isinstance(kind, Kind | Curve):
+            plain = kind.kind if isinstance(kind, Curve) else kind
+            example = field.examples[0] if field.examples else plain.example
+            return f'is missing; {field.description}, such as "{example}"'
+    if submodels(field.annotation):
+        if _listed(field.annotation):
+            return f"is missing; at least one table {_entry(path)} is needed"
+        return f"the table [{dotted(path)}] is missing"
+    return f"is missing; {field.description}"
+
+
+def _listed(annotation: Any) -> bool:
+    """Return whether an annotation stands for a list."""
+    inner = typing.get_args(annotation)
+    return typing.get_origin(annotation) in (tuple, list) or any(map(_listed, inner))
+
+
+def _entry(path: Path) -> str:
+    """Return how an entry of a list of tables begins, `[[cooling.surface]]`."""
+    return f"[[{dotted(tuple(part for part in path if isinstance(part, str)))}]]"
+
+
+def _literals(expected: str) -> list[str]:
+    """Return the names in pydantic's "'a', 'b' or 'c'"."""
+    return [name.strip(" '") for name in expected.replace(" or ", ",").split(",")]
+
+
+def submodels(annotation: Any) -> list[type[TableModel]]:
+    """Return the table models an annotation can stand for, in order."""
+    if isinstance(annotation, type) and issubclass(annotation, TableModel):
+        kinds = annotation.variants() if issubclass(annotation, Variants) else []
+        return kinds or [annotation]
+    origin = typing.get_origin(annotation)
+    if origin is typing.Annotated:
+        return submodels(typing.get_args(annotation)[0])
+    if origin in (tuple, list, typing.Union, types.UnionType):
+        return [m for inner in typing.get_args(annotation) for m in submodels(inner)]
+    return []
+
+
+def below(root: type[TableModel], name: str) -> list[str]:
+    """Return the keys of this name that tables of the top level have: `mould.friction`."""
+    return [
+        f"{table}.{name}"
+        for table, field in root.model_fields.items()
+        if any(name in model.model_fields for model in submodels(field.annotation))
+    ]
+
+
+def _tags(root: type[TableModel], path: Path) -> list[str]:
+    model, field = root, None
+    for part in path:
+        if isinstance(part, str):
+            field = model.model_fields[part]
+            inner = submodels(field.annotation)
+            model = inner[0] if inner else model
+    found = submodels(field.annotation) if field is not None else []
+    return [tag for tag in (tag_of(m) for m in found) if tag]
+
+
+def model_at(
+    root: type[TableModel], path: Path, data: Mapping[str, Any]
+) -> type[TableModel] | None:
+    """Return the table model at a path of the document, None where there is none."""
+    model: type[TableModel] | None = root
+    candidates: list[type[TableModel]] = [root]
+    value: Any = data
+    for part in path:
+        value = at(value, (part,))
+        if isinstance(part, str):
+            field = model.model_fields.get(part) if model else None
+            candidates = submodels(field.annotation) if field else []
+        model = _chosen(candidates, value)
+    return model
+
+
+def _chosen(candidates: list[type[TableModel]], value: Any) -> type[TableModel] | None:
+    """Return the model of a union that the value's tag names."""
+    if len(candidates) == 1:
+        return candidates[0]
+    for model in candidates:
+        if not (issubclass(model, Variants) and isinstance(value, Mapping)):
+            continue
+        if value.get(model.tag_key) == tag_of(model):
+            return model
+    return None

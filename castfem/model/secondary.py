@@ -1,0 +1,248 @@
+"""The table [secondary]: cooling below the mould, from roll to roll.
+
+What reads it into geometry and laws (`castfem.physics.machine.sprays`, `castfem.physics.thermal.spray_water`) is
+imported by a case that has some alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Field
+
+from castfem.base.quantities import (
+    HeatTransferCoefficient,
+    Kind,
+    Length,
+    NameOf,
+    PositiveNumber,
+    Temperature,
+    WaterTemperature,
+)
+from castfem.model.base import TableModel, written
+from castfem.model.coefficient_table import NozzleTable
+from castfem.model.cooling import CoefficientOfTemperature, EmissivityOfTemperature
+from castfem.model.water import SpecificWater, WaterShare, ZoneFlow
+from castfem.physics.thermal.sprays import CORRELATIONS
+
+if TYPE_CHECKING:
+    from castfem.physics.machine.rolls import Rolls
+    from castfem.physics.machine.sprays import Row, Stretch
+    from castfem.physics.thermal.spray_water import Coefficient
+
+Angle = Annotated[float, Kind("rad", "deg", above=0.0, most=3.0)]
+Place = Annotated[float, Kind("m", "mm")]
+Share = Annotated[float, Kind("1", above=0.0, most=0.9, label="share", sample="0.2")]
+Edge = Annotated[float, Kind("1", least=0.0, most=1.0, label="share", sample="0.5")]
+FACES = ("wide_face_intrados", "wide_face_extrados", "narrow_face_right", "narrow_face_left")
+"""Faces of a whole strand."""
+_WIDE = "wide_face"
+
+
+def is_wide(name: str) -> bool:
+    """Whether the name of a group stands for a wide face, too."""
+    return name.startswith(_WIDE) or _WIDE.startswith(name)
+
+
+class RollContact(TableModel):
+    """Contact with the rolls; one of `share` and `coefficient`."""
+
+    angle: Angle = Field(
+        description="part of a roll's circumference that touches the strand; the length of contact "
+        "is that of the arc",
+        examples=["10 deg"],
+    )
+    share: Share | None = Field(
+        None, description="share of a roll in the heat of its pitch, 0.01 to 0.22 [Meng2003]"
+    )
+    coefficient: HeatTransferCoefficient | None = Field(
+        None, description="heat transfer coefficient of contact"
+    )
+    temperature: Temperature | None = Field(
+        None, description="temperature of the rolls, with coefficient", examples=["150 degC"]
+    )
+
+
+class NozzleModel(TableModel):
+    """A model of nozzle; one of `table` and `correlation`."""
+
+    name: str = Field(min_length=1, description="name of the model")
+    angle: Angle = Field(description="of its spray across the strand", examples=["110 deg"])
+    angle_along: Angle = Field(description="of its spray along the strand", examples=["14 deg"])
+    edge: Edge = Field(
+        0.0,
+        description="share of the half width over which its water falls to zero at the ends; 0 is "
+        "even all over, 1 a triangle",
+    )
+    table: Annotated[Any, NozzleTable()] = Field(
+        None,
+        description="measured coefficients of the water alone over surface temperature and water, "
+        "beginning at no water",
+    )
+    correlation: Annotated[str, NameOf(CORRELATIONS)] | None = Field(
+        None, description="formula of the coefficient; below its least water it falls to zero"
+    )
+    machine_factor: PositiveNumber = Field(
+        1.0, description="divides the coefficient: fit to the machine", examples=[4]
+    )
+
+    def coefficient(self, water_temperature: float) -> Coefficient:
+        """Return h of water and surface temperature."""
+        from castfem.physics.thermal.spray_water import OfCorrelation
+
+        if self.correlation is None:
+            found: Coefficient = self.table
+            return found
+        return OfCorrelation(CORRELATIONS[self.correlation], water_temperature, self.machine_factor)
+
+    def most_water(self) -> float:
+        """Return the largest flow per area that h is known for, kg/(m2 s)."""
+        if self.correlation is None:
+            return float(self.table.most)
+        return CORRELATIONS[self.correlation].water[1]
+
+
+class Circuit(TableModel):
+    """Nozzles of one model that one valve feeds: a row of them in each gap between some rolls."""
+
+    name: str = Field(min_length=1, description="name of the circuit")
+    on: tuple[str, ...] = Field(
+        min_length=1,
+        description="faces it sprays; a name also stands for all groups that begin with it",
+    )
+    rolls: tuple[int, int] = Field(
+        description="number of the roll above the first row and of that below the last",
+        examples=[[8, 15]],
+    )
+    nozzle: str = Field(description="their model, the name of a [[secondary.nozzle]]")
+    across: tuple[Place, ...] = Field(
+        min_length=1,
+        description="where the nozzles of a row stand, from the middle of the face",
+        examples=[["-300 mm", "300 mm"]],
+    )
+    stand_off: Length = Field(
+        description="distance of the nozzles from the surface", examples=["210 mm"]
+    )
+    flow: ZoneFlow | None = Field(
+        None,
+        description="water of all its nozzles together, on the whole strand; over the casting "
+        "speed, or the time by the clock of casting.start.time",
+        examples=["445 L/min"],
+    )
+    specific: SpecificWater | None = Field(
+        None,
+        description="instead, per mass of steel that passes; it follows the casting speed",
+        examples=["0.12 L/kg"],
+    )
+    share: WaterShare | None = Field(
+        None, description="instead, its share of [water]", examples=[0.3]
+    )
+
+    def nozzles(self) -> int:
+        """Return how many nozzles share its flow, on the whole strand."""
+        faces = sum(any(face.startswith(name) for name in self.on) for face in FACES)
+        return faces * len(self.across) * (self.rolls[1] - self.rolls[0])
+
+    @property
+    def wide(self) -> bool:
+        """Whether it sprays a wide face."""
+        return any(map(is_wide, self.on))
+
+
+class Secondary(TableModel):
+    """Cooling from roll to roll, below [[cooling]]: contact, shade, spray, run-off water.
+
+    All but contact radiates to the surroundings.
+    """
+
+    ambient: Temperature = Field(
+        description="temperature of rolls and surroundings that the strand radiates to",
+        examples=["60 degC"],
+    )
+    emissivity: EmissivityOfTemperature | None = Field(
+        None, description="emissivity of the strand; by default the steel's"
+    )
+    water_temperature: WaterTemperature = Field(
+        written("25 degC"), description="temperature of the water"
+    )
+    contact: RollContact | None = Field(
+        None, description="contact with the rolls, on the wide faces; left out: none"
+    )
+    run_off: CoefficientOfTemperature | None = Field(
+        None,
+        description="coefficient of the water between a spray and the next roll, on the wide "
+        "faces; left out: none",
+        examples=["150 W/(m^2 K)"],
+    )
+    falls_off: Angle | None = Field(
+        None,
+        description="inclination to the vertical from which on water falls off the extrados rather "
+        "than run on to the next roll; left out: it never does",
+        examples=["60 deg"],
+    )
+    nozzle: tuple[NozzleModel, ...] = Field((), description="models of nozzles")
+    circuit: tuple[Circuit, ...] = Field((), description="circuits of water")
+
+    def model_of(self, circuit: Circuit) -> NozzleModel:
+        """Return the model of a circuit's nozzles, in a sound case."""
+        return next(model for model in self.nozzle if model.name == circuit.nozzle)
+
+    def rows(self, rolls: Rolls, thickness: float) -> tuple[Row, ...]:
+        """Return the rows of nozzles of a sound case, circuit by circuit.
+
+        Args:
+            rolls: Of the machine.
+            thickness: Of the section, m.
+        """
+        from castfem.physics.machine.sprays import Row, footprint, gap_below
+
+        found = []
+        for circuit in self.circuit:
+            half = 0.5 * footprint(circuit.stand_off, self.model_of(circuit).angle_along)
+            for number in range(*circuit.rolls):
+                middle = gap_below(rolls, number, thickness).middle
+                found.append(Row(circuit.name, number, middle - half, middle + half))
+        return tuple(found)
+
+    def on_face(
+        self,
+        face: str,
+        rolls: Rolls,
+        rows: Sequence[Row],
+        inclination: Callable[[float], float],
+        end: float,
+    ) -> tuple[tuple[Row, ...], tuple[Stretch, ...]]:
+        """Return the rows that spray a face, and the stretches that it meets from the meniscus on.
+
+        Args:
+            face: Its boundary group.
+            rolls: Of the machine.
+            rows: Of nozzles, of all faces.
+            inclination: Of the strand at a position (m), rad.
+            end: Position to which they go, m.
+        """
+        from castfem.physics.machine.sprays import stretches
+
+        names = {circuit.name: circuit.on for circuit in self.circuit}
+        mine = tuple(r for r in rows if any(face.startswith(n) for n in names[r.circuit]))
+        wide = face.startswith(_WIDE)
+        contacts = self.contacts(rolls) if wide else tuple((p.position,) * 2 for p in rolls.pairs)
+        below = face.endswith("extrados") and self.falls_off is not None
+
+        def gathers(above: int) -> bool:
+            if not wide or self.run_off is None:
+                return False
+            lying = inclination(rolls.pairs[max(above - 1, 0)].position)
+            return not below or self.falls_off is None or lying < self.falls_off
+
+        return mine, stretches(contacts, mine, 0.0, end, gathers=gathers)
+
+    def contacts(self, rolls: Rolls) -> tuple[tuple[float, float], ...]:
+        """Return where a wide face touches each roll, m; a length of nothing for a lost one."""
+        angle = 0.0 if self.contact is None else self.contact.angle
+        halves = [0.0 if pair.lost else 0.25 * angle * pair.diameter for pair in rolls.pairs]
+        return tuple(
+            (pair.position - half, pair.position + half)
+            for pair, half in zip(rolls.pairs, halves, strict=True)
+        )

@@ -1,0 +1,287 @@
+"""The tables [section] and [mesh]: the cross-section of the strand and its cells.
+
+A shape of section is one class here: its sizes, its boundary groups, the cavity that surrounds it.
+`castfem.meshes.build.BUILDERS` names the function that meshes it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field
+
+from castfem.base.quantities import Distance, Kind, Length
+from castfem.base.table_notation import Curve
+from castfem.base.tables import Table
+from castfem.base.units import in_mm
+from castfem.model.base import TableModel, written
+from castfem.model.problems import Problem
+from castfem.model.variants import Variants
+from castfem.physics import mould as wall
+
+Size = Callable[[str], float]
+"""Size of a cavity at the meniscus by the name that [mould] and [section] give it, m."""
+Symmetry = Literal["quarter", "half", "whole"]
+Bulge = Annotated[
+    float | Table, Curve(Kind("m", "mm", label="offset", sample="0.2 mm"), over="way")
+]
+_SYMMETRY = "part that is modelled; half is the side x >= 0"
+
+
+class Section(Variants):
+    """What every shape has; a new one is a subclass with its own `shape`, groups and cavity."""
+
+    tag_key = "shape"
+    kinds: ClassVar[dict[str, Any]] = {}
+
+    groups: ClassVar[dict[str, str]] = {}
+    """Boundary groups of the quarter, and how a name splits where the quarter is mirrored: "y"
+    into intrados and extrados (half and whole), "x" into right and left (whole)."""
+    mould_sizes: ClassVar[tuple[str, ...]] = ()
+    """Sizes of its own that a mould of this shape may have."""
+    one_taper: ClassVar[bool] = True
+    """Whether its mould has one taper for all; otherwise each face may have its own."""
+    has_corner: ClassVar[bool] = True
+    """Whether there is a corner, for mesh.corner_size."""
+
+    def outer_groups(self) -> tuple[str, ...]:
+        """Return the boundary groups on the strand's surface: the mesh's, without symmetry."""
+        symmetry, names = getattr(self, "symmetry", "quarter"), []
+        for name, mirrors in self.groups.items():
+            if name == "corner" and getattr(self, "corner_radius", None) == 0.0:
+                continue
+            split = [name]
+            if "y" in mirrors and symmetry != "quarter":
+                split = [f"{name}_{side}" for side in ("intrados", "extrados")]
+            if "x" in mirrors and symmetry == "whole":
+                split = [f"{part}_{side}" for part in split for side in ("right", "left")]
+            names += split
+        return tuple(names)
+
+    def cooled_groups(self) -> tuple[str, ...]:
+        """Return the groups that a heat law without `on` holds on."""
+        return self.outer_groups()
+
+    def barred(self) -> tuple[str, ...]:
+        """Return the tilts of the slice, of a1 and a2, that its symmetry keeps at zero."""
+        symmetry = getattr(self, "symmetry", "whole")
+        return {"quarter": ("a1", "a2"), "half": ("a1",)}.get(symmetry, ())
+
+    def outline(self) -> tuple[float | None, float | None]:
+        """Return its width and height, m; None where one is faulty."""
+        return getattr(self, "width", None), getattr(self, "height", None)
+
+    def halves(self) -> tuple[float | None, float | None]:
+        """Return half the thickness and half the largest dimension, m; None where faulty."""
+        width, height = self.outline()
+        if width is None or height is None:
+            return None, None
+        return 0.5 * min(width, height), 0.5 * max(width, height)
+
+    def is_curved(self) -> bool:
+        """Return whether part of its surface is an arc."""
+        return bool(getattr(self, "corner_radius", 0.0))
+
+    def problems(self) -> Iterator[Problem]:
+        """Yield what its sizes cannot be together."""
+        yield from ()
+
+    def cavity(self, size: Size, hot: float) -> wall.Cavity:
+        """Return the cavity of its mould.
+
+        Args:
+            size: Its sizes at the meniscus, m, those of the section where none are given.
+            hot: Lengths at work over those in the cold.
+
+        Raises:
+            ValueError: It has no mould.
+        """
+        raise ValueError(f"a {self.tag} has no section that a mould could surround")
+
+
+class Rectangle(Section):
+    """Billet, bloom or slab: a rectangle, its corners rounded or sharp."""
+
+    groups: ClassVar[dict[str, str]] = {"wide_face": "y", "narrow_face": "x", "corner": "xy"}
+    mould_sizes: ClassVar[tuple[str, ...]] = ("width", "height", "corner_radius")
+    one_taper: ClassVar[bool] = False
+
+    shape: Literal["rectangle"]
+    width: Length = Field(description="size in x, along the wide face")
+    height: Length = Field(description="size in y, along the narrow face (thickness of a slab)")
+    corner_radius: Distance = Field(
+        written("0 mm"), description="radius of the corners; 0 mm for sharp ones"
+    )
+    symmetry: Symmetry = Field("quarter", description=_SYMMETRY)
+    bulge: Bulge | None = Field(
+        None,
+        description="how far the outline at the meniscus stands out from the rectangle, over the "
+        "way round a quarter from the middle of the narrow face; `castfem section` writes it",
+    )
+
+    def problems(self) -> Iterator[Problem]:
+        """See `Section.problems`."""
+        radius, sides = self.corner_radius, (self.width, self.height)
+        if None not in (radius, *sides) and radius >= 0.5 * min(sides):
+            given, most = (in_mm(x) for x in (radius, 0.5 * min(sides)))
+            yield Problem(
+                ("section", "corner_radius"),
+                f"({given}) leaves no flat face; allowed: below half the smaller side "
+                f'({most}), or shape = "round"',
+            )
+
+    def cavity(self, size: Size, hot: float) -> wall.Cavity:
+        """See `Section.cavity`."""
+        return wall.RectangleCavity(size("width"), size("height"), size("corner_radius"))
+
+
+class Round(Section):
+    """Round bloom."""
+
+    groups: ClassVar[dict[str, str]] = {"surface": "y"}
+    mould_sizes: ClassVar[tuple[str, ...]] = ("diameter",)
+    has_corner: ClassVar[bool] = False
+
+    shape: Literal["round"]
+    diameter: Length = Field(description="diameter of the section")
+    symmetry: Symmetry = Field("quarter", description=_SYMMETRY)
+
+    def outline(self) -> tuple[float | None, float | None]:
+        """See `Section.outline`."""
+        return self.diameter, self.diameter
+
+    def is_curved(self) -> bool:
+        """See `Section.is_curved`."""
+        return True
+
+    def cavity(self, size: Size, hot: float) -> wall.Cavity:
+        """See `Section.cavity`."""
+        return wall.RoundCavity(size("diameter"))
+
+
+class BeamBlank(Section):
+    """Beam blank: a web between two flanges whose inner flanks slope."""
+
+    groups: ClassVar[dict[str, str]] = {
+        "narrow_face": "x",
+        "corner": "xy",
+        "tip": "xy",
+        "shoulder": "xy",
+        "flank": "xy",
+        "fillet": "xy",
+        "web": "y",
+    }
+
+    shape: Literal["beam_blank"]
+    width: Length = Field(description="size in x, over the outer faces of the flanges")
+    height: Length = Field(description="size in y, of the flanges from tip to tip")
+    web_thickness: Length = Field(description="thickness of the web, in y")
+    flange_thickness: Length = Field(
+        description="thickness of a flange at its tip, in x, the flank drawn through"
+    )
+    root_thickness: Length = Field(
+        description="thickness of a flange at the surface of the web, likewise"
+    )
+    fillet_radius: Length = Field(description="radius between web and flank (concave)")
+    shoulder_radius: Length = Field(description="radius between flank and tip (convex)")
+    corner_radius: Length = Field(description="radius between tip and outer face (convex)")
+    symmetry: Symmetry = Field("quarter", description=_SYMMETRY)
+
+    def halves(self) -> tuple[float | None, float | None]:
+        """See `Section.halves`; the web is what is thin."""
+        thin, (_, large) = self.web_thickness, super().halves()
+        return (None if large is None or thin is None else 0.5 * thin), large
+
+    def is_curved(self) -> bool:
+        """See `Section.is_curved`."""
+        return True
+
+    def cavity(self, size: Size, hot: float) -> wall.Cavity:
+        """See `Section.cavity`; all its sizes are the section's."""
+        from castfem.meshes.beam_blank import surface_pieces
+
+        pieces = surface_pieces(
+            (0.5 * self.width, 0.5 * self.height, 0.5 * self.web_thickness),
+            self.flange_thickness,
+            self.root_thickness,
+            (self.fillet_radius, self.shoulder_radius, self.corner_radius),
+        )
+        segments: list[wall.Segment] = []
+        for piece in pieces:
+            start, end = _scaled(piece.start, hot), _scaled(piece.end, hot)
+            if piece.length <= 1e-9 * self.width:
+                continue
+            if piece.centre is None:
+                segments.append(wall.Straight(start, end))
+            else:
+                segments.append(wall.Circular(start, end, _scaled(piece.centre, hot)))
+        return wall.FreeCavity(tuple(segments), self.width / hot, self.height / hot)
+
+
+def _scaled(point: tuple[float, float], hot: float) -> tuple[float, float]:
+    return point[0] / hot, point[1] / hot
+
+
+class Strip(Section):
+    """A strip normal to the surface: one-dimensional heat flow, for comparisons and tests."""
+
+    groups: ClassVar[dict[str, str]] = dict.fromkeys(
+        ("surface", "core_end", "side_low", "side_high"), ""
+    )
+    has_corner: ClassVar[bool] = False
+
+    shape: Literal["strip"]
+    length: Length = Field(description="size in x, from the surface into the strand")
+    width: Length = Field(description="size in y")
+
+    def cooled_groups(self) -> tuple[str, ...]:
+        """See `Section.cooled_groups`; its sides and its core are no surface of the strand."""
+        return ("surface",)
+
+    def halves(self) -> tuple[float | None, float | None]:
+        """See `Section.halves`; it is cooled from one side."""
+        return self.length, self.length
+
+    def cavity(self, size: Size, hot: float) -> wall.Cavity:
+        """See `Section.cavity`."""
+        raise ValueError("a strip has no section that a mould could surround; leave out [mould]")
+
+
+class Mesh(TableModel):
+    """Cells of the section, graded from the surface to the core."""
+
+    cell: Literal["quadrilateral", "triangle"] = Field("quadrilateral", description="cell shape")
+    order: Literal[1, 2] = Field(1, description="order of the cells' geometry")
+    surface_size: Length = Field(
+        description="cell size at the surface, normal to it", examples=["0.5 mm"]
+    )
+    corner_size: Length | None = Field(
+        None,
+        description="cell size along the surface at a corner; by default surface_size",
+        examples=["0.5 mm"],
+    )
+    face_size: Length | None = Field(
+        None,
+        description="cell size along the surface at mid-face; by default core_size",
+        examples=["5 mm"],
+    )
+    core_size: Length = Field(description="cell size in the core", examples=["8 mm"])
+    surface_depth: Distance = Field(
+        written("0 mm"), description="depth over which the sizes at the surface are kept"
+    )
+    core_depth: Length | None = Field(
+        None,
+        description="depth at which core_size is reached; by default half the thickness",
+        examples=["40 mm"],
+    )
+
+
+def outer_groups(section: Section) -> tuple[str, ...]:
+    """Return the names of the boundary groups on the strand's surface, see `Section`."""
+    return section.outer_groups()
+
+
+def cooled_groups(section: Section) -> tuple[str, ...]:
+    """Return the groups a heat law without `on` holds on, see `Section`."""
+    return section.cooled_groups()

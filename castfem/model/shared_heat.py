@@ -1,0 +1,122 @@
+"""Where cases of different casting speed take the same measured heat to the mould."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from castfem.base.tables import Table
+from castfem.base.units import convert, format
+from castfem.model.build_machine import build_machine
+from castfem.model.case import Case
+from castfem.model.measured_heat import ScaledLaw
+from castfem.model.problems import Problem
+
+_ALIKE = 1e-4  # relative; speeds that differ by less are the same
+SPEED_KEY = "casting.speed"
+
+
+@dataclass(frozen=True, slots=True)
+class FixedHeat:
+    """Heat of a law that does not follow the casting speed.
+
+    Attributes:
+        where: Zone and boundary groups, in words.
+        what: The heat, in words.
+        speed: At which the slice passes the zone, m/s.
+    """
+
+    where: str
+    what: str
+    speed: float
+
+
+def fixed_heat(case: Case) -> Iterator[FixedHeat]:
+    """Yield the heat that is the same at every speed, though nobody has said that it should be."""
+    start, machine = 0.0, build_machine(case)
+    for zone in case.cooling:
+        end = case.casting.length if zone.to is None else zone.to
+        if start >= case.casting.length:
+            return
+        for law in zone.surface:
+            what = _fixed(law) if isinstance(law, ScaledLaw) else ""
+            if what:
+                on = "" if law.on is None else f" on {', '.join(law.on)}"
+                yield FixedHeat(zone.name + on, what, machine.speed_between(start, end))
+        start = end
+
+
+def _fixed(law: ScaledLaw) -> str:
+    """The heat of a law that does not follow the speed, in words; "" if it does."""
+    if law.measured_at is not None or law.over_speed:
+        return ""
+    if law.scales:
+        total = law.total(0.0)
+        assert total is not None, "it is scaled"
+        return f"{1e-3 * total:.4g} kW in all"
+    by_place = isinstance(law.curve, Table) and law.curve.over == "position"
+    return "a flux over position" if by_place else ""
+
+
+def shared_heat(cases: Iterable[Case]) -> list[str]:
+    """Return what is wrong in comparing cases of different speed, a line for each law."""
+    met: dict[tuple[str, str], list[float]] = {}
+    for case in cases:
+        for one in fixed_heat(case):
+            met.setdefault((one.where, one.what), []).append(one.speed)
+    return [
+        f"{where}: {what} at each of the casting speeds {_listed(speeds)}, though a mould takes "
+        "more at a higher speed: differences between these runs are overstated; give measured_at, "
+        "the speed at which this was measured (then the flux goes by the time in the mould), or "
+        "the total as a table over speed (docs/thermal.md)"
+        for (where, what), speeds in met.items()
+        if max(speeds) > (1.0 + _ALIKE) * min(speeds)
+    ]
+
+
+def fixed_while_varied(case: Case, keys: Iterable[str]) -> list[str]:
+    """Return what is wrong in varying some keys of a case, if the speed is one of them."""
+    if SPEED_KEY not in keys:
+        return []
+    return [
+        f"{one.where}: {one.what} at whatever casting speed, though a mould takes more at a higher "
+        "one: what depends on the speed is overstated; give measured_at, the speed at which this "
+        "was measured, or the total as a table over speed (docs/thermal.md)"
+        for one in fixed_heat(case)
+    ]
+
+
+def beyond_tables(case: Case) -> Iterator[Problem]:
+    """Yield tables over the casting speed that end before the speed of the case."""
+    given = case.casting.speed
+    speeds = given.values if isinstance(given, Table) else (given,)
+    moving = [speed for speed in speeds if speed > 0.0]
+    if not moving:
+        return
+    for i, zone in enumerate(case.cooling):
+        for j, law in enumerate(zone.surface):
+            for key in ("power", "water", "water_rise"):
+                table = getattr(law, key, None) if isinstance(law, ScaledLaw) else None
+                if not isinstance(table, Table):
+                    continue
+                first, last = table.arguments[0], table.arguments[-1]
+                if min(moving) < first * (1.0 - _ALIKE) or max(moving) > last * (1.0 + _ALIKE):
+                    yield Problem(
+                        ("cooling", i, "surface", j, key),
+                        f"the table goes from {_speed(first)} to {_speed(last)}, the strand at "
+                        f"{_listed(moving)}: the value of its end is taken there",
+                    )
+
+
+def _listed(speeds: Iterable[float]) -> str:
+    """Different speeds in growing order, m/min."""
+    found: list[float] = []
+    for speed in sorted(speeds):
+        if not found or speed > (1.0 + _ALIKE) * found[-1]:
+            found.append(speed)
+    *most, last = (f"{convert(speed, 'm/s', 'm/min'):.4g}" for speed in found)
+    return f"{', '.join(most)} and {last} m/min" if most else f"{last} m/min"
+
+
+def _speed(speed: float) -> str:
+    return format(speed, "m/s", "m/min")

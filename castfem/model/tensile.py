@@ -1,0 +1,190 @@
+"""The other kind of case: a tensile test of a constitutive law, told by its table [tensile]."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, Field, PlainValidator, WithJsonSchema
+
+from castfem.base.messages import grouped
+from castfem.base.quantities import Kind, Percent, Time
+from castfem.base.table_notation import Curve
+from castfem.base.tables import Table
+from castfem.model.base import TableModel, written
+from castfem.model.casting import Reference
+from castfem.model.document import is_path
+from castfem.model.problems import Problem
+
+TABLE = "tensile"
+SAME = 1e-6  # K
+_MOST_STEPS = 1_000_000  # some ten minutes
+_NOT_PHYSICS: Any = {"title": True, "output": True, "reference": True}
+
+
+def _at_least_one(count: int) -> int:
+    if count < 1:
+        raise ValueError("must be at least 1")
+    return count
+
+
+def _named_or_table(value: Any) -> Any:
+    if isinstance(value, str) or (isinstance(value, dict) and value):
+        return value
+    raise ValueError("must be the name of a set, a file, or a table with the keys of such a file")
+
+
+Material = Annotated[
+    str | dict[str, Any],
+    PlainValidator(_named_or_table),
+    WithJsonSchema({"type": ["string", "object"]}),
+]
+StrainRate = Annotated[float, Kind("1/s", "1/s", label="strain rate", sample="1e-3 1/s")]
+Expansion = Annotated[float, Kind("1/K", "1/K", least=0.0)]
+TemperatureOfTime = Annotated[float | Table, Curve(Kind("K", "degC"), over="time")]
+YoungOfTemperature = Annotated[
+    float | Table,
+    Curve(Kind("Pa", "GPa", above=0.0, label="Young's modulus", sample="20 GPa"), "temperature"),
+]
+PoissonOfTemperature = Annotated[
+    float | Table,
+    Curve(Kind("1", least=0.0, most=0.499, label="Poisson's ratio", sample="0.3"), "temperature"),
+]
+
+
+class Segment(TableModel):
+    """A part of the test at one strain rate."""
+
+    rate: StrainRate = Field(
+        description="axial strain rate; negative: compression or unloading, 0: held"
+    )
+    duration: Time = Field(description="how long it lasts", examples=["10 s"])
+
+
+class Tensile(TableModel):
+    """A tensile test, in place of a strand: beside it only title, references, `output.figures`.
+
+    A bar with free sides is strained along its axis in segments of constant rate.
+    """
+
+    material: Material = Field(
+        description="constitutive law: a shipped set, a TOML file of your own, or the table "
+        "[tensile.material] with what such a file holds (docs/laws.md)"
+    )
+    carbon: Percent | None = Field(
+        None,
+        description="carbon of the steel in weight percent, for laws that go by it",
+        examples=[0.1],
+    )
+    elasticity: str = Field(
+        "elastic_steel", description="elastic part: a shipped set, or a TOML file of your own"
+    )
+    young: YoungOfTemperature | None = Field(
+        None, description="Young's modulus in place of that of the set"
+    )
+    poisson: PoissonOfTemperature | None = Field(
+        None, description="Poisson's ratio in place of that of the set"
+    )
+    temperature: TemperatureOfTime = Field(
+        description="of the bar; a table is over the time since the start, or since that of each "
+        "cycle",
+        examples=["1100 degC"],
+    )
+    expansion: Expansion = Field(
+        written("0 1/K"),
+        description="mean thermal expansion from the temperature of the start; the segments give "
+        "the total strain, the law sees what is left of it",
+    )
+    steps: Annotated[int, AfterValidator(_at_least_one)] = Field(
+        200, strict=True, description="time steps in each segment"
+    )
+    segment: tuple[Segment, ...] = Field(min_length=1, description="parts of the test, in order")
+    cycles: Annotated[int, AfterValidator(_at_least_one)] = Field(
+        1, strict=True, description="how often the segments and the temperature are gone through"
+    )
+
+
+class TensileOutput(TableModel):
+    """What a tensile test writes."""
+
+    figures: bool = Field(True, strict=True, description="draw the figure at the end of the run")
+
+
+class TensileCase(TableModel):
+    """A case file with the table [tensile] instead of a strand."""
+
+    title: str = Field(min_length=1, description="one line that says what the case is")
+    tensile: Tensile
+    output: TensileOutput = Field(default_factory=lambda: TensileOutput.model_validate({}))
+    reference: tuple[Reference, ...] = ()
+
+    def document(self) -> dict[str, Any]:
+        """Return the case as the tables of a case file, every quantity with its unit."""
+        tables = self.model_dump(mode="json", exclude_none=True)
+        if not tables["reference"]:
+            del tables["reference"]
+        return tables
+
+    def resolved_toml(self) -> str:
+        """Return a case file without `extends` that reads back to an equal case."""
+        import tomli_w
+
+        return tomli_w.dumps(self.document())
+
+    def physics_hash(self) -> str:
+        """Return a hash of all that the results depend on; property files count by content."""
+        physics = self.model_dump(mode="json", exclude_none=True, exclude=_NOT_PHYSICS)
+        table = physics[TABLE]
+        for key in ("material", "elasticity"):
+            name = table[key]
+            if isinstance(name, str) and is_path(name):
+                path = Path(name)
+                content = path.read_bytes() if path.is_file() else b""
+                table[key] = hashlib.sha256(content).hexdigest()
+        return hashlib.sha256(json.dumps(physics, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def check(case: TensileCase) -> Iterator[Problem]:
+    """Yield everything that does not fit together."""
+    yield from _too_many(case.tensile)
+    yield from _check_cycles(case.tensile)
+    for index, reference in enumerate(case.reference or ()):
+        if reference is not None and reference.at is not None:
+            yield Problem(
+                ("reference", index, "at"),
+                "a tensile test has no position; the quantities stress_1, stress_2 ... hold at the "
+                "ends of its segments",
+            )
+
+
+def _too_many(given: Tensile) -> Iterator[Problem]:
+    """Yield the steps that would be too many to come to an end; None stands for what is faulty."""
+    if None in (given.steps, given.cycles, given.segment):
+        return
+    count = given.steps * given.cycles * len(given.segment)
+    if count > _MOST_STEPS:
+        key = "cycles" if given.cycles > given.steps else "steps"
+        yield Problem(
+            (TABLE, key),
+            f"({getattr(given, key)}) makes {grouped(count)} steps of the test; at most "
+            f"{grouped(_MOST_STEPS)}: give fewer",
+        )
+
+
+def _check_cycles(given: Tensile) -> Iterator[Problem]:
+    """Yield whether the temperature comes back after a cycle; None stands for what is faulty."""
+    lengths = [None if part is None else part.duration for part in given.segment or (None,)]
+    if given.cycles is None or given.cycles == 1 or None in lengths:
+        return
+    if isinstance(given.temperature, Table):
+        end = sum(length or 0.0 for length in lengths)
+        change = given.temperature(end) - given.temperature(0.0)
+        if abs(change) > SAME:
+            yield Problem(
+                (TABLE, "temperature"),
+                f"ends a cycle of {end:g} s {change:+.4g} K from where it began; with "
+                f"cycles = {given.cycles} it must come back",
+            )

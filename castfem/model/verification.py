@@ -1,0 +1,59 @@
+"""The table [verification]: the closed form that a case is held against."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Literal
+
+from pydantic import Field
+
+from castfem.model.base import TableModel
+from castfem.model.cooling import PrescribedTemperature
+from castfem.model.problems import Problem
+from castfem.model.section import Strip
+
+if TYPE_CHECKING:
+    from castfem.model.case import Case
+
+
+class Verification(TableModel):
+    """A closed form: the run ends with what it expects and how far off the run is."""
+
+    closed_form: Literal["alloy_similarity", "neumann", "weiner_boley"] = Field(
+        description="half-space chilled to one temperature, of constant properties: an alloy with "
+        "a solid fraction linear in temperature; a melt that freezes at one temperature; stress in "
+        "the elastic, perfectly plastic shell of Weiner and Boley"
+    )
+
+
+def check_verification(case: Case) -> Iterator[Problem]:
+    """Yield what makes the case another one than that of its closed form."""
+    table = case.verification
+    if table is None or table.closed_form is None or None in (case.section, case.cooling):
+        return
+    name, path = table.closed_form, ("verification", "closed_form")
+    if not isinstance(case.section, Strip):
+        yield Problem(path, f'("{name}") is of a half-space: give section.shape = "strip"')
+    laws = [law for zone in case.cooling for law in zone.surface or ()]
+    if len(laws) != 1 or not isinstance(laws[0], PrescribedTemperature):
+        yield Problem(
+            path,
+            f'("{name}") is of a surface held at one temperature: give one cooling zone with one '
+            'law = "temperature"',
+        )
+    if name != "weiner_boley":
+        return
+    if case.mechanics is None:
+        yield Problem(path, f'("{name}") is of stress: give the table [mechanics]')
+    elif case.mechanics.law != name:
+        yield Problem(path, f'("{name}") is of its own law: give mechanics.law = "{name}"')
+    elif case.mechanics.strain != "small":
+        yield Problem(path, f'("{name}") is of small strains: give mechanics.strain = "small"')
+    elif case.coupling is not None and case.coupling.follow_shape:
+        yield Problem(
+            path,
+            f'("{name}") conducts through the slice as it was cast, not as it has strained: give '
+            "coupling.follow_shape = false",
+        )
+    elif case.coupling is not None and case.coupling.dissipation:
+        yield Problem(path, f'("{name}") has no heat of flow: give coupling.dissipation = 0')

@@ -1,0 +1,131 @@
+"""Spray water by what it cools: per mass of steel, or as shares of a total; it follows the speed.
+
+The steel that passes has the mass per length of the section as cast, at the density of the solidus:
+with that the shell is formed, and by it the strand keeps its mass while it shrinks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Protocol
+
+from pydantic import Field
+
+from castfem.base.curves import CurveOverEither
+from castfem.base.quantities import Kind
+from castfem.base.tables import Table
+from castfem.model.base import TableModel
+
+if TYPE_CHECKING:
+    from castfem.meshes import SectionMesh
+    from castfem.physics.machine.travel import Travel
+    from castfem.physics.materials import Steel
+
+Flow = float | Table
+ZoneFlow = Annotated[
+    float | Table,
+    CurveOverEither(
+        Kind("m^3/s", "L/min", least=0.0, label="water flow", sample="240 L/min"),
+        "speed",
+        ("time",),
+    ),
+]
+SpecificWater = Annotated[
+    float,
+    Kind("m^3/kg", "L/kg", least=0.0, label="water per mass of steel", sample="0.8 L/kg"),
+]
+WaterShare = Annotated[float, Kind("1", least=0.0, most=1.0, label="share", sample="0.3")]
+PER_LITRE_AND_KG = 1e3  # L/kg in a m3/kg
+
+
+class Water(TableModel):
+    """Spray water of the whole strand, of which zones and circuits take shares; one of the two."""
+
+    specific: SpecificWater | None = Field(
+        None,
+        description="water per mass of steel; its flow follows the casting speed",
+        examples=["0.8 L/kg"],
+    )
+    flow: ZoneFlow | None = Field(None, description="instead, its flow", examples=["1200 L/min"])
+
+
+class Watered(Protocol):
+    """A spray of a zone, or a circuit: what tells its water."""
+
+    flow: Flow | None
+    specific: float | None
+    share: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Supply:
+    """Turns what is told of water into its flow.
+
+    Attributes:
+        mass: Of the strand per length, kg/m.
+        travel: Has the casting speed.
+        total: Water of the whole strand; None where the case does not tell it.
+        clock: When the slice leaves the meniscus, on the clock of flows over time, s.
+    """
+
+    mass: float
+    travel: Travel
+    total: Water | None
+    clock: float = 0.0
+
+    def flow(self, told: Watered) -> Flow:
+        """Return the flow, m3/s: a number, or a table over casting speed or time."""
+        if told.share is not None:
+            assert self.total is not None, "the case has been checked"
+            whole = self._of(self.total.flow, self.total.specific)
+            return _times(told.share, whole)
+        return self._of(told.flow, told.specific)
+
+    def most(self, told: Watered) -> float:
+        """Return the largest flow, m3/s: over the casting speed, of the speeds that are cast."""
+        flow = self.flow(told)
+        if not isinstance(flow, Table) or flow.over != "speed":
+            return largest(flow)
+        slowest, fastest = self.travel.slowest, self.travel.fastest
+        within = (speed for speed in flow.arguments if slowest < speed < fastest)
+        return max(float(flow(speed)) for speed in (slowest, *within, fastest))
+
+    def specific(self, told: Watered) -> float:
+        """Return the water per mass of steel, m3/kg, of the largest flow at the fastest speed."""
+        return self.most(told) / (self.mass * self.travel.fastest)
+
+    def _of(self, flow: Flow | None, specific: float | None) -> Flow:
+        if flow is not None:
+            return seen_by_slice(flow, self.clock)
+        assert specific is not None, "the case has been checked"
+        fastest = self.travel.fastest
+        most = specific * self.mass * fastest
+        if not self.travel.kinks:
+            return most
+        return Table("speed", (0.0, fastest), (0.0, most))
+
+
+def seen_by_slice(flow: Flow, clock: float) -> Flow:
+    """Return a flow over time by a clock as one over the time of a slice that starts at `clock`."""
+    if not isinstance(flow, Table) or flow.over != "time" or clock == 0.0:
+        return flow
+    later = [(t - clock, v) for t, v in zip(flow.arguments, flow.values, strict=True) if t > clock]
+    rows = [(0.0, float(flow(clock))), *later]
+    return Table("time", tuple(t for t, _ in rows), tuple(v for _, v in rows))
+
+
+def steel_per_length(mesh: SectionMesh, steel: Steel) -> float:
+    """Return the mass of the whole strand per length, kg/m."""
+    area = mesh.multiplicity * mesh.exact_area
+    return area * float(steel.density(steel.solidus, "below"))
+
+
+def largest(flow: Flow) -> float:
+    """Return the largest flow of a table, m3/s, or the one there is."""
+    return max(flow.values) if isinstance(flow, Table) else flow
+
+
+def _times(share: float, flow: Flow) -> Flow:
+    if isinstance(flow, Table):
+        return Table(flow.over, flow.arguments, tuple(share * value for value in flow.values))
+    return share * flow

@@ -1,0 +1,1 @@
+"""The problems: steels, laws, heat, mechanics, the machine and the mould."""

@@ -1,0 +1,15 @@
+"""Closed forms that castfem is held against, by its cases, its tests and its benchmarks."""
+
+from castfem.physics.closed_forms.by_name import NAMES, ClosedForm, Expected, closed_form
+from castfem.physics.closed_forms.half_space import HalfSpace
+from castfem.physics.closed_forms.solidification import Neumann, ThreeZones
+
+__all__ = [
+    "NAMES",
+    "ClosedForm",
+    "Expected",
+    "HalfSpace",
+    "Neumann",
+    "ThreeZones",
+    "closed_form",
+]

@@ -1,0 +1,230 @@
+"""Temperature-dependent Hooke's law over a step, from cold solid to liquid.
+
+Trial stress of a step from A to B, thesis (82), (93), (94):
+
+    deviator  (G_B/G_A) s_A  + 2 G_B de,        mean  (K_B/K_A) m_A + 3 K_B (de_m - dth),
+
+that is, the elastic strain which the stress at A stands for is kept while the moduli change.
+
+Liquid is the degenerate case: Poisson's ratio 0, stiffness a small part of the solid's (thesis
+V.1.6; no thermal strain there is the caller's part).  Two things follow from its being a stand-in:
+
+* The little stress a point carries before it is coherent is an artefact of that stiffness.  Keeping
+  its *elastic strain* while the stiffness rises up to 1e6-fold on freezing would turn 1 kPa into
+  1 GPa.
+  Liquid that is fed has no memory: a point that is not coherent solid at the start of a step
+  starts free of stress.  Where liquid is to be an elastic body (`memory`) its *stress* is kept
+  (ratio 1), and where the stiffness falls, the smaller of the two (what melts lets go).
+* A point that freezes within a step takes up strain only from then on.  Its strain increment and
+  its time are multiplied by the part of the step in which it is coherent (temperature linear over
+  the step), so that the stress of new shell does not depend on where the steps end.
+
+The crystals of the mushy zone touch from a solid fraction of about 0.75 on and form a skeleton.  As
+`mushy_zone="skeleton"` it obeys the law of the solid at the solidus with Young's modulus, Poisson's
+ratio and flow stress multiplied by
+
+    w = (fs - fc) / (1 - fc),    fc the coherency,                                             (S)
+
+(the flow stress by 0.01 at least), and remembers its stress as solid does, so that what it bears
+does not depend on the time step.  Crystals are free of stress at the moment they grow together:
+above the solidus the stress is kept, not the elastic strain.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol, get_args
+
+import numpy as np
+
+from castfem.base.messages import choices
+from castfem.base.tables import Constant
+from castfem.base.types import Array, MushyZone
+
+Curve = Callable[[Array], Array]
+LEAST_STRENGTH = 0.01  # of a skeleton: what flows at no stress at all bears no shape, and folds
+LEAST_SHARE = 1e-6  # of a step, for a point that freezes at its very end
+MOST_POISSON = 0.4999
+WIDEST = 1000.0  # K: no steel freezes over a wider range
+HALVINGS = 60  # of it, down to rounding
+MELTING = 1e-8  # K below a melting point down to which steel is still at it
+
+
+class Freezing(Protocol):
+    """What the elastic law asks of a steel (`castfem.physics.materials.Steel` has it)."""
+
+    @property
+    def solidus(self) -> float:
+        """K."""
+
+    def solid_fraction(self, temperature: Array) -> Array:
+        """0 to 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solidity:
+    """How solid a point is.
+
+    Attributes:
+        solidus: Below it the steel is coherent solid, K.
+        fraction: Solid fraction over temperature in K; None where nothing is ever liquid.
+        stiffness_ratio: Young's modulus of the liquid over that of the solid.
+        mushy_zone: Between them the modulus goes geometrically or linearly with the solid
+            fraction; with "none" the mushy zone is as soft as the liquid down to the solidus; with
+            "skeleton" Young's modulus, Poisson's ratio and flow stress are the solid's times (S).
+        coherency: Solid fraction up to which the mushy zone is as soft as the liquid.
+        from_freezing: Count the strain of a step only from the moment of freezing on.
+        memory: Whether what is not solid keeps its stress from one step to the next.
+        coherent: Temperature below which steel keeps its stress in any case, K: the solidus, or
+            that at which the crystals of a skeleton begin to touch.
+
+    Raises:
+        ValueError: If a number is out of range.
+    """
+
+    solidus: float = np.inf
+    fraction: Curve | None = None
+    stiffness_ratio: float = 1e-5
+    mushy_zone: MushyZone = "geometric"
+    coherency: float = 0.0
+    from_freezing: bool = True
+    memory: bool = True
+    coherent: float = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.stiffness_ratio <= 1.0:
+            raise ValueError(f"stiffness_ratio ({self.stiffness_ratio}) must be within 0 ... 1")
+        if not 0.0 <= self.coherency < 1.0:
+            raise ValueError(f"coherency ({self.coherency}) must be at least 0 and below 1")
+        if self.mushy_zone not in get_args(MushyZone):
+            raise ValueError(
+                f'mushy_zone ("{self.mushy_zone}") must be {choices(get_args(MushyZone))}'
+            )
+        object.__setattr__(self, "coherent", self._coherent())
+
+    def _coherent(self) -> float:
+        """The temperature `coherent`, by bisection of the solid fraction."""
+        if not self.is_skeleton:
+            return self.solidus
+        low, high = self.solidus, self.solidus + WIDEST
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            if self.weight(np.array([middle]))[0] > 0.0:
+                low = middle
+            else:
+                high = middle
+        return low
+
+    @classmethod
+    def between(cls, solidus: float, liquidus: float, **options: object) -> Solidity:
+        """Solid fraction linear from `solidus` to `liquidus`, K (12)."""
+        width = max(liquidus - solidus, 1e-9)
+
+        def fraction(temperature: Array) -> Array:
+            return np.clip((liquidus - temperature) / width, 0.0, 1.0)
+
+        return cls(solidus, fraction, **options)  # type: ignore[arg-type]
+
+    @classmethod
+    def of(cls, steel: Freezing, **options: object) -> Solidity:
+        """Solidus and solid fraction of a steel.
+
+        Steel that freezes at one temperature stays there until its latent heat is gone: it is
+        coherent below that temperature by more than what rounding makes of an interpolated one.
+        """
+        solidus = steel.solidus
+        molten = float(np.asarray(steel.solid_fraction(np.array([solidus])))[0]) < 1.0
+        return cls(solidus - MELTING * molten, steel.solid_fraction, **options)  # type: ignore[arg-type]
+
+    def weight(self, temperature: Array) -> Array:
+        """1 where coherent solid, 0 where liquid, by solid fraction in between."""
+        if self.fraction is None:
+            return np.ones_like(temperature)
+        if self.mushy_zone == "none":
+            return np.where(temperature <= self.solidus, 1.0, 0.0)
+        solid = (self.fraction(temperature) - self.coherency) / (1.0 - self.coherency)
+        return np.where(temperature <= self.solidus, 1.0, np.clip(solid, 0.0, 1.0))
+
+    @property
+    def is_skeleton(self) -> bool:
+        """Whether the mushy zone flows as the solid does, at a lower stress."""
+        return self.mushy_zone == "skeleton" and self.fraction is not None
+
+    def strength(self, temperature: Array) -> Array:
+        """Flow stress over that of the solid at the solidus (n,), (S); 1 without a skeleton."""
+        if not self.is_skeleton:
+            return np.ones_like(temperature)
+        return np.maximum(self.weight(temperature), LEAST_STRENGTH)
+
+    def stiffness(self, weight: Array) -> Array:
+        """Young's modulus over that of the solid."""
+        if self.mushy_zone == "skeleton":
+            return np.maximum(weight, self.stiffness_ratio)
+        if self.mushy_zone == "linear":
+            return np.asarray(self.stiffness_ratio + (1.0 - self.stiffness_ratio) * weight)
+        return np.asarray(self.stiffness_ratio ** (1.0 - weight))
+
+    def share(self, temperature_old: Array, temperature: Array) -> Array:
+        """Part of the step in which a freezing point is coherent; 1 for all others."""
+        coherent = self.coherent
+        freezes = (temperature_old > coherent) & (temperature <= coherent)
+        if not self.from_freezing or not freezes.any():
+            return np.ones_like(temperature)
+        drop = np.where(freezes, temperature_old - temperature, 1.0)
+        part = (coherent - temperature) / drop if np.isfinite(coherent) else 1.0
+        return np.where(freezes, np.maximum(part, LEAST_SHARE), 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Elasticity:
+    """Isotropic elasticity over temperature.
+
+    Attributes:
+        young: Young's modulus of the solid over temperature in K, Pa.
+        poisson: Poisson's ratio of the solid over temperature.
+        solidity: Where it is solid, and how soft it is elsewhere.
+    """
+
+    young: Curve
+    poisson: Curve
+    solidity: Solidity = field(default_factory=Solidity)
+
+    @classmethod
+    def constant(cls, young: float, poisson: float, solidity: Solidity | None = None) -> Elasticity:
+        """The same moduli at all temperatures: Pa, dimensionless."""
+        return cls(Constant(young), Constant(poisson), solidity or Solidity())
+
+    def moduli(self, temperature: Array) -> tuple[Array, Array, Array]:
+        """Shear, bulk and Young's modulus, Pa, each (n,); the liquid's among them.
+
+        Raises:
+            ValueError: If a modulus is not positive or a Poisson's ratio not within (-1, 0.5).
+        """
+        weight = self.solidity.weight(temperature)
+        # Above the solidus the modulus of the solid means nothing: it is taken as at the solidus.
+        solid = np.minimum(temperature, self.solidity.solidus)
+        young = self.young(solid) * self.solidity.stiffness(weight)
+        poisson = np.minimum(self.poisson(solid), MOST_POISSON) * weight
+        if not (np.all(young > 0.0) and np.all(poisson > -1.0) and np.all(np.isfinite(young))):
+            raise ValueError(
+                f"Young's modulus must be positive (least: {np.min(young):g} Pa) and Poisson's "
+                f"ratio within (-1, 0.5) (least: {np.min(poisson):g})"
+            )
+        return 0.5 * young / (1.0 + poisson), young / (3.0 * (1.0 - 2.0 * poisson)), young
+
+    def coefficients(self, temperature_old: Array, temperature: Array) -> list[Array]:
+        """Columns SHEAR ... FRESH of `kernel.constants` for a step, each (n,)."""
+        shear_old, bulk_old, _ = self.moduli(temperature_old)
+        shear, bulk, young = self.moduli(temperature)
+        carry_deviator, carry_mean = shear / shear_old, bulk / bulk_old
+        forgets = (temperature_old > self.solidity.coherent) & (not self.solidity.memory)
+        solid = temperature_old <= self.solidity.solidus
+        most = np.where(solid, np.inf, np.where(forgets, 0.0, 1.0))
+        carry_deviator = np.minimum(carry_deviator, most)
+        carry_mean = np.minimum(carry_mean, most)
+        share = self.solidity.share(temperature_old, temperature)
+        unhardened = (temperature_old > self.solidity.solidus).astype(float)
+        return [shear, bulk, young, carry_deviator, carry_mean, share, unhardened]

@@ -1,0 +1,210 @@
+"""Quadrature points on the facets that may touch a wall, and what the forms see at them.
+
+Arrays over points hold this rank's facets one after the other, k points each.  Each exterior facet
+counts on one rank alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from mpi4py import MPI
+
+import basix
+import basix.ufl
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+from scipy import sparse
+
+from castfem.base.types import Array, Indices
+from castfem.fem import dof_values
+from castfem.fem.compat import Tabulation
+from castfem.fem.section import Section
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """The facets that have the same place in their cells.
+
+    Attributes:
+        facets: Their numbers among the contact facets (m,). cells: Their cells (m,).
+        points: Reference points in the cell (k, 2). tangent: Reference vector along the facet.
+        outward: Reference normal.
+    """
+
+    facets: Indices
+    cells: npt.NDArray[np.int32]
+    points: Array
+    tangent: Array
+    outward: Array
+
+
+class Facets:
+    """Contact facets and their points.
+
+    Args:
+        section: The distributed section.
+        tags: Of the boundary groups.
+        points: Quadrature points a facet.
+
+    Attributes:
+        cells: Cell of each facet (f,). local: Place of the facet in its cell (f,).
+        count: Points on this rank. per_facet: k.
+        position: On the undeformed mesh (count, 2), m. normal: Outward, likewise (count, 2).
+        weight: Length of each point (count,), m.
+        height: Size of the cell across the facet (count,), m.
+        measure: Undeformed surface of the groups, with the same points.
+    """
+
+    def __init__(self, section: Section, tags: list[int], points: int) -> None:
+        self.section, self.per_facet = section, points
+        mesh = section.mesh
+        found = [section.facet_tags.find(tag) for tag in tags]
+        facets = np.unique(np.concatenate([np.zeros(0, np.int32), *found])).astype(np.int32)
+        self.cells, self.local = _places(mesh, facets)
+        self.count = len(facets) * points
+        self._rule = basix.make_quadrature(basix.CellType.interval, 2 * points - 1)
+        self.sides = self._sides(section.cell)
+        self.measure = ufl.Measure(
+            "ds",
+            domain=mesh,
+            subdomain_data=section.facet_tags,
+            metadata={"quadrature_rule": "default", "quadrature_degree": 2 * points - 1},
+        )(tuple(tags))
+        self._set_geometry()
+
+    def _sides(self, cell: str) -> list[Side]:
+        kind = getattr(basix.CellType, cell)
+        corners = np.asarray(basix.geometry(kind), float)
+        normals = np.asarray(basix.cell.facet_outward_normals(kind), float)
+        sides = []
+        for i, (start, end) in enumerate(basix.topology(kind)[1]):
+            tangent = corners[end] - corners[start]
+            points = corners[start] + np.asarray(self._rule[0]).reshape(-1, 1) * tangent
+            mine = np.flatnonzero(self.local == i)
+            sides.append(Side(mine, self.cells[mine], points, tangent, normals[i]))
+        return sides
+
+    def tabulate(self, expression: Any) -> Callable[[], Array]:
+        """Prepare the evaluation of a UFL expression of cells at the points (collective).
+
+        Returns:
+            A function that gives (count, components x degrees of freedom).
+        """
+        everywhere = np.concatenate([side.points for side in self.sides])
+        table = Tabulation(self.section.mesh, expression, everywhere, self.cells)
+        own = self.local[:, None] * self.per_facet + np.arange(self.per_facet)
+
+        def values() -> Array:
+            found = table.values()
+            mine = found[np.arange(len(self.cells))[:, None], own]
+            return mine.reshape(self.count, found.shape[2])
+
+        return values
+
+    def _set_geometry(self) -> None:
+        mesh = self.section.mesh
+        self.position = self.tabulate(ufl.SpatialCoordinate(mesh))().reshape(self.count, 2)
+        jacobian = self.tabulate(ufl.Jacobian(mesh))().reshape(self.count, 2, 2)
+        weights = np.tile(np.asarray(self._rule[1]), len(self.cells))
+        along, outward = (np.zeros((self.count, 2)) for _ in range(2))
+        for side in self.sides:
+            rows = self.rows(side.facets)
+            along[rows] = jacobian[rows] @ side.tangent
+            inverse = np.linalg.inv(jacobian[rows])
+            outward[rows] = np.einsum("nji,j->ni", inverse, side.outward)
+        stretch = np.hypot(*along.T)
+        self.weight = weights * stretch
+        self.normal = outward / np.hypot(*outward.T)[:, None]
+        # Both the square and the triangle measure a unit across each side at its foot.
+        area = np.abs(np.linalg.det(jacobian))
+        self.height = area / np.maximum(stretch, 1e-300)
+
+    def rows(self, facets: Indices) -> Indices:
+        """Points of facets, facet after facet."""
+        return (facets[:, None] * self.per_facet + np.arange(self.per_facet)).ravel()
+
+    def operator(self, expression: Any, space: fem.FunctionSpace) -> sparse.csr_matrix:
+        """Sparse matrix of a linear expression of a space's functions.
+
+        Rows are the components of the first point, then of the second...; columns this rank's
+        degrees of freedom.
+        """
+        values = self.tabulate(expression)()  # also without facets: compiling is collective
+        dofs = dof_values.per_cell(space)
+        table = values.reshape(self.count, values.shape[1] // dofs, dofs)
+        return dof_values.operator(space, np.repeat(self.cells, self.per_facet), table)
+
+
+class FacetFields:
+    """Values at facet points as a function that forms on `Facets.measure` see.
+
+    On each cell it is a polynomial that passes through the values at the points of all its contact
+    facets, of no higher degree than that takes: what it is elsewhere is never asked for.
+
+    Args:
+        facets: The facets.
+        width: Components.
+
+    Attributes:
+        function: The function.
+    """
+
+    def __init__(self, facets: Facets, width: int) -> None:
+        section, points = facets.section, facets.per_facet
+        patterns = _patterns(facets)
+        own = max((len(sides) for sides in patterns), default=1)
+        most = section.comm.allreduce(own, op=MPI.MAX)
+        # Two sides that meet share a value, and of a closed ring of sides one more is spoken for.
+        degree = points - 2 + min(most, 3)
+        element = basix.ufl.element("Lagrange", section.cell, degree, discontinuous=True)
+        blocked = basix.ufl.blocked_element(element, shape=(width,))
+        self.function = fem.Function(fem.functionspace(section.mesh, blocked))
+        self._width, self._points = width, points
+        dofs = np.asarray(self.function.function_space.dofmap.list)
+        self._parts = []
+        for sides, members in patterns.items():
+            places = np.concatenate([facets.sides[i].points for i in sides])
+            through = np.linalg.pinv(np.asarray(element.tabulate(0, places), float)[0])
+            self._parts.append((members, dofs[facets.cells[members[:, 0]]], through))
+
+    def fill(self, values: Array) -> None:
+        """Take up `values` (count, width)."""
+        target = self.function.x.array.reshape(-1, self._width)
+        by_facet = values.reshape(-1, self._points, self._width)
+        for members, dofs, through in self._parts:
+            of_cells = by_facet[members].reshape(len(members), -1, self._width)
+            target[dofs] = np.einsum("dk,fkc->fdc", through, of_cells)
+
+
+def _patterns(facets: Facets) -> dict[tuple[int, ...], Indices]:
+    """Sides of a cell that are contact facets -> numbers of the facets (cells, sides)."""
+    by_cell: dict[int, list[int]] = {}
+    for i in (int(n) for n in np.argsort(facets.local, kind="stable")):
+        by_cell.setdefault(int(facets.cells[i]), []).append(i)
+    found: dict[tuple[int, ...], list[list[int]]] = {}
+    for members in by_cell.values():
+        sides = tuple(int(facets.local[i]) for i in members)
+        found.setdefault(sides, []).append(members)
+    return {sides: np.array(members, np.int64) for sides, members in found.items()}
+
+
+def _places(
+    mesh: dmesh.Mesh, facets: npt.NDArray[np.int32]
+) -> tuple[npt.NDArray[np.int32], Indices]:
+    """Cell of each exterior facet, and its place among the facets of that cell."""
+    topology = mesh.topology
+    topology.create_connectivity(1, 2)
+    topology.create_connectivity(2, 1)
+    of_facet, of_cell = topology.connectivity(1, 2), topology.connectivity(2, 1)
+    assert of_facet is not None and of_cell is not None
+    cells = np.array([of_facet.links(f)[0] for f in facets], dtype=np.int32)
+    local = [
+        int(np.flatnonzero(of_cell.links(c) == f)[0]) for c, f in zip(cells, facets, strict=True)
+    ]
+    return cells, np.array(local, dtype=np.int64)

@@ -1,0 +1,95 @@
+"""What touches the slice, and how contact is to be computed.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from castfem.base.errors import InputError
+from castfem.physics.contact.friction import Friction
+from castfem.physics.contact.surface_interaction import SurfaceInteraction
+from castfem.physics.mould.wall import Wall
+
+if TYPE_CHECKING:
+    from castfem.fem.section import Section
+    from castfem.physics.contact.interfaces import Motion, Solid
+    from castfem.physics.contact.wall_contact import WallContact
+
+METHODS = ("penalty", "nitsche")
+FACTOR = 10.0  # K_p over bulk modulus / height of the surface cells, see docs/contact.md
+# Nitsche's tangent of elastic steel is coercive from 8.1 on at Poisson's ratio 0.4, that of the
+# solidus; cells thinner than the mean one ask for more.
+LEAST_NITSCHE = 9.0
+
+
+def _still(time: float) -> float:
+    return 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Contact(SurfaceInteraction):
+    """Contact of boundary groups with a rigid wall.
+
+    Attributes:
+        wall: The wall.
+        on: Groups; a name covers all that begin with it.
+        position: Of the slice below the meniscus over time (s), m.
+        method: "penalty" (239) or "nitsche".
+        factor: Contact stiffness K_p over bulk modulus (of the place and moment) / mean height of
+            the surface cells; `FACTOR` if None.
+        friction: Law; None for a wall without friction.
+        stroke: Displacement of the wall itself along the strand over time (s), m: its oscillation.
+        points: Quadrature points a facet; two for each of the two displacements that a facet adds
+            to the surface is as many as can be met by a wall of any shape.
+
+    Raises:
+        InputError: If a value is not possible.
+    """
+
+    wall: Wall
+    on: tuple[str, ...]
+    position: Callable[[float], float] = _still
+    method: Literal["penalty", "nitsche"] = "penalty"
+    factor: float | None = None
+    friction: Friction | None = None
+    stroke: Callable[[float], float] = _still
+    points: int = 2
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        if self.method not in METHODS:
+            raise InputError(f'contact.method: "{self.method}"; one of {", ".join(METHODS)}')
+        if self.factor is not None and not self.factor > 0.0:
+            raise InputError(f"contact.factor: {self.factor}; it must be positive")
+        if self.points not in (2, 3, 4):
+            raise InputError(f"contact.points: {self.points}; 2, 3 or 4")
+
+    @property
+    def strength(self) -> float:
+        """Factor, the usual one if none is given."""
+        return FACTOR if self.factor is None else self.factor
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether the tangent is, at small strain."""
+        return self.method == "penalty" and self.friction is None
+
+    @property
+    def holds_liquid(self) -> bool:
+        """See `SurfaceInteraction`."""
+        return True
+
+    @property
+    def has_friction(self) -> bool:
+        """See `SurfaceInteraction`."""
+        return self.friction is not None
+
+    def build(self, section: Section, solid: Solid, motion: Motion) -> WallContact:
+        """See `SurfaceInteraction`."""
+        from castfem.physics.contact.wall_contact import WallContact
+
+        return WallContact(section, self, solid, motion)

@@ -1,0 +1,132 @@
+"""Where points of the strand's surface are, which way they face, and how far off a wall is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import ufl
+
+from castfem.base.types import Array
+from castfem.fem import reductions
+from castfem.fem.section import Section
+from castfem.physics.contact.facets import Facets
+from castfem.physics.contact.interfaces import Motion
+from castfem.physics.mould.wall import GapFunction, Wall
+
+RASTER = 2.0**-32  # of the section's size
+
+
+@dataclass(frozen=True, slots=True)
+class Met:
+    """Where the points of a surface meet a wall.
+
+    Attributes:
+        moved: Displacement of the points (n, 2), m. strand: Outward normal of the strand (n, 2).
+        near: Places on a raster (n, 2), m. found: What was met from there.
+    """
+
+    moved: Array
+    strand: Array
+    near: Array
+    found: GapFunction
+
+    @property
+    def facing(self) -> Array:
+        """Cosine between the normals of wall and strand (n,)."""
+        return np.einsum("ni,ni->n", np.asarray(self.found.normal), self.strand)
+
+
+class StrandSurface:
+    """The points of some facets, as the slice moves.
+
+    Args:
+        section: The distributed section.
+        facets: The points.
+        motion: Has the space of the displacement.
+        large: Whether geometry is that of the deformed slice.
+
+    Attributes:
+        gradients: Operator from displacement to its gradient at the points.
+        size: Largest coordinate of a point, m.
+    """
+
+    def __init__(self, section: Section, facets: Facets, motion: Motion, large: bool) -> None:
+        self._facets, self._large = facets, large
+        space = motion.u.function_space
+        trial = ufl.TrialFunction(space)
+        self._moves = facets.operator(trial, space)
+        self.gradients = facets.operator(ufl.grad(trial), space)
+        self.size = max(1e-300, reductions.largest(section.comm, np.abs(facets.position)))
+
+    def moved(self, u: Array, generalized_strains: Array) -> Array:
+        """Displacement of the points (n, 2), m.
+
+        Args:
+            u: Displacement of this rank's nodes, ghosts included, m.
+            generalized_strains: Generalized strains (4,).
+        """
+        moved: Array = (self._moves @ u).reshape(-1, 2)
+        moved[:, 1] += generalized_strains[3] * self._facets.position[:, 1]
+        return moved
+
+    def changes(self, u: Array, generalized_strains: Array) -> Array:
+        """The same of k motions (dofs, k) and (4, k): (n, 2, k)."""
+        found = (self._moves @ u).reshape(len(self._facets.position), 2, u.shape[1])
+        found[:, 1] += np.outer(self._facets.position[:, 1], generalized_strains[3])
+        return np.asarray(found)
+
+    def facing(self, u: Array, generalized_strains: Array) -> tuple[Array, Array]:
+        """Outward normal of the strand (n, 2), and length of surface over undeformed length.
+
+        Args:
+            u: Displacement of this rank's nodes, ghosts included, m.
+            generalized_strains: Generalized strains (4,).
+        """
+        normal = self._facets.normal
+        if not self._large:
+            return normal, np.ones(len(normal))
+        f = np.eye(2) + (self.gradients @ u).reshape(-1, 2, 2)
+        f[:, 1, 1] += generalized_strains[3]
+        # det F F^-T N
+        turned = np.column_stack(
+            [
+                f[:, 1, 1] * normal[:, 0] - f[:, 1, 0] * normal[:, 1],
+                f[:, 0, 0] * normal[:, 1] - f[:, 0, 1] * normal[:, 0],
+            ]
+        )
+        stretch = np.hypot(*turned.T)
+        return turned / stretch[:, None], stretch
+
+    def meet(self, wall: Wall, position: float, moved: Array, strand: Array) -> Met:
+        """Meet a wall from places on a fine raster near those of the points.
+
+        Args:
+            wall: The wall.
+            position: Of the slice below the meniscus, m.
+            moved: Displacement of the points (n, 2), m.
+            strand: Outward normal of the strand (n, 2).
+        """
+        start, raster = self._facets.position, self.size * RASTER
+        near = np.round((start + moved) / raster) * raster
+        return Met(moved, strand, near, wall.gap_function(near, strand, position))
+
+    def gap_to(self, met: Met) -> tuple[Array, Array, Array]:
+        """Normal of a wall, distance to it along that (n,), m, and its curvature (n,), 1/m.
+
+        The rest of the way is added to what was met from the raster: the distance then is as exact
+        as the displacement, not as the position, which is a thousand times larger.
+
+        Args:
+            met: Where the wall is met.
+        """
+        n, facing = np.asarray(met.found.normal), met.facing
+        rest = (self._facets.position - met.near) + met.moved
+        gap = np.asarray(met.found.gap) * facing - np.einsum("ni,ni->n", n, rest)
+        open_ = np.isfinite(gap)
+        return n, np.where(open_, gap, np.inf), np.where(open_, met.found.curvature, 0.0)
+
+    def forces(self, tractions: Array) -> Array:
+        """What tractions (n, 2, k), Pa, do to this rank's nodes, ghosts included, N/m (dofs, k)."""
+        loads = self._facets.weight[:, None, None] * tractions
+        return np.asarray(self._moves.T @ loads.reshape(-1, loads.shape[2]))

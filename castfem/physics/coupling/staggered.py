@@ -1,0 +1,405 @@
+"""Staggered coupling of temperature and mechanics, one coupling window of time after the other.
+
+Nothing here keeps a state of its own: each step goes from a committed state to a new one, or leaves
+the old one as it was.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Protocol
+
+from mpi4py import MPI
+
+import numpy as np
+
+from castfem.base import log
+from castfem.base.errors import RunFailure
+from castfem.base.types import Array
+from castfem.fem import reductions
+from castfem.physics.coupling.step_control import ALLOWED_STRAIN, StepControl
+from castfem.physics.coupling.subcycling import MechanicalSteps, SubSteps, ThermalSteps
+from castfem.physics.thermal.stepper import ThermalState
+
+if TYPE_CHECKING:
+    from castfem.physics.mechanics.state import MechanicalResult, MechanicalState
+    from castfem.physics.mechanics.surface_gap import SurfaceGap
+
+
+FACTORS = (0.02, 1.0)  # of the relaxation: smallest and largest
+TINY = 1e-300
+SHORTEST = 0.02  # of the window: cut back no further for a gap that does not converge, or for a
+# state beyond the range of the model: a shorter window ends there, too
+EVEN = 0.5  # change of the rates over a step, relative, up to which they are expected to go on
+COLDEST = 100.0  # K: what mechanics that go first expect may lie below absolute zero
+UNEVEN = 1.0 / 6.0  # of what a change of flux does: left where it comes evenly, its mean all along
+ORDER = 1.5  # of this error in the length of the window
+ALLOWED = 2.0  # K: of it, where the case gives none
+FINE = 0.1  # s: a window this short is not cut back for its error, however long others may be
+GROWN = 1.0 + 1e-9  # times the window of the case: one that has grown
+BEYOND = 4.0  # times the error allowed: such a window is cut back before its gap has converged
+
+
+@dataclass(frozen=True, slots=True)
+class StrandState:
+    """The committed state of the slice, all of it at one time.
+
+    Attributes:
+        thermal: Temperatures. mechanical: Displacement, stress...; None without mechanics.
+        heating: Heat of the viscoplastic work of the last window, which warms the next, at the
+            owned vertices (owned,), J/m3; empty without.
+        trend: Rate of temperature in the last window (owned,), K/s: what mechanics that go first
+            know of the next; empty where they do not.
+        strain_rate: Of the generalized strains a0, a1, a2 in the last window (3,), 1/s, 1/(m s):
+            what the next one is compared with; empty where windows do not grow.
+    """
+
+    thermal: ThermalState
+    mechanical: MechanicalState | None
+    heating: Array
+    trend: Array = field(default_factory=lambda: np.zeros(0))
+    strain_rate: Array = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def time(self) -> float:
+        """Since the meniscus, s."""
+        return self.thermal.time
+
+
+@dataclass(frozen=True, slots=True)
+class CouplingWindow:
+    """One attempted coupling window.
+
+    Attributes:
+        converged: Whether both solvers converged. state: The new state, or the old one.
+        substeps: The thermal steps. mechanical: The mechanical steps.
+        iterations: Of the coupling; 1 if the window was not repeated.
+        gap_converged: Whether the iterations of the gap converged, if there were to be some.
+        error: Of the surface temperature at its end, K, for the gap was held at its mean; 0 where
+            the window is not repeated.
+        cut_for_error: Longer windows that were tried before, and had too large an error.
+    """
+
+    converged: bool
+    state: StrandState
+    substeps: SubSteps
+    mechanical: MechanicalResult
+    iterations: int
+    gap_converged: bool = True
+    error: float = 0.0
+    cut_for_error: int = 0
+
+    def before(self, after: CouplingWindow) -> CouplingWindow:
+        """The same window repeated: `after`, with the work of both counted."""
+        mechanical = replace(after.mechanical, newton=self.newton + after.newton)
+        substeps = replace(after.substeps, newton=self.substeps.newton + after.substeps.newton)
+        return replace(
+            after,
+            substeps=substeps,
+            mechanical=mechanical,
+            iterations=self.iterations + after.iterations,
+        )
+
+    @property
+    def newton(self) -> int:
+        """Newton iterations of the mechanics."""
+        return self.mechanical.newton
+
+
+class CooledSurface(Protocol):
+    """The surface and what cools it, as far as the coupling has to do with them."""
+
+    def perimeter_share(self) -> Array:
+        """Length of the surface that belongs to each owned vertex (owned,), m."""
+
+    def set_gap(self, gap: Array) -> None:
+        """From now on heat crosses this gap at the owned vertices (owned,), m."""
+
+    def flux_across(self, gap: Array, temperature: Array, time: float) -> Array:
+        """Flux at the owned vertices (owned,), W/m2, through this gap at these temperatures, K."""
+
+    def follow_shape(self) -> None:
+        """Cool the surface where it is now."""
+
+
+def difference(one: Array, other: Array) -> Array:
+    """One gap less another; 0 where both are without a wall."""
+    with np.errstate(invalid="ignore"):
+        return np.nan_to_num(one - other, nan=0.0)
+
+
+class Relaxation:
+    """Aitken's dynamic relaxation of a field that is looked for by repetition.
+
+    [Kuettler2008] (44).
+
+    Args:
+        comm: Ranks that have the field.
+        weight: Of each value in sums: the surface that is its own, so that a section and a part
+            of it that symmetry leaves are relaxed alike, and so are fine and coarse meshes.
+    """
+
+    def __init__(self, comm: MPI.Comm, weight: Array) -> None:
+        self._comm, self._weight, self._factor = comm, weight, 1.0
+        self._before: Array | None = None
+
+    def __call__(self, tried: Array, found: Array) -> Array:
+        """What to try next, after `found` has come of `tried` (collective)."""
+        reached = np.isfinite(tried) & np.isfinite(found)
+        residual = np.where(reached, difference(found, tried), 0.0)
+        if self._before is not None:
+            change = residual - self._before
+            weighted = self._weight * change
+            sums = [float(self._before @ weighted), float(change @ weighted)]
+            along, size = reductions.totals(self._comm, sums)
+            if size > 0.0:
+                self._factor = float(np.clip(-self._factor * along / size, *FACTORS))
+        self._before = residual
+        return np.where(reached, tried + self._factor * residual, found)
+
+
+class StaggeredCoupling:
+    """Staggered coupling, thermal first (thesis IV): in each window the slice cools, then strains.
+
+    The mechanics hand to the thermal problem of the next window the deformed section, the gap to
+    the wall and the dissipated work. With more than one iteration a window is repeated with the
+    mean gap of its beginning and its end, until that converges; where it does not, the window is
+    cut back, for the gap changes less over a shorter one.
+
+    Args:
+        thermal: Thermal steps. mechanics: Mechanical steps.
+        dissipation: Share of the viscoplastic work that heats the next window.
+        surface: Given the gaps. gap: Computes them; None without a mould.
+        window: Length of a window that is not cut back, s.
+        max_iterations: Of the coupling, in one window.
+        tolerance: The gap has converged when the one that was computed would change the
+            temperature of the surface by less, K.
+        strain_error: Of the axial strain, allowed in a window that has grown.
+        reach: Largest |x| and |y| of the section, m; None where windows do not grow.
+        order: "thermal_first", or "mechanics_first": strained as if it went on cooling as in the
+            window before, and held its temperature in the first (297)-(299), Fig. 84.
+    """
+
+    def __init__(
+        self,
+        thermal: ThermalSteps,
+        mechanics: MechanicalSteps,
+        dissipation: float,
+        surface: CooledSurface,
+        gap: SurfaceGap | None,
+        window: float,
+        max_iterations: int = 1,
+        tolerance: float = 1.0,
+        order: str = "thermal_first",
+        strain_error: float = ALLOWED_STRAIN,
+        reach: tuple[float, float] | None = None,
+    ) -> None:
+        self.thermal, self.mechanics, self.dissipation = thermal, mechanics, dissipation
+        self.surface, self.gap, self.window = surface, gap, window
+        self.max_iterations, self.tolerance, self.order = max_iterations, tolerance, order
+        self.strain_error, self.reach = strain_error, reach
+
+    def take(self, old: StrandState, end: float, allowed: float = np.inf) -> CouplingWindow:
+        """One window from `old` to `end` (s); `old` is left untouched.
+
+        Args:
+            old: Where it begins.
+            end: Where it ends, s.
+            allowed: Error, K. The gap is not repeated in a window that is far beyond it.
+
+        Raises:
+            RunFailure: If no thermal step is short enough.
+        """
+        assert old.mechanical is not None
+        if self.dissipation:
+            self.thermal.stepper.problem.set_source(np.asarray(old.heating / (end - old.time)))
+        self._follow_shape(old.mechanical)
+        strained, begun = old.mechanical, self.gap_of(old.mechanical)
+        given, old = old, replace(old, thermal=self.thermal.stepper.feed(old.thermal))
+        repeats = begun is not None and self.order == "thermal_first"
+        gap = begun
+        if begun is not None and repeats and self.max_iterations > 1:
+            gap = self._expected_gap(strained, begun, end)
+        learnt = self.thermal.control.step
+        relaxed = self._relaxation()
+        taken = self._iterate(old, end, gap)
+        while taken.converged and repeats:
+            assert begun is not None and gap is not None and taken.state.mechanical is not None
+            ended = self.gap_of(taken.state.mechanical)
+            assert ended is not None
+            mean = 0.5 * (begun + ended)
+            if self.max_iterations > 1:
+                error = UNEVEN * self._misjudged(old.time, taken.state, begun, ended)
+                taken = replace(taken, error=error)
+            if taken.error > BEYOND * allowed:
+                break
+            if self._misjudged(old.time, taken.state, gap, mean) <= self.tolerance:
+                break
+            if taken.iterations == self.max_iterations:
+                taken = replace(taken, gap_converged=False)
+                break
+            self.thermal.control.step = learnt
+            gap = relaxed(gap, mean)
+            taken = taken.before(self._iterate(old, end, gap))
+        if not (taken.converged and taken.gap_converged):
+            self.thermal.control.step = learnt
+        return taken if taken.converged else replace(taken, state=given)
+
+    def _expected_gap(self, old: MechanicalState, begun: Array, end: float) -> Array:
+        """Mean gap of a window if the slice goes on moving as before (owned,), m (collective).
+
+        That of its begin where the slice moved otherwise in the step before the last.
+
+        Args:
+            old: At the begin of the window.
+            begun: Its gap (owned,), m.
+            end: Of the window, s.
+        """
+        if not old.unsteadiness < EVEN:
+            return begun
+        ended = self.gap_of(self.mechanics.stepper.going_on(old, end))
+        assert ended is not None
+        return np.asarray(0.5 * (begun + ended))
+
+    def _relaxation(self) -> Relaxation:
+        """Of the gap of one window."""
+        return Relaxation(self.mechanics.comm, self.surface.perimeter_share())
+
+    def _iterate(self, old: StrandState, end: float, gap: Array | None) -> CouplingWindow:
+        """One iteration of the coupling, with one gap at each vertex."""
+        assert old.mechanical is not None
+        first, instants = None, self.mechanics.instants(old.time, end)
+        if self.order == "mechanics_first":
+            expected = [(time, self._expected(old, time)) for time in instants]
+            first = self.mechanics.through(old.mechanical, expected)
+            if first.converged and gap is not None:
+                gap = self.gap_of(first.state)
+        if gap is not None:
+            self.surface.set_gap(gap)
+        substeps, moments = self.thermal.through(old.thermal, instants)
+        result = first or self.mechanics.through(old.mechanical, moments)
+        if not result.converged:
+            return CouplingWindow(False, old, substeps, result, 1)
+        duration = end - old.time
+        trend: Array = np.zeros(0)
+        if first is not None:
+            cooled = substeps.state.point.temperature - old.thermal.point.temperature
+            trend = np.asarray(cooled / duration)
+        rate: Array = np.zeros(0)
+        if self.reach is not None:
+            moved = result.state.generalized_strains - old.mechanical.generalized_strains
+            rate = np.asarray(moved[:3] / duration)
+        state = StrandState(substeps.state, result.state, self._heating(result), trend, rate)
+        return CouplingWindow(True, state, substeps, result, 1)
+
+    def _follow_shape(self, state: MechanicalState) -> None:
+        """Let heat flow through the slice as it was strained, unless the case leaves that out."""
+        problem = self.thermal.stepper.problem
+        if problem.shape is not None:
+            problem.shape.take(state.displacement, state.generalized_strains)
+            self.surface.follow_shape()
+            problem.follow_shape()
+
+    def _expected(self, old: StrandState, end: float) -> Array:
+        """Temperatures at `end` if the slice goes on cooling as before (owned,), K."""
+        found = old.thermal.point.temperature + (end - old.time) * old.trend
+        return np.maximum(found, COLDEST)
+
+    def gap_of(self, state: MechanicalState) -> Array | None:
+        """Gap to the wall at the owned vertices (owned,), m, 0 off the surface; None without one.
+
+        (Collective.)
+        """
+        return None if self.gap is None else self.gap.crossed(state)
+
+    def _misjudged(self, begun: float, state: StrandState, taken: Array, found: Array) -> float:
+        """How far the surface is off, K, since the gap taken was not the one that was found.
+
+        The difference of the fluxes cools a thick body of the steel that is there for the length of
+        the window (Carslaw and Jaeger, Conduction of Heat in Solids, 2.9). (Collective.)
+        """
+        point, surface = state.thermal.point, self.surface
+        fluxes = [surface.flux_across(gap, point.temperature, begun) for gap in (taken, found)]
+        slope = point.temperature_slope  # 1 / (rho c); that of conduction is k / (rho c)
+        effusivity = np.sqrt(np.maximum(point.conduction_slope, TINY)) / np.maximum(slope, TINY)
+        duration = state.time - begun
+        cooled = np.abs(fluxes[1] - fluxes[0]) * np.sqrt(4.0 / np.pi * duration) / effusivity
+        return reductions.largest(self.mechanics.comm, cooled)
+
+    def _heating(self, result: MechanicalResult) -> Array:
+        """Heat of the viscoplastic work of a window (owned,), J/m3."""
+        if not self.dissipation:
+            return np.zeros(0)
+        problem = self.thermal.stepper.problem
+        work = self.mechanics.stepper.problem.points.to_vertices(result.dissipation)
+        return np.asarray(self.dissipation * work / problem.area)
+
+    def curved(self, old: StrandState, new: StrandState) -> float:
+        """How far the axial strain of a window is from straight, over what is allowed.
+
+        Half of what it would have been off, had it gone on as in the window before: that is the
+        error of a backward step, by the corner of the section that is worst off.
+        """
+        if self.reach is None or not old.strain_rate.size:
+            return 0.0
+        changes = np.abs(new.strain_rate - old.strain_rate)
+        off = float(changes @ np.array([1.0, *self.reach])) * (new.time - old.time)
+        return 0.5 * off / self.strain_error
+
+    def start(self, thermal: ThermalState) -> StrandState:
+        """The slice as it begins: undeformed and free of stress."""
+        mechanical = self.mechanics.stepper.initial(thermal.time, thermal.point.temperature)
+        owned = len(thermal.enthalpy) if self.dissipation else 0
+        trend = np.zeros(len(thermal.enthalpy) if self.order == "mechanics_first" else 0)
+        return StrandState(thermal, mechanical, np.zeros(owned), trend)
+
+
+def take_window(
+    coupling: StaggeredCoupling, state: StrandState, control: StepControl
+) -> tuple[CouplingWindow, int]:
+    """A window that succeeds, cut back as often as it takes, and how often that was for a failure.
+
+    A gap that does not converge is one, but ends no run.  A gap that changes too much for the
+    window's error cuts it back as well.
+
+    Raises:
+        RunFailure: At the smallest window, where the model ends (`mechanics.validity`), or where
+            nothing is there to bear a load.
+    """
+    failed = cut = 0
+    begins = control.at_milestone(state.time)  # the rate before is not that after
+    while True:
+        end = control.propose(state.time)
+        taken = end - state.time
+        short = taken < SHORTEST * coupling.window
+        fine = taken < min(SHORTEST * coupling.window, FINE)
+        allowed = np.inf if fine else control.tolerance
+        learnt = coupling.thermal.control.step
+        attempt = coupling.take(state, end, allowed)
+        if attempt.converged and taken > GROWN * control.base and not begins:
+            curved = coupling.curved(state, attempt.state) * control.tolerance
+            attempt = replace(attempt, error=max(attempt.error, curved))
+        if attempt.converged and attempt.error > allowed:
+            log.logger.debug(
+                "t = %.6g s: coupling window %.3g s: error %.3g K", state.time, taken, attempt.error
+            )
+            coupling.thermal.control.step = learnt
+            control.learn(taken, attempt.error)
+            cut += 1
+            continue
+        kept = coupling.max_iterations == 1 or short
+        if attempt.converged and (attempt.gap_converged or kept):
+            if not fine or control.accepts(attempt.error):  # or else the next one is as long
+                control.learn(taken, attempt.error)
+            return replace(attempt, cut_for_error=cut), failed
+        reason = "the gap does not converge" if attempt.converged else attempt.mechanical.reason
+        log.logger.debug("t = %.6g s: coupling window %.3g s: %s", state.time, taken, reason)
+        if attempt.mechanical.unborne or (attempt.mechanical.refused and short):
+            raise RunFailure(f"mechanics: {reason}")
+        try:
+            control.failed(taken, reason)
+        except RunFailure as error:
+            raise RunFailure(f"mechanics: {error}") from None
+        failed += 1

@@ -1,0 +1,282 @@
+"""The steady travelling creeping strip of one pitch.
+
+The steel of the strip goes from roll to roll at the casting speed: at z = v t it bears the moment
+M(z) = M0 + p L z/2 - p z^2/2, and its curvature follows from the law with all its memory.  Where
+all pitches are alike the strip repeats itself: the curvature has not changed after a pitch, which
+gives M0, the rolls hold it straight on the average, which gives the curvature at the roll, and
+w = 0 there.
+
+That periodic state is the fixed point of a pitch, sought in stress, state and M0 together.  Steps
+are implicit of first order; the answer is extrapolated from two numbers of steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from castfem.base.errors import RunFailure
+from castfem.base.types import Array
+from castfem.physics.constitutive.base import Law
+from castfem.physics.constitutive.flow_laws import STRAIN
+from castfem.physics.constitutive.hardening_laws import Hardening
+from castfem.physics.machine.bulging.fixed_point import Anderson
+from castfem.physics.machine.bulging.layers import Condition, LayerHistory, Layers
+from castfem.physics.machine.bulging.result import Bulge, Span, deflected
+from castfem.physics.machine.bulging.shell import LAYERS, Shell
+
+STEPS = 160
+PASSES = 30
+VIRGIN_PITCHES = 4  # of a law that cannot become periodic
+TOLERANCE = 3e-4  # of the deflection, from pass to pass
+GAP = 5e-3  # of the range of the curvature: what may be missing to its repetition
+GRADING = 0.6  # how much shorter steps are at the rolls, where the moment has its peaks
+MOST = 0.3  # of M0: its largest change in a pass
+FLOWS = 1e-6  # compliance beyond the elastic, from which on the strip counts as creeping
+
+
+def nodes(length: float, steps: int) -> Array:
+    """Ends of the steps of a pitch, m, (steps + 1,): close to each other at the rolls."""
+    s = np.linspace(0.0, 1.0, steps + 1)
+    wave = np.sin(2.0 * np.pi * s)
+    return np.asarray(length * (s - GRADING / (2.0 * np.pi) * wave))
+
+
+def accumulates(law: Law) -> bool:
+    """Whether each pitch hardens the steel further, so that none is like the one before."""
+    return isinstance(law, Hardening) and not law.signed and law.recovery_time is None
+
+
+@dataclass(frozen=True, slots=True)
+class Pitch:
+    """One pitch, with some number of steps.
+
+    Attributes:
+        z: Nodes, m, (m+1,).
+        moment: At the nodes, N per metre of width.
+        history: Of its layers.
+        start: Stress and state at the upstream roll.
+        deflection: With slope, (2, m+1), of the strip that is straight on the average.
+        curvature: Of the same, (m+1,).
+        change: Of the deflection since the pass before, over the largest; infinite in the first.
+    """
+
+    z: Array
+    moment: Array
+    history: LayerHistory
+    start: Condition
+    deflection: Array
+    curvature: Array
+    change: float = np.inf
+
+    def sheared(self, span: Span, yields: float) -> Pitch:
+        """The same that yields to shear as well, by a slope over shear force, m/N."""
+        slope = yields * span.pressure * (0.5 * span.length - self.z)
+        more = np.stack([yields * (self.moment - self.moment[0]), slope])
+        return replace(self, deflection=self.deflection + more)
+
+    @property
+    def size(self) -> float:
+        """Largest deflection to either side, m."""
+        return max(float(np.abs(self.deflection[0]).max()), 1e-300)
+
+
+@dataclass(frozen=True, slots=True)
+class CreepingStrip:
+    """A strip that creeps while it travels.
+
+    A law that hardens by accumulated strain has no periodic state, since each pitch hardens it
+    further: the strip is then what `pitches` pitches make of virgin steel.
+
+    It may yield to shear besides, elastically: M' is the shear force, and its slope S M' goes on
+    top of that of bending, which alone is continuous at a roll.
+
+    Attributes:
+        law: Of the steel.
+        steps: In a pitch; even.
+        layers: Points through the thickness; even.
+        pitches: Of virgin steel with a law that cannot become periodic.
+        shear: Whether it yields to shear.
+    """
+
+    law: Law
+    steps: int = STEPS
+    layers: int = LAYERS
+    pitches: int = VIRGIN_PITCHES
+    shear: bool = False
+
+    def compliance(self, layers: Layers) -> float:
+        """Slope over shear force per metre of width, m/N; 0 without shear."""
+        return layers.stiffness.shear if self.shear else 0.0
+
+    def bulge(self, span: Span, shell: Shell) -> Bulge:
+        """See `BulgingModel`."""
+        if not span.pressure > 0.0:
+            return Bulge.none(span, shell)
+        layers = Layers(self.law, shell.points(self.layers, shell.breaks(self.law)))
+        coarse, _ = self.periodic(layers, span, self.steps // 2)
+        guess = None if accumulates(self.law) else coarse
+        fine, periodic = self.periodic(layers, span, self.steps, guess)
+        coarser = coarsest(self.steps, lambda n: self._at_rest(layers, span, n, guess))
+        force = np.array([span.pressure * span.length])
+        if yields := self.compliance(layers):
+            coarse, fine = (one.sheared(span, yields) for one in (coarse, fine))
+            coarser = None if coarser is None else coarser.sheared(span, yields)
+        bulge = replace(extrapolated(coarse, fine, layers, coarser), roll_force=force)
+        if periodic or accumulates(self.law):
+            return replace(bulge, periodic=periodic)
+        missing = fine.change * fine.size  # it still moves by this from pass to pass
+        return replace(bulge, periodic=False, error=bulge.error + missing)
+
+    def _at_rest(self, layers: Layers, span: Span, steps: int, guess: Pitch | None) -> Pitch | None:
+        """The pitch that repeats itself; None where it does not yet, so that it tells no error."""
+        found, periodic = self.periodic(layers, span, steps, guess)
+        return found if periodic or accumulates(self.law) else None
+
+    def periodic(
+        self,
+        layers: Layers,
+        span: Span,
+        steps: int,
+        guess: Pitch | None = None,
+        share: float = 1.0,
+    ) -> tuple[Pitch, bool]:
+        """Return the pitch that repeats itself, with some number of steps, and whether it does.
+
+        Args:
+            layers: Of the shell.
+            span: The pitch.
+            steps: Number of steps.
+            guess: A pitch to begin with; None for virgin steel and the moment of a clamped strip.
+            share: Of the usual tolerances.
+
+        Raises:
+            RunFailure: If the shell cannot carry the pressure.
+        """
+        grows = accumulates(self.law)
+        search = _Search(layers, span, nodes(span.length, steps), guess)
+        for k in range(self.pitches if grows else PASSES):
+            search.advance()
+            if not grows and search.change <= share * TOLERANCE and abs(search.gap) <= share * GAP:
+                return search.pitch, True
+            search.move(accelerated=k > 0 and not grows)
+        return search.pitch, False
+
+
+def coarsest(steps: int, strip: Callable[[int], Pitch | None]) -> Pitch | None:
+    """The strip with a quarter of the steps, for the estimate of the error alone.
+
+    None where it fails with so few, or where its nodes are not among those of the others.
+    """
+    if steps % 4:
+        return None
+    try:
+        return strip(steps // 4)
+    except RunFailure:
+        return None
+
+
+def extrapolated(coarse: Pitch, fine: Pitch, layers: Layers, coarser: Pitch | None) -> Bulge:
+    """Return the bulge of two strips, one with twice the steps: the scheme is of first order.
+
+    No roll force is in it yet.  Its error is what it differs by from that of half as many steps,
+    some times too large; where there is none, from the strip that is not extrapolated.
+    """
+    w, slope = 2.0 * fine.deflection[:, ::2] - coarse.deflection
+    before, places = fine.deflection[0, ::2], slice(None)
+    if coarser is not None:
+        before = 2.0 * coarse.deflection[0, ::2] - coarser.deflection[0]
+        places = slice(None, None, 2)
+    return Bulge(
+        z=coarse.z,
+        deflection=w,
+        slope=slope,
+        moment=2.0 * fine.moment[::2] - coarse.moment,
+        curvature=2.0 * fine.curvature[::2] - coarse.curvature,
+        axial_strain=2.0 * fine.history.axial_strain[::2] - coarse.history.axial_strain,
+        neutral=layers.stiffness.neutral,
+        thickness=layers.points.thickness,
+        roll_force=np.zeros(0),
+        error=float(np.abs(w[places] - before).max()),
+    )
+
+
+class _Search:
+    """The search for the periodic state.
+
+    Attributes:
+        change: Of its deflection since the one before, over the deflection.
+        gap: Between its last and its first curvature, over the range of the curvature.
+    """
+
+    def __init__(self, layers: Layers, span: Span, z: Array, guess: Pitch | None) -> None:
+        self._layers, self._z = layers, z
+        self._parabola = 0.5 * span.pressure * z * (span.length - z)
+        self._dt = np.diff(z) / span.speed
+        self._clamped = span.pressure * span.length**2 / 12.0
+        self._virgin, self._latest = guess is None, guess
+        self._start = layers.virgin() if guess is None else guess.start
+        self._first = -self._clamped if guess is None else float(guess.moment[0])
+        self._anderson = Anderson()
+        names = layers.law.state_names
+        self._signed = [i for i, name in enumerate(names) if name.startswith(f"{STRAIN}_")]
+        self.change, self.gap = np.inf, np.inf
+
+    def advance(self) -> None:
+        """Advance through a pitch from the present start and M0."""
+        moment = self._first + self._parabola
+        history = self._layers.advance(self._start, moment[1:], self._dt)
+        kappa, z = history.curvature, self._z
+        mean = float((0.5 * (kappa[1:] + kappa[:-1]) * np.diff(z)).sum() / z[-1])
+        kappa = kappa - mean
+        w = deflected(z, kappa)
+        # In its first step virgin steel takes up the moment: that is no creep.
+        self._gap = float(kappa[-1] - kappa[1 if self._virgin else 0])
+        self.gap = self._gap / max(float(np.ptp(kappa)), 1e-300)
+        new, before = Pitch(z, moment, history, self._start, w, kappa), self._latest
+        if before is not None and len(before.z) == len(z):
+            self.change = float(np.abs(w[0] - before.deflection[0]).max()) / new.size
+        self._latest, self._virgin = replace(new, change=self.change), False
+
+    @property
+    def pitch(self) -> Pitch:
+        """The last that was computed."""
+        assert self._latest is not None, "asked before the first pitch was computed"
+        return self._latest
+
+    def move(self, accelerated: bool) -> None:
+        """Choose the start and M0 of the next pass."""
+        history, first, stiff = self.pitch.history, self._first, self._layers.stiffness.bending
+        end = history.end
+        creep = float((history.compliance[1:] - 1.0 / stiff).sum())
+        if creep * stiff > FLOWS:
+            most = MOST * max(abs(first), self._clamped)
+            first -= float(np.clip(self._gap / creep, -most, most))
+        if not accelerated:
+            self._start, self._first = end, first
+            return
+        new = self._anderson.next(self._packed(self._start, self._first), self._packed(end, first))
+        self._start, self._first = self._unpacked(new, end)
+
+    def _scales(self) -> tuple[float, float, Array]:
+        """Stress, strain and the roots of the layers' shares that make all of a vector alike."""
+        shell, stiff = self._layers.points, self._layers.stiffness
+        stress = 6.0 * self._clamped / shell.thickness**2
+        strain = 0.5 * self._clamped / stiff.bending * shell.thickness
+        return stress, strain, np.sqrt(shell.weight / shell.thickness)[:, None]
+
+    def _packed(self, condition: Condition, first: float) -> Array:
+        stress, strain, root = self._scales()
+        parts = root * condition.stress / stress, root * condition.state[:, self._signed] / strain
+        return np.concatenate([parts[0].ravel(), parts[1].ravel(), [first / self._clamped]])
+
+    def _unpacked(self, x: Array, end: Condition) -> tuple[Condition, float]:
+        """Stress, signed state and M0 of a vector; what else the state has is that of `end`."""
+        stress, strain, root = self._scales()
+        n = len(root)
+        state = end.state.copy()
+        state[:, self._signed] = x[4 * n : -1].reshape(n, -1) * strain / root
+        stresses = x[: 4 * n].reshape(n, 4) * stress / root
+        return Condition(stresses, state), float(x[-1]) * self._clamped

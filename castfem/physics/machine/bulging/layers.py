@@ -1,0 +1,219 @@
+"""The law of the shell integrated through its thickness for a given history of the moment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from castfem.base.compiled import compiled, outermost
+from castfem.base.errors import RunFailure
+from castfem.base.types import Array
+from castfem.physics.constitutive.base import Law, MaterialStep, Response
+from castfem.physics.machine.bulging.shell import Points, stiffness
+
+ITERATIONS = 120
+TOLERANCE = 1e-6  # of the forces and moments out of balance, over the largest moment
+LEAST_MOVE = 1e-4  # of a Newton step, below which it is no longer halved
+
+
+@compiled
+def _solve(matrix, right):  # type: ignore[no-untyped-def]
+    """Solve for the columns of `right`, in place: elimination with partial pivoting.
+
+    numba compiles np.linalg.solve, and what that says of its errors, for 5 s. Of a singular matrix
+    comes what is not finite.
+    """
+    n, columns = right.shape
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(matrix[i, k]) > abs(matrix[pivot, k]):
+                pivot = i
+        for j in range(n):
+            matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
+        for j in range(columns):
+            right[k, j], right[pivot, j] = right[pivot, j], right[k, j]
+        for i in range(k + 1, n):
+            factor = matrix[i, k] / matrix[k, k]
+            for j in range(k + 1, n):
+                matrix[i, j] -= factor * matrix[k, j]
+            for j in range(columns):
+                right[i, j] -= factor * right[k, j]
+    for k in range(n - 1, -1, -1):
+        for j in range(columns):
+            for i in range(k + 1, n):
+                right[k, j] -= matrix[k, i] * right[i, j]
+            right[k, j] /= matrix[k, k]
+
+
+@outermost
+def _correction(  # type: ignore[no-untyped-def]
+    stress, tangent, weight, arm, moment, size, change, sources=None
+):
+    """Newton's correction of the strain increments of all points.
+
+    Unknown are the strain across the width, the axial strain and the curvature, all of the whole
+    section, and of each point the strain through the thickness, which is eliminated first: no
+    stress acts there, no force across the width, none along it, and the moment is given.
+
+    Args:
+        stress: (n, 4).
+        tangent: (n, 4, 4).
+        weight: (n,), m.
+        arm: Neutral depth less depth (n,), m.
+        moment: Given, N.
+        size: Thickness, m.
+        change: Out, of the strain increments (n, 4).
+        sources: Not to be given, see `castfem.base.compiled`.
+
+    Returns:
+        What is out of balance, as a moment, N, and d curvature / d moment.
+    """
+    matrix, solved = np.zeros((3, 3)), np.zeros((3, 2))  # by what is out of balance, by the moment
+    row, net, through = np.zeros(3), np.zeros(3), 0.0
+    for i in range(len(weight)):
+        c, w, a = tangent[i], weight[i], arm[i]
+        free = stress[i, 1] / c[1, 1]
+        across, along = stress[i, 0] - c[0, 1] * free, stress[i, 2] - c[2, 1] * free
+        xx, xz = c[0, 0] - c[0, 1] * c[1, 0] / c[1, 1], c[0, 2] - c[0, 1] * c[1, 2] / c[1, 1]
+        zx, zz = c[2, 0] - c[2, 1] * c[1, 0] / c[1, 1], c[2, 2] - c[2, 1] * c[1, 2] / c[1, 1]
+        row[0], row[1], row[2] = xx, xz, xz * a
+        matrix[0] += w * row
+        row[0], row[1], row[2] = zx, zz, zz * a
+        matrix[1] += w * row
+        matrix[2] += w * a * row
+        solved[0, 0] -= w * across
+        solved[1, 0] -= w * along
+        solved[2, 0] -= w * a * along
+        net[0] += w * stress[i, 0]
+        net[1] += w * stress[i, 2]
+        net[2] += w * a * stress[i, 2]
+        through += w * stress[i, 1] ** 2
+    net[2] -= moment
+    solved[2, 0] += moment
+    solved[2, 1] = 1.0
+    _solve(matrix, solved)
+    for i in range(len(weight)):
+        c, axial = tangent[i], solved[1, 0] + solved[2, 0] * arm[i]
+        change[i, 0], change[i, 2], change[i, 3] = solved[0, 0], axial, 0.0
+        change[i, 1] = -(stress[i, 1] + c[1, 0] * solved[0, 0] + c[1, 2] * axial) / c[1, 1]
+    out = net[2] ** 2 + size**2 * (net[0] ** 2 + net[1] ** 2) + size**3 * through
+    return np.sqrt(out), solved[2, 1]
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """Stress and state of all layers at one place.
+
+    Attributes:
+        stress: Mandel, Pa, (n, 4).
+        state: Of the law, (n, states).
+    """
+
+    stress: Array
+    state: Array
+
+
+@dataclass(frozen=True, slots=True)
+class LayerHistory:
+    """Layers over a history of the moment.
+
+    Attributes:
+        curvature: Since the start, 1/m, (m+1,).
+        axial_strain: Of the neutral axis since the start, (m+1,).
+        compliance: d curvature / d moment of each step, 1/(N m), (m,).
+        end: Stress and state at the end.
+    """
+
+    curvature: Array
+    axial_strain: Array
+    compliance: Array
+    end: Condition
+
+
+class Layers:
+    """The layers of a shell, to be led through histories of the moment.
+
+    Args:
+        law: Of the steel.
+        points: Where they are.
+
+    Attributes:
+        law: Of the steel.
+        points: Where they are.
+        stiffness: Elastic.
+        arm: Neutral depth less depth (n,), m.
+    """
+
+    def __init__(self, law: Law, points: Points) -> None:
+        self.law, self.points = law, points
+        self.stiffness = stiffness(law.elasticity, points)
+        self.arm = self.stiffness.neutral - points.depth
+        self._coefficients = law.coefficients(points.temperature, points.temperature)
+        self._out = Response.empty(len(points.depth), len(law.state_names))
+
+    def virgin(self) -> Condition:
+        """Return layers free of stress that have never been strained."""
+        n = len(self.points.depth)
+        return Condition(np.zeros((n, 4)), self.law.initial_state(n))
+
+    def advance(self, start: Condition, moment: Array, dt: Array) -> LayerHistory:
+        """Lead the layers through a history of the moment.
+
+        Args:
+            start: Where it begins; it is not written to.
+            moment: At the ends of the steps (m,), N per metre of width.
+            dt: Of the steps (m,), s.
+
+        Raises:
+            RunFailure: If no state of the layers carries a moment.
+        """
+        steps, arm = len(dt), self.arm
+        scale = max(float(np.abs(moment).max()), 1e-300)
+        curvature, axial, compliance = np.zeros(steps + 1), np.zeros(steps + 1), np.zeros(steps)
+        stress, state = start.stress.copy(), start.state.copy()
+        rate = np.zeros_like(stress)
+        for k in range(steps):
+            increment = rate * dt[k]
+            compliance[k] = self._step(
+                increment, float(moment[k]), float(dt[k]), stress, state, scale
+            )
+            stress[:], state[:] = self._out.stress, self._out.state
+            bent = (increment[0, 2] - increment[-1, 2]) / (arm[0] - arm[-1])
+            curvature[k + 1] = curvature[k] + bent
+            axial[k + 1] = axial[k] + increment[0, 2] - bent * arm[0]
+            rate = increment / dt[k]
+        return LayerHistory(curvature, axial, compliance, Condition(stress, state))
+
+    def _step(
+        self, increment: Array, moment: float, dt: float, stress: Array, state: Array, scale: float
+    ) -> float:
+        """Find the strain increments of a step from the guess in `increment`.
+
+        Returns:
+            d curvature / d moment.
+        """
+        points, out = self.points, self._out
+        heat = points.temperature
+        step = MaterialStep(increment, points.thermal_rate * dt, heat, heat, dt)
+        change, taken = np.zeros_like(increment), np.zeros_like(increment)
+        share, least = 1.0, np.inf
+        for _ in range(ITERATIONS):
+            self.law.integrate(step, stress, state, coefficients=self._coefficients, out=out)
+            rest, compliance = _correction(
+                out.stress, out.tangent, points.weight, self.arm, moment, points.thickness, change
+            )
+            if rest <= TOLERANCE * scale:
+                return float(compliance)
+            if rest < least or share < LEAST_MOVE:
+                taken[:], share, least = change, 1.0, rest
+                increment += taken
+            else:  # too far: halfway back
+                share *= 0.5
+                increment -= share * taken
+        raise RunFailure(
+            f"the shell of {1e3 * points.thickness:.3g} mm cannot carry the moment of "
+            f"{moment:.3g} N per metre of width that the pressure of the liquid brings about "
+            f"between the rolls (out of balance by {rest / scale:.1e} of the largest)"
+        )

@@ -1,0 +1,130 @@
+"""Bulging as the thesis has it: elastic plates of one cosine, and springs that make them so.
+
+The thesis' plates (VI.2.2.2) have a clamped edge at each roll and at each narrow face; L1 is the
+pitch, L2 the width.  One cosine is less stiff than the exact strip: 27 % more deflection in the
+example of (309).  (308) lacks the bracket round the sum in its denominator, which (314) has, and
+the last line of (318) the factor 1.5 of (315).
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.base.types import Array
+from castfem.physics.constitutive.elasticity import Elasticity
+from castfem.physics.machine.bulging.result import Bulge, Span, evenly
+from castfem.physics.machine.bulging.shell import Shell, stiffness
+
+NODES = 41
+_PI4 = np.pi**4
+
+
+def _sum(length: float, width: float) -> float:
+    """What stands in the bracket of (308), (314): 1 plus powers of L2/L1."""
+    ratio = (width / length) ** 2
+    return ratio**2 + 2.0 / 3.0 * ratio + 1.0
+
+
+def _cosine(position: npt.ArrayLike, length: float) -> Array:
+    return np.asarray(1.0 - np.cos(2.0 * np.pi * np.asarray(position, float) / length))
+
+
+def free_deflection(pressure: float, bending: float, width: float, across: npt.ArrayLike) -> Array:
+    """Deflection w1 of a plate that only its edges at the narrow faces hold (307), m.
+
+    Args:
+        pressure: q, Pa.
+        bending: D = E h^3 / (12 (1 - nu^2)), N m.
+        width: L2, m.
+        across: Positions from one narrow face, m.
+    """
+    amplitude = pressure * width**4 / (_PI4 * 12.0 * bending)
+    return 1.5 * amplitude * _cosine(across, width)
+
+
+def clamped_deflection(
+    pressure: float, bending: float, length: float, width: float,
+    along: npt.ArrayLike, across: npt.ArrayLike,
+) -> Array:  # fmt: skip
+    """Deflection w2 of a plate clamped along its four edges (308) as corrected, m.
+
+    Args:
+        pressure: p, Pa.
+        bending: D, N m.
+        length: L1, the pitch, m.
+        width: L2, m.
+        along: Positions from the roll, m.
+        across: Positions from one narrow face, m; to be broadcast with `along`.
+    """
+    amplitude = pressure * width**4 / (_PI4 * 12.0 * bending * _sum(length, width))
+    return np.asarray(amplitude * _cosine(along, length) * _cosine(across, width))
+
+
+def borne_share(length: float, width: float, along: npt.ArrayLike) -> Array:
+    """Share q/p of the pressure that the slice bears, its springs bearing the rest (315)."""
+    return np.asarray(_cosine(along, length) / (1.5 * _sum(length, width)))
+
+
+def spring_stiffness(
+    bending: float, length: float, width: float, along: npt.ArrayLike, across: npt.ArrayLike
+) -> Array:
+    """Stiffness k of the springs that make a slice bulge as w2 (318) as corrected, Pa/m.
+
+    It has no bound at the rolls and at the narrow faces, where w2 vanishes.
+
+    Args:
+        bending: D, N m.
+        length: L1, the pitch, m.
+        width: L2, m.
+        along: Positions from the roll, m.
+        across: Positions from one narrow face, m; to be broadcast with `along`.
+    """
+    share = borne_share(length, width, along)
+    with np.errstate(divide="ignore"):
+        return np.asarray((1.0 / share - 1.0) / free_deflection(1.0, bending, width, across))
+
+
+@dataclass(frozen=True, slots=True)
+class ThesisPlate:
+    """The thesis' plate at mid-width, w2(z, L2/2), with the shell's own stiffness.
+
+    Attributes:
+        elasticity: Of the steel.
+        width: Of the slab, m.
+        largest: Reference of the largest deflection by the pitch, m, which the plate is amplified
+            to (VI.2.2.3); None for that of the plate itself.
+    """
+
+    elasticity: Elasticity
+    width: float
+    largest: float | None = None
+
+    def bulge(self, span: Span, shell: Shell) -> Bulge:
+        """See `BulgingModel`."""
+        stiff, wave = stiffness(self.elasticity, shell.points()), 2.0 * np.pi / span.length
+        z = evenly(span.length, NODES)
+        top = float(
+            clamped_deflection(
+                span.pressure, stiff.bending, span.length, self.width,
+                0.5 * span.length, 0.5 * self.width,
+            )
+        )  # fmt: skip
+        factor = 1.0 if self.largest is None else self.largest / top
+        half = 0.5 * top * factor
+        curvature = -half * wave**2 * np.cos(wave * z)
+        return Bulge(
+            z=z,
+            deflection=half * (1.0 - np.cos(wave * z)),
+            slope=half * wave * np.sin(wave * z),
+            moment=stiff.bending / factor * curvature,
+            curvature=curvature,
+            axial_strain=np.zeros(NODES),
+            neutral=stiff.neutral,
+            thickness=shell.thickness,
+            roll_force=np.array([span.pressure * span.length]),
+        )

@@ -1,0 +1,203 @@
+"""The creeping strip over several rolls that are not alike: one lost, one misaligned.
+
+The moments over the rolls are unknown, their deflections given.  Far upstream and far downstream
+all pitches are alike: there the strip enters with the stress, the state and the curvature of the
+periodic pitch, and leaves with its moment.  All moments and the slope at the first roll are found
+together, since from one roll to the next an error of one of them would grow 3.7 times.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from castfem.base.errors import RunFailure
+from castfem.base.types import Array
+from castfem.physics.machine.bulging.creep import (
+    CreepingStrip,
+    Pitch,
+    coarsest,
+    extrapolated,
+    nodes,
+)
+from castfem.physics.machine.bulging.layers import LayerHistory, Layers
+from castfem.physics.machine.bulging.result import Bulge, Span
+from castfem.physics.machine.bulging.shell import Shell
+
+ITERATIONS = 60
+TOLERANCE = 1e-4  # of the largest deflection
+CLOSER = 0.2  # of the tolerances of a pitch: what is missing to its repetition adds up
+LEAST_SIZE = 1e-9  # m: a strip that does not bulge
+FURTHER = 2.0  # growth of what is missing at which a step is halved
+
+
+@dataclass(frozen=True, slots=True)
+class Rolls:
+    """Rolls that a strip goes over.
+
+    Attributes:
+        positions: Increasing, m, (j + 1,).
+        offsets: Outwards from where they should be, m, (j + 1,).
+        pressure: Of the liquid, Pa.
+        speed: Of the strand, m/s.
+
+    Raises:
+        ValueError: If there are less than four, they do not increase, or are not as many.
+    """
+
+    positions: tuple[float, ...]
+    offsets: tuple[float, ...]
+    pressure: float
+    speed: float
+
+    def __post_init__(self) -> None:
+        if len(self.positions) < 4:
+            raise ValueError("a strip over several rolls needs four of them at least")
+        if any(not b > a for a, b in itertools.pairwise(self.positions)):
+            raise ValueError("positions of rolls must increase")
+        if len(self.offsets) != len(self.positions):
+            raise ValueError(f"{len(self.positions)} rolls, but {len(self.offsets)} offsets")
+
+    @property
+    def pitches(self) -> list[float]:
+        """Lengths of the spans, m, (j,)."""
+        return [b - a for a, b in itertools.pairwise(self.positions)]
+
+    def span(self, index: int) -> Span:
+        """One of the spans."""
+        return Span(self.pitches[index], self.pressure, self.speed)
+
+
+def over_rolls(strip: CreepingStrip, rolls: Rolls, shell: Shell) -> Bulge:
+    """Return how a strip bulges over rolls that are not alike.
+
+    A roll that would have to pull, whose force is negative, does not touch the strand: leave it
+    out.  The first and the last span, which should be like those beyond them, close the problem.
+
+    Raises:
+        RunFailure: If the shell cannot carry the pressure, or the moments cannot be found.
+    """
+    layers = Layers(strip.law, shell.points(strip.layers, shell.breaks(strip.law)))
+    coarse, found = _Spans(strip, rolls, layers, strip.steps // 2).solved()
+    fine, _ = _Spans(strip, rolls, layers, strip.steps).solved(found)
+    coarser = coarsest(strip.steps, lambda n: _Spans(strip, rolls, layers, n).solved(found)[0])
+    bulge = extrapolated(coarse, fine, layers, coarser)
+    return replace(bulge, roll_force=_forces(rolls, bulge.moment[:: strip.steps // 2]))
+
+
+def _forces(rolls: Rolls, moments: Sequence[float] | Array) -> Array:
+    """Force on each roll between two spans, N per metre of width, from the moments over them."""
+    pitch, moment = np.array(rolls.pitches), np.asarray(moments)
+    rise, half = np.diff(moment) / pitch, 0.5 * rolls.pressure * pitch
+    return np.asarray(rise[1:] + half[1:] - rise[:-1] + half[:-1])
+
+
+class _Spans:
+    """The strip with some number of steps a span, and the search for its moments."""
+
+    def __init__(self, strip: CreepingStrip, rolls: Rolls, layers: Layers, steps: int) -> None:
+        self._layers, self._rolls = layers, rolls
+        self._in, _ = strip.periodic(layers, rolls.span(0), steps, share=CLOSER)
+        self._out = self._in
+        if not np.isclose(rolls.pitches[-1], rolls.pitches[0]):
+            self._out, _ = strip.periodic(layers, rolls.span(-1), steps, share=CLOSER)
+        parts = [
+            a + nodes(length, steps)[: steps + (k == len(rolls.pitches) - 1)]
+            for k, (a, length) in enumerate(zip(rolls.positions, rolls.pitches, strict=False))
+        ]
+        self._z = z = np.concatenate(parts)
+        self._dt = np.diff(z) / rolls.speed
+        self._at = steps * np.arange(1, len(rolls.positions))
+        places = np.asarray(rolls.positions)
+        self._hats = np.array([np.interp(z, places, row) for row in np.eye(len(places))])
+        j = np.clip(np.searchsorted(places, z, side="right") - 1, 0, len(places) - 2)
+        self._parabola = 0.5 * rolls.pressure * (z - places[j]) * (places[j + 1] - z)
+        self._yields, self._span_of = strip.compliance(layers), j
+
+    def _sunk(self, curvature: Array) -> tuple[Array, Array]:
+        """Slope and deflection that curvatures (..., n) take from a straight line."""
+        dz = np.diff(self._z)
+        zero = np.zeros((*curvature.shape[:-1], 1))
+        now, then = curvature[..., 1:], curvature[..., :-1]
+        turns = np.cumsum(0.5 * (now + then) * dz, axis=-1)
+        turned = np.concatenate([zero, turns], axis=-1)
+        area = 0.5 * (turned[..., 1:] + turned[..., :-1]) * dz - dz**2 / 12.0 * (now - then)
+        return turned, np.concatenate([zero, np.cumsum(area, axis=-1)], axis=-1)
+
+    def _sheared(self, moments: Array, moment: Array) -> Array:
+        """Deflection and slope by shear (2, n); over a roll the slope is the mean of both sides."""
+        if not self._yields:
+            return np.zeros((2, len(moment)))
+        rolls, j = self._rolls, self._span_of
+        pitch, places = np.array(rolls.pitches), np.asarray(rolls.positions)
+        half, rise = 0.5 * rolls.pressure * pitch, np.diff(moments) / pitch
+        force = (rise + half)[j] - rolls.pressure * (self._z - places[j])
+        inner = self._at[:-1]
+        force[inner] = 0.5 * (rise[1:] + half[1:] + rise[:-1] - half[:-1])
+        return self._yields * np.stack([moment - moment[0], force])
+
+    def _advanced(self, unknown: Array) -> tuple[Pitch, Array]:
+        """The strip with inner moments and a slope at the first roll; by what it misses rolls."""
+        rolls, z = self._rolls, self._z
+        ends = float(self._in.moment[0]), float(self._out.moment[-1])
+        moments = np.concatenate([[ends[0]], unknown[:-1], [ends[1]]])
+        moment = moments @ self._hats + self._parabola
+        history = self._layers.advance(self._in.start, moment[1:], self._dt)
+        curvature = self._in.curvature[0] + history.curvature
+        turned, sunk = self._sunk(curvature)
+        w = rolls.offsets[0] + unknown[-1] * (z - z[0]) - sunk
+        bent = np.stack([w, unknown[-1] - turned]) + self._sheared(moments, moment)
+        found = Pitch(z, moment, history, self._in.start, bent, curvature)
+        return found, bent[0, self._at] - np.asarray(rolls.offsets[1:])
+
+    def _slopes(self, history: LayerHistory) -> Array:
+        """Derivative of what is missed by the unknowns, from the compliance of each step."""
+        elastic = 1.0 / self._layers.stiffness.bending
+        hats = self._hats[1:-1]
+        creep = np.cumsum((history.compliance - elastic) * hats[:, 1:], axis=1)
+        by_moment = elastic * hats
+        by_moment[:, 1:] += creep
+        rows = (self._yields * hats - self._sunk(by_moment)[1])[:, self._at]
+        return np.vstack([rows, self._z[self._at] - self._z[0]]).T
+
+    def solved(self, guess: tuple[Array, Array] | None = None) -> tuple[Pitch, tuple[Array, Array]]:
+        """Find moments and slope by Newton's method, its matrix improved by Broyden's.
+
+        Args:
+            guess: What a strip of other steps has found, the unknowns and the matrix; None to begin
+                with the moment of the periodic pitch.
+
+        Returns:
+            The strip, and unknowns and matrix.
+        """
+        count = len(self._at)
+        if guess is None:
+            unknown = np.append(np.full(count - 1, self._in.moment[0]), self._in.deflection[1, 0])
+            found, missed = self._advanced(unknown)
+            matrix = self._slopes(found.history)
+        else:
+            unknown, matrix = guess
+            found, missed = self._advanced(unknown)
+        for _ in range(ITERATIONS):
+            size = max(found.size, LEAST_SIZE)
+            if float(np.abs(missed).max()) <= TOLERANCE * size:
+                return found, (unknown, matrix)
+            step = -np.linalg.solve(matrix, missed)
+            before = missed
+            found, missed = self._advanced(unknown + step)
+            while float(np.abs(missed).max()) > FURTHER * float(np.abs(before).max()):
+                step *= 0.5
+                found, missed = self._advanced(unknown + step)
+                if float(np.abs(step[:-1]).max()) < 1e-6 * float(np.abs(unknown[:-1]).max()):
+                    break
+            unknown = unknown + step
+            scale = np.append(np.full(count - 1, np.abs(unknown[:-1]).max()), size)
+            scaled = step / scale**2
+            matrix = matrix + np.outer(missed - before - matrix @ step, scaled) / (step @ scaled)
+        raise RunFailure(
+            f"the moments of the shell over {count + 1} rolls cannot be found (it misses them by "
+            f"{1e3 * float(np.abs(missed).max()):.2g} mm)"
+        )

@@ -1,0 +1,149 @@
+"""The machine as the slice passes it: where it is at a time, and what it finds there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from castfem.physics.machine.travel import Steady, Travel
+
+if TYPE_CHECKING:
+    from castfem.physics.machine.line import Face
+
+GRAVITY = 9.81  # m/s2
+STANDING = 10.0  # windows of a length at full speed: how long one lasts at most
+
+
+class Line(Protocol):
+    """The line along which the strand goes down."""
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Positions at which the curvature begins to change, or does so otherwise, m."""
+
+    def height(self, position: float) -> float:
+        """Height of the liquid above the middle of the strand at a position, m."""
+
+    def curvature(self, position: float, face: Face | None = None) -> float:
+        """Curvature 1/R of a face there, 1/m; by default of that which the radii are given of."""
+
+    def inclination(self, position: float) -> float:
+        """Angle to the vertical there, rad."""
+
+
+@dataclass(frozen=True, slots=True)
+class Vertical:
+    """A strand that goes straight down."""
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """See `Line`."""
+        return ()
+
+    def height(self, position: float) -> float:
+        """See `Line`."""
+        return position
+
+    def curvature(self, position: float, face: Face | None = None) -> float:
+        """See `Line`."""
+        return 0.0
+
+    def inclination(self, position: float) -> float:
+        """See `Line`."""
+        return 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """Turns time into place, and place into what the machine does there.
+
+    Positions are lengths along the strand from the meniscus, m; times are those of the slice, s,
+    which is at the meniscus at time 0.
+
+    Attributes:
+        travel: The way of the slice over time.
+        line: The line it follows.
+        mould_length: From the meniscus to the end of the mould, m; None without one.
+    """
+
+    travel: Travel
+    line: Line = Vertical()
+    mould_length: float | None = None
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Instants at which the casting speed begins to change, or ends to, s."""
+        return self.travel.kinks
+
+    @property
+    def bends(self) -> tuple[float, ...]:
+        """Positions at which the curvature begins to change, or does so otherwise, m."""
+        return self.line.knots
+
+    def position(self, time: float) -> float:
+        """Position of the slice at `time` (s), m."""
+        return self.travel.position(time)
+
+    def time_at(self, position: float) -> float:
+        """Time at which the slice first comes to `position` (m), s; inf if it never does."""
+        return self.travel.time_at(position)
+
+    def speed(self, time: float) -> float:
+        """Casting speed at `time` (s), m/s."""
+        return self.travel.speed(time)
+
+    def speed_between(self, first: float, last: float) -> float:
+        """Mean casting speed between two positions (m), m/s; the slice must come beyond the first.
+
+        Where it stands for good before the second, that is the mean until it stands.
+        """
+        if isinstance(self.travel, Steady):
+            return self.travel.speed(0.0)
+        start, end = self.time_at(first), self.time_near(last)
+        return (self.position(end) - first) / (end - start)
+
+    def time_near(self, position: float) -> float:
+        """Time at which the slice comes to `position` (m), or stands for good short of it, s."""
+        time = self.time_at(position)
+        return time if time < math.inf else self.kinks[-1]
+
+    def mean_speed(self, time: float) -> float:
+        """Mean casting speed from the meniscus to `time` (s), m/s."""
+        return self.travel.mean_speed(time)
+
+    def window_time(self, length: float) -> float:
+        """How long the slice takes for a length (m) at its fastest, s."""
+        return length / self.travel.fastest
+
+    def window(self, time: float, length: float) -> float:
+        """How long the slice takes from `time` (s) for a length (m), s.
+
+        Where the strand creeps or stands, no longer than ten times what it takes at its fastest:
+        the slice cools there, too.
+        """
+        needed = self.time_at(self.position(time) + length) - time
+        return min(needed, STANDING * self.window_time(length))
+
+    def height(self, position: float) -> float:
+        """Height of the liquid above the middle of the strand at `position` (m), m.
+
+        That is the integral of cos(inclination) along the strand.
+        """
+        return self.line.height(position)
+
+    def curvature(self, position: float, face: Face | None = None) -> float:
+        """Curvature 1/R of a face at `position` (m), 1/m; by default of that the radii are of."""
+        return self.line.curvature(position, face)
+
+    def inclination(self, position: float) -> float:
+        """Angle of the strand to the vertical at `position` (m), rad."""
+        return self.line.inclination(position)
+
+    def head(self, density: float, gravity: float = GRAVITY) -> Callable[[float], float]:
+        """Ferrostatic pressure rho g D over time, Pa, of liquid of a density, kg/m3."""
+        if isinstance(self.line, Vertical) and isinstance(self.travel, Steady):
+            rise = density * gravity * self.travel.speed(0.0)  # Pa/s: linear in time
+            return lambda time: rise * time
+        return lambda time: density * gravity * self.height(self.position(time))

@@ -1,0 +1,94 @@
+"""What rolls do to the strand between them: nothing, bend it, hold its curvature, straighten it.
+
+That is by the design of the machine. A roll that is off bends and straightens the strand as well,
+on a stretch of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from castfem.physics.machine.rolls import Rolls
+
+_SAME = 1e-6  # of the largest curvature
+
+Kind = Literal["vertical", "bending", "arc", "straightening", "straight"]
+
+
+@dataclass(frozen=True, slots=True)
+class Phase:
+    """Rolls between which the curvature goes one way.
+
+    Attributes:
+        kind: What they do.
+        first: Index of the pair at its beginning. last: At its end.
+    """
+
+    kind: Kind
+    first: int
+    last: int
+
+
+@dataclass(frozen=True, slots=True)
+class OffStretch:
+    """Rolls between which the strand follows rolls that are off.
+
+    Attributes:
+        off: Numbers of the rolls that are off, from 1 on.
+        first: Index of the pair at its beginning. last: At its end.
+    """
+
+    off: tuple[int, ...]
+    first: int
+    last: int
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return f"roll{'s' if len(self.off) > 1 else ''} {', '.join(map(str, self.off))} off"
+
+
+def off_stretches(rolls: Rolls) -> list[OffStretch]:
+    """Return the stretches whose curvature a roll that is off changes, from top to bottom.
+
+    It is changed at the roll and at the pairs beside it, so that the strand bends from the second
+    pair above to the second below. Stretches that overlap are one.
+    """
+    held, found = rolls.there, list[OffStretch]()
+    for k, index in enumerate(held):
+        if not rolls.pairs[index].offset:
+            continue
+        first, last = held[max(k - 2, 0)], held[min(k + 2, len(held) - 1)]
+        if found and first < found[-1].last:
+            before = found.pop()
+            found.append(OffStretch((*before.off, index + 1), before.first, last))
+        else:
+            found.append(OffStretch((index + 1,), first, last))
+    return found
+
+
+def phases(rolls: Rolls) -> list[Phase]:
+    """Return the phases from the first roll to the last, as the machine is designed."""
+    radii = [pair.radius if pair.designed is None else pair.designed for pair in rolls.pairs]
+    chi = [1.0 / radius for radius in radii]
+    hair = _SAME * max((abs(k) for k in chi), default=0.0)
+    found: list[Phase] = []
+    for i in range(1, len(chi)):
+        kind = _kind(chi, i, hair, any(p.kind == "straightening" for p in found))
+        if found and found[-1].kind == kind:
+            found[-1] = Phase(kind, found[-1].first, i)
+        else:
+            found.append(Phase(kind, i - 1, i))
+    return found
+
+
+def _kind(chi: Sequence[float], i: int, hair: float, straightened: bool) -> Kind:
+    """What happens between a pair and the one before; a change below `hair` (1/m) is none."""
+    change = chi[i] - chi[i - 1]
+    if abs(change) > hair:
+        return "bending" if change > 0.0 else "straightening"
+    if chi[i] > hair:
+        return "arc"
+    return "straight" if straightened else "vertical"

@@ -1,0 +1,389 @@
+"""The rolls of a machine: pairs, read from columns or a CSV file, or expanded from segments."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from castfem.base.csv_files import UnreadableError, read_csv
+from castfem.base.quantities import Kind
+from castfem.base.tolerances import ROUNDING
+from castfem.base.units import nearest
+from castfem.physics.machine.line import FACES, INWARD, Bent, Face
+
+STRAIGHT = "straight"
+KINDS: dict[str, Kind] = {
+    "position": Kind("m", "m", least=0.0),
+    "diameter": Kind("m", "mm", above=0.0),
+    "aperture": Kind("m", "mm", above=0.0),
+    "radius": Kind("m", "m", above=0.0),
+    "capacity": Kind("N", "kN", least=0.0, label="force", sample="120 kN"),
+}
+RADII = tuple(f"radius_{face}" for face in FACES)
+COLUMNS = ("position", "diameter", "aperture", *RADII, "driven", "capacity")
+_HEADER = "position [m], diameter [mm], aperture [mm], radius_extrados [m], driven, capacity [kN]"
+_YES, _NO = ("yes", "true", "1"), ("no", "false", "0", "")
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """A pair of rolls.
+
+    Attributes:
+        position: From the meniscus along the strand, m.
+        diameter: Of its rolls, m.
+        radius: Of the strand there, m; inf where it is straight.
+        aperture: Between its rolls, m; None for the thickness of the section.
+        driven: Whether it draws the strand.
+        capacity: With what force at most, N; None if that is not given.
+        offset: How far it is off towards the centre of curvature, m.
+        locked: Whether it does not turn.
+        lost: Whether it is not there; the radius is that of the strand all the same.
+        designed: Radius of the strand there without rolls that are off or lost, m; None where that
+            is `radius`.
+    """
+
+    position: float
+    diameter: float
+    radius: float = math.inf
+    aperture: float | None = None
+    driven: bool = False
+    capacity: float | None = None
+    offset: float = 0.0
+    locked: bool = False
+    lost: bool = False
+    designed: float | None = None
+
+    @property
+    def defect(self) -> str:
+        """What is wrong with it, in words; empty for nothing."""
+        off = f"{1e3 * self.offset:g} mm off" if self.offset else ""
+        listed = (off, "locked" if self.locked else "", "lost" if self.lost else "")
+        return ", ".join(word for word in listed if word)
+
+
+@dataclass(frozen=True, slots=True)
+class Rolls:
+    """All pairs of rolls in casting order.
+
+    Attributes:
+        pairs: From the mould on.
+        face: Of which the radii are, and along which positions are measured.
+        places: Where each pair was written, for messages.
+    """
+
+    pairs: tuple[Pair, ...]
+    face: Face = "extrados"
+    places: tuple[str, ...] = field(default=(), compare=False)
+
+    def place(self, index: int) -> str:
+        """Where a pair was written, for messages."""
+        return self.places[index] if index < len(self.places) else f"roll {index + 1}"
+
+    @property
+    def there(self) -> tuple[int, ...]:
+        """Indices of the pairs that hold the strand: of all but those that are lost."""
+        return tuple(i for i, pair in enumerate(self.pairs) if not pair.lost)
+
+    def aperture(self, index: int, thickness: float) -> float:
+        """Aperture of a pair, the section's thickness where none is given, m."""
+        given = self.pairs[index].aperture
+        return thickness if given is None else given
+
+    def line(self, thickness: float) -> Bent:
+        """The line of a strand of a thickness (m) between these rolls."""
+        apertures = [self.aperture(i, thickness) for i in range(len(self.pairs))]
+        return Bent(
+            [pair.position for pair in self.pairs],
+            [pair.radius for pair in self.pairs],
+            apertures,
+            self.face,
+        )
+
+    def clearance(self, index: int, thickness: float) -> float:
+        """Clear distance of a pair's rolls from those before on the tighter side, m.
+
+        That is the intrados, on whose arcs the axes of the rolls lie closer.
+        """
+        before, pair = self.pairs[index - 1], self.pairs[index]
+        mean = 0.5 * (1.0 / before.radius + 1.0 / pair.radius)
+        to_axis = (1.0 - INWARD[self.face]) * self.aperture(index, thickness) + 0.5 * pair.diameter
+        pitch = (pair.position - before.position) * (1.0 - mean * to_axis)
+        return pitch - 0.5 * (before.diameter + pair.diameter)
+
+
+def read_rolls(given: Mapping[str, Any]) -> Rolls:
+    """Return the rolls in a file, `{ file = "rolls.csv" }`, or in columns.
+
+    Raises:
+        ValueError: A file, a column or a cell is not as it must be; it names file and row.
+    """
+    if "file" in given:
+        if len(given) > 1:
+            raise ValueError("a table with a file takes no other key")
+        return _from_file(Path(str(given["file"])))
+    columns = {key: value for key, value in given.items() if not key.endswith("_unit")}
+    for name, cells in columns.items():
+        if isinstance(cells, str) or not isinstance(cells, Sequence):
+            raise ValueError(f"'{name}' must be a list of values")
+    for key in given:
+        if key.endswith("_unit") and key.removesuffix("_unit") not in columns:
+            raise ValueError(f"unknown key '{key}'{nearest(key, columns)}")
+    units = {name: str(given.get(f"{name}_unit", "")) for name in columns}
+    count = len(next(iter(columns.values()), ()))
+    return _from_columns(columns, units, tuple(f"roll {i + 1}" for i in range(count)))
+
+
+def _from_file(path: Path) -> Rolls:
+    try:
+        file = read_csv(path)
+    except UnreadableError as error:
+        raise ValueError(f"cannot read the rolls '{path}': {error}") from None
+    if not file.rows:
+        raise ValueError(f"'{path}' holds no rolls; a header and a row a pair: {_HEADER}")
+    width = len(file.headings)
+    for row in file.rows:
+        if len(row.cells) != width:
+            raise ValueError(
+                f"'{path}' line {row.line}: {len(row.cells)} cells, the header has {width}; leave "
+                "a cell empty rather than out"
+            )
+    names = [heading.name for heading in file.headings]
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise ValueError(f"'{path}' line {file.line}: column '{twice}' stands there twice")
+    columns = {name: [row.cells[i] for row in file.rows] for i, name in enumerate(names)}
+    units = {heading.name: heading.unit for heading in file.headings}
+    places = tuple(f"'{path}' line {row.line}, roll {i}" for i, row in enumerate(file.rows, 1))
+    try:
+        return _from_columns(columns, units, places)
+    except _ColumnError as error:
+        raise ValueError(f"'{path}' line {file.line}: {error}") from None
+
+
+class _ColumnError(ValueError):
+    """A column, not a row, is not as it must be."""
+
+
+def _from_columns(
+    columns: Mapping[str, Sequence[Any]], units: Mapping[str, str], places: tuple[str, ...]
+) -> Rolls:
+    """Return the rolls; `units` are those of bare numbers."""
+    radius = _known(columns)
+    pairs = []
+    for i, place in enumerate(places):
+        cells = {name: (cells[i], units.get(name, "")) for name, cells in columns.items() if cells}
+        try:
+            pairs.append(_pair(cells, radius))
+        except ValueError as error:
+            raise ValueError(f"{place}: {error}") from None
+    face: Face = "extrados" if radius is None else FACES[RADII.index(radius)]
+    return Rolls(tuple(pairs), face, places)
+
+
+def _known(columns: Mapping[str, Sequence[Any]]) -> str | None:
+    """Check the names of the columns; return that of the radius, None without one."""
+    for name in columns:
+        if name == "radius":
+            raise _ColumnError(
+                f"column 'radius': say of which face it is, {', '.join(RADII)} (a radius of the "
+                "centreline taken for that of the extrados is half the thickness off)"
+            )
+        if name not in COLUMNS:
+            raise _ColumnError(
+                f"unknown column '{name}'; allowed: {', '.join(COLUMNS)}{nearest(name, COLUMNS)}"
+            )
+    for name in ("position", "diameter"):
+        if name not in columns:
+            raise _ColumnError(f"column '{name}' is missing; such as {_HEADER}")
+    given = [name for name in RADII if name in columns]
+    if len(given) > 1:
+        raise _ColumnError(f"{' and '.join(given)}: give the radius of one face")
+    lengths = {name: len(cells) for name, cells in columns.items()}
+    if len(set(lengths.values())) > 1:
+        listed = ", ".join(f"{n} of {name}" for name, n in lengths.items())
+        raise _ColumnError(f"columns of different lengths: {listed}")
+    if not lengths["position"]:
+        raise _ColumnError("no rolls; a machine without rolls needs no [machine]")
+    return given[0] if given else None
+
+
+def _pair(cells: Mapping[str, tuple[Any, str]], radius: str | None) -> Pair:
+    def quantity(name: str, kind: str = "") -> float:
+        return _quantity(name, *cells[name], KINDS[kind or name])
+
+    def given(name: str) -> bool:
+        return name in cells and cells[name][0] not in ("", None)
+
+    driven = _flag(cells["driven"][0]) if "driven" in cells else False
+    if given("capacity") and not driven and quantity("capacity") > 0.0:
+        raise ValueError("capacity: of a roll that is not driven; set driven to yes, or leave it")
+    straight = radius is None or not given(radius) or cells[radius][0] in (STRAIGHT, "inf", "-")
+    return Pair(
+        quantity("position"),
+        quantity("diameter"),
+        math.inf if straight or radius is None else quantity(radius, "radius"),
+        quantity("aperture") if given("aperture") else None,
+        driven,
+        quantity("capacity") if given("capacity") and driven else None,
+    )
+
+
+def _quantity(name: str, cell: Any, unit: str, kind: Kind) -> float:
+    """Read a cell, in the unit of its column where it has none itself."""
+    text = str(cell).strip()
+    try:
+        if not text:
+            raise ValueError("is empty")
+        try:
+            bare = math.isfinite(float(text))
+        except ValueError:
+            bare = False
+        if bare and not unit:
+            raise ValueError(f"name the unit of the column, {name} [{kind.shown}]")
+        return kind.read(f"{text} {unit}" if bare else text)
+    except ValueError as error:
+        raise ValueError(f"{name} ({text}): {error}") from None
+
+
+def _flag(cell: Any) -> bool:
+    text = str(cell).strip().lower()
+    if text not in (*_YES, *_NO):
+        raise ValueError(f"driven ({text}): yes or no")
+    return text in _YES
+
+
+def columns_of(rolls: Rolls) -> dict[str, Any]:
+    """Return the columns from which `read_rolls` reads the same rolls, but for their defects.
+
+    A roll where the strand is bent the other way has no radius that could be written: none is.
+    """
+    pairs, radius = rolls.pairs, KINDS["radius"]
+    found: dict[str, Any] = {
+        name: [KINDS[name].write(getattr(pair, name)) for pair in pairs]
+        for name in ("position", "diameter")
+    }
+    for name in ("aperture", "capacity"):
+        values = [getattr(pair, name) for pair in pairs]
+        if any(value is not None for value in values):
+            found[name] = ["" if v is None else KINDS[name].write(v) for v in values]
+    found[f"radius_{rolls.face}"] = [
+        radius.write(pair.radius) if 0.0 < pair.radius < math.inf else STRAIGHT for pair in pairs
+    ]
+    if any(pair.driven for pair in pairs):
+        found["driven"] = [pair.driven for pair in pairs]
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """Rolls of one pitch and diameter.
+
+    Attributes:
+        rolls: Number of pairs. pitch: From the pair before to each, m. diameter: m.
+        radius: At its last pair, m: 1/R goes there linearly from the segment before.
+        aperture: m; None for the thickness of the section.
+    """
+
+    rolls: int
+    pitch: float
+    diameter: float
+    radius: float = math.inf
+    aperture: float | None = None
+
+
+def expand(segments: Sequence[Segment], first: float, face: Face = "extrados") -> Rolls:
+    """Return the rolls of segments one after another, the first at `first` (m)."""
+    pairs: list[Pair] = []
+    position, chi = first, 1.0 / segments[0].radius
+    for segment in segments:
+        begun, change = (chi, 1.0 / segment.radius - chi)
+        for k in range(1, segment.rolls + 1):
+            position += segment.pitch if pairs else 0.0
+            here = begun + change * k / segment.rolls
+            radius = 1.0 / here if here > 1e-12 else math.inf
+            pairs.append(Pair(position, segment.diameter, radius, segment.aperture))
+        chi = 1.0 / segment.radius
+    return Rolls(tuple(pairs), face)
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Why a pair cannot be there.
+
+    Attributes:
+        index: Of the pair.
+        kind: What is wrong, the same word for the same of several pairs.
+        text: For messages.
+    """
+
+    index: int
+    kind: str
+    text: str
+
+
+def faults(rolls: Rolls, thickness: float, mould_end: float | None) -> Iterator[Fault]:
+    """Yield each pair that cannot be there, and why.
+
+    Args:
+        rolls: The pairs.
+        thickness: Of the section, m.
+        mould_end: From the meniscus, m; None without a mould.
+    """
+    first = rolls.pairs[0].position
+    if mould_end is not None and first < mould_end:
+        text = f"position ({first:g} m) lies within the mould, which ends at {mould_end:g} m; "
+        text += "positions are measured from the meniscus along the strand"
+        yield Fault(0, "mould", text)
+    for i in range(len(rolls.pairs)):
+        yield from _too_tight(rolls, i, thickness)
+        if i > 0:
+            yield from _after(rolls, i, thickness)
+
+
+def _too_tight(rolls: Rolls, index: int, thickness: float) -> Iterator[Fault]:
+    """Yield a radius within which the rolls of the intrados have no room."""
+    pair = rolls.pairs[index]
+    inner = (1.0 - INWARD[rolls.face]) * rolls.aperture(index, thickness) + pair.diameter
+    if abs(pair.radius) <= inner:
+        yield Fault(
+            index,
+            "radius",
+            f"radius_{rolls.face} ({pair.radius:g} m) is below the possible: the rolls of the "
+            f"intrados would reach {inner:.4g} m from that face, beyond the centre of curvature; "
+            "is its unit right?",
+        )
+
+
+def _after(rolls: Rolls, index: int, thickness: float) -> Iterator[Fault]:
+    """Yield what does not fit the pair before."""
+    before, pair = rolls.pairs[index - 1], rolls.pairs[index]
+    pitch = pair.position - before.position
+    if pitch <= 0.0:
+        yield Fault(
+            index,
+            "order",
+            f"position ({pair.position:g} m) does not lie below the roll before "
+            f"({before.position:g} m); give the rolls in casting order",
+        )
+        return
+    clear = rolls.clearance(index, thickness)
+    if clear < 0.0 and not (pair.lost or before.lost):
+        yield Fault(
+            index,
+            "overlap",
+            f"diameter ({1e3 * pair.diameter:g} mm) overlaps the roll before by "
+            f"{-1e3 * clear:.3g} mm at the intrados, {1e3 * pitch:.4g} mm below it; make the rolls "
+            "thinner or the pitch longer",
+        )
+    now, then = (rolls.aperture(k, thickness) for k in (index, index - 1))
+    if now > then * (1.0 + ROUNDING):
+        yield Fault(
+            index,
+            "aperture",
+            f"aperture ({1e3 * now:g} mm) grows from {1e3 * then:g} mm at {rolls.place(index - 1)}:"
+            " nothing would hold the strand there; apertures stay or decrease downwards, and one "
+            "of the two is wrong",
+        )

@@ -1,0 +1,198 @@
+"""What the strand meets from roll to roll: contact, the shade of the roll, sprays, run-off water.
+
+Four kinds of heat loss recur all along a caster ([Pascon2003] VI.1.2.3, Fig. 129): contact with a
+roll; its shade, where the strand radiates to rolls and surroundings; the spray between two rolls;
+and its water, which runs down to the next roll and gathers there.
+
+Gaps are numbered by the roll above them, from 1; gap 0 is that above the first roll.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from castfem.physics.machine.rolls import Rolls
+
+Kind = Literal["contact", "shade", "spray", "run_off"]
+KINDS: tuple[Kind, ...] = ("contact", "shade", "spray", "run_off")
+_SHORTEST = 1e-6  # m; less is what rounding makes of one and the same place
+
+
+def footprint(stand_off: float, angle: float) -> float:
+    """Size of what a nozzle sprays, w = 2 h tan(angle/2) (304), m.
+
+    Args:
+        stand_off: Distance h of the nozzle from the surface, m.
+        angle: Of the spray, across the strand or along it, rad.
+    """
+    return 2.0 * stand_off * math.tan(0.5 * angle)
+
+
+def longest_spray(clear: float, stand_off: float, diameter: float) -> float:
+    """Length along the strand that a nozzle can reach between two rolls, 2 e h/(2 h - d) (305), m.
+
+    Args:
+        clear: Clear distance e of the rolls, m.
+        stand_off: Distance h of the nozzle from the surface, m, above their axes.
+        diameter: Of the rolls, m.
+
+    Raises:
+        ValueError: The nozzle does not stand above the axes of the rolls.
+    """
+    if not 2.0 * stand_off > diameter:
+        raise ValueError("the nozzle stands between the rolls, below their axes")
+    return 2.0 * clear * stand_off / (2.0 * stand_off - diameter)
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """The clear distance between two pairs of rolls.
+
+    Attributes:
+        above: Number of the pair above it, from 1.
+        middle: Of the clear distance, from the meniscus, m.
+        clear: On the tighter side, m.
+        diameter: Of the thinner rolls, m: these limit a spray more.
+    """
+
+    above: int
+    middle: float
+    clear: float
+    diameter: float
+
+
+def gap_below(rolls: Rolls, number: int, thickness: float) -> Gap:
+    """Return the gap below a pair (from 1) of rolls that hold a section of a thickness, m."""
+    upper, lower = rolls.pairs[number - 1], rolls.pairs[number]
+    ends = upper.position + 0.5 * upper.diameter, lower.position - 0.5 * lower.diameter
+    return Gap(
+        number,
+        0.5 * (ends[0] + ends[1]),
+        rolls.clearance(number, thickness),
+        min(upper.diameter, lower.diameter),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """The nozzles of a circuit in one gap.
+
+    Attributes:
+        circuit: Its name. gap: Number of the roll above.
+        start: Where their sprays begin, from the meniscus, m. end: Where they end, m.
+        share: Of the water that these nozzles are meant to have.
+    """
+
+    circuit: str
+    gap: int
+    start: float
+    end: float
+    share: float = 1.0
+
+
+def scale_water(
+    rows: Sequence[Row], circuit: str, first: int, last: int, share: float
+) -> tuple[Row, ...]:
+    """Return the rows with another share of water in those of a circuit between two rolls.
+
+    The other nozzles of the circuit go on as before: these ones are worn or clogged, or are given
+    more.
+
+    Args:
+        rows: All rows.
+        circuit: Name of the circuit.
+        first: Number of the roll above the first row, from 1.
+        last: Number of the roll below the last row.
+        share: Of the water that they are meant to have, such as 0.66.
+
+    Raises:
+        ValueError: The circuit has no nozzles there, or the share is negative.
+    """
+    if not share >= 0.0:
+        raise ValueError(f"a share of water must not be negative ({share:g})")
+    changed = tuple(
+        replace(row, share=row.share * share)
+        if row.circuit == circuit and first <= row.gap < last
+        else row
+        for row in rows
+    )
+    if not any(row.circuit == circuit and first <= row.gap < last for row in rows):
+        raise ValueError(f"circuit '{circuit}' has no nozzles between rolls {first} and {last}")
+    return changed
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """A length of strand that loses heat in one way.
+
+    Attributes:
+        kind: In which.
+        start: From the meniscus, m. end: Likewise.
+        gap: Number of the roll above; of contact the number of the roll.
+        rows: Indices of the rows that spray it.
+    """
+
+    kind: Kind
+    start: float
+    end: float
+    gap: int
+    rows: tuple[int, ...] = ()
+
+
+def stretches(
+    contacts: Sequence[tuple[float, float]],
+    rows: Sequence[Row],
+    start: float,
+    end: float,
+    *,
+    gathers: Callable[[int], bool],
+) -> tuple[Stretch, ...]:
+    """Return what a face meets between two positions, in casting order and without holes.
+
+    Args:
+        contacts: Where it touches each roll, m; where it touches none, two times the same place.
+        rows: Nozzles that spray it.
+        start: From the meniscus, m.
+        end: Likewise.
+        gathers: Whether in a gap water runs on from a spray to the next roll, and gathers there.
+    """
+    found = [
+        piece
+        for piece in _along(contacts, rows, gathers)
+        if piece.end > start + _SHORTEST and piece.start < end - _SHORTEST
+    ]
+    cut = [
+        replace(piece, start=max(piece.start, start), end=min(piece.end, end)) for piece in found
+    ]
+    return tuple(cut)
+
+
+def _along(
+    contacts: Sequence[tuple[float, float]], rows: Sequence[Row], gathers: Callable[[int], bool]
+) -> Iterator[Stretch]:
+    """Yield all stretches of a face, from the meniscus to far below the last roll."""
+    places = [(-math.inf, 0.0), *contacts, (math.inf, math.inf)]
+    for number, (upper, lower) in enumerate(itertools.pairwise(places)):
+        if number > 0 and upper[1] - upper[0] > _SHORTEST:
+            yield Stretch("contact", *upper, number)
+        within = [i for i, row in enumerate(rows) if row.gap == number]
+        yield from _between(upper[1], lower[0], number, rows, within, gathers(number))
+
+
+def _between(
+    begin: float, finish: float, gap: int, rows: Sequence[Row], within: list[int], gathers: bool
+) -> Iterator[Stretch]:
+    """Yield the stretches between two contacts."""
+    places = [begin, finish, *(x for i in within for x in (rows[i].start, rows[i].end))]
+    sprayed = False
+    for here, there in itertools.pairwise(sorted(set(places))):
+        if there - here < _SHORTEST:
+            continue
+        active = tuple(i for i in within if rows[i].start <= here and there <= rows[i].end)
+        sprayed |= bool(active)
+        kind: Kind = "spray" if active else "run_off" if sprayed and gathers else "shade"
+        yield Stretch(kind, here, there, gap, active)

@@ -1,0 +1,66 @@
+"""A steel in words: what characterises it, with units and sources."""
+
+from __future__ import annotations
+
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.physics.materials.steel import Steel
+
+_LABELS = (
+    ("density", "density", "{:.0f}", 1.0, " kg/m³"),
+    ("specific_heat", "specific heat", "{:.0f}", 1.0, " J/(kg K)"),
+    ("conductivity", "conductivity", "{:.1f}", 1.0, " W/(m K)"),
+    ("emissivity", "emissivity", "{:.2f}", 1.0, ""),
+    ("youngs_modulus", "Young's modulus", "{:.3g}", 1e-9, " GPa"),
+    ("poisson_ratio", "Poisson's ratio", "{:.3g}", 1.0, ""),
+)
+
+
+def describe_steel(steel: Steel) -> list[tuple[str, str]]:
+    """Return label and value of what characterises a steel, values written with their units.
+
+    Properties that change are told at 1000 degC, the solidus and the liquidus; each is followed by
+    its status and source.
+    """
+    rows = [("steel", steel.name), ("description", steel.description)]
+    if steel.composition:
+        rows.append(("composition", ", ".join(f"{w:g} %{e}" for e, w in steel.composition.items())))
+    for label, value in (("solidus", steel.solidus), ("liquidus", steel.liquidus)):
+        note = _origin_note(steel, label, "solid_fraction")
+        rows.append((label, f"{celsius(value)} °C{note}"))
+    diagram = steel.diagram
+    if diagram is not None and diagram.gamma_start is not None and diagram.gamma_end is not None:
+        span = celsius(diagram.gamma_start), celsius(diagram.gamma_end)
+        text = f"{span[0]} to {span[1]} °C" if span[0] != span[1] else f"at {span[0]} °C"
+        rows.append(("δ to γ", f"{text}  [Fe-C diagram]"))
+    latent = f"{steel.latent_heat / 1e3:.4g} kJ/kg"
+    rows.append(("latent heat", f"{latent}{_origin_note(steel, 'latent_heat', 'enthalpy')}"))
+    rows.append(("solid fraction", _origin_note(steel, "solid_fraction").strip()))
+    for key, label, form, factor, unit in _LABELS:
+        if steel.has(key):
+            at = (1273.15, steel.solidus, steel.liquidus)
+            shown = [form.format(factor * float(getattr(steel, key)(t))) for t in at]
+            text = f"{shown[0]}{unit}"
+            if len(set(shown)) > 1:
+                text = f"{' / '.join(shown)}{unit} at 1000 °C / solidus / liquidus"
+            rows.append((label, f"{text}{_origin_note(steel, key)}"))
+    if steel.has("thermal_expansion"):
+        mean = 1e6 * float(steel.thermal_expansion(1273.15))
+        note = _origin_note(steel, "thermal_expansion")
+        rows.append(("thermal expansion", f"{mean:.1f}e-6 1/K from solidus to 1000 °C{note}"))
+    return rows
+
+
+def celsius(temperature: float) -> str:
+    """Return a temperature in K as degC, rounded to 0.01 and without idle zeros."""
+    return f"{round(temperature - ZERO_CELSIUS, 2):g}"
+
+
+def _origin_note(steel: Steel, *keys: str) -> str:
+    """Return "  [status: law; source]" of the first of the properties that is in the set."""
+    for key in keys:
+        origin = steel.origins.get(key)
+        if origin is not None:
+            law = origin.law if origin.law.startswith(("formula", "table")) else ""
+            note = "; ".join(text for text in (law, origin.source) if text)
+            return f"  [{origin.status}: {note or 'no source given'}]"
+    return ""

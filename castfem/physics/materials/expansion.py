@@ -1,0 +1,207 @@
+"""Thermal contraction of the solid shell: linear strain since the solidus (thesis II.2).
+
+Every law gives e(T) = L(T)/L(T_sol) - 1 of the solid; `Steel` makes it 0 in the mushy zone and the
+liquid (thesis V.1.4.3, V.1.6).  The mean coefficient of thermal linear expansion follows from it as
+e(T)/(T - T_sol).
+
+The thesis' (19) prints the ratio of densities upside down and without the division by T - T_sol.
+From L^3 ~ 1/rho:  e(T) = (rho(T_sol)/rho(T))^(1/3) - 1  and  alpha_m = e(T)/(T - T_sol).
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.tables import Table
+from castfem.base.types import Array
+from castfem.physics.materials.iron_carbon import IronCarbon, Phases, Side
+from castfem.physics.materials.properties import Property
+
+IRON_MASS, CARBON_MASS = 55.845, 12.011  # g/mol
+AVOGADRO = 6.02214076e23
+DELTA_CELL_ATOMS, GAMMA_CELL_ATOMS = 2, 4  # iron atoms in a bcc and an fcc cell
+ANGSTROM3_PER_CM3 = 1e24
+
+
+class Expansion(Protocol):
+    """Strain of the solid since a reference temperature."""
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Temperatures where the strain has a kink or a jump, K."""
+
+    @property
+    def curved(self) -> bool:
+        """Whether the strain is not linear in T between its kinks."""
+
+    def strain(self, temperature: npt.ArrayLike, reference: float) -> Array:
+        """L(T)/L(reference) - 1; at a jump in the reference its colder side counts."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantExpansion:
+    """One mean coefficient, 1/K: e = alpha (T - T_ref)."""
+
+    coefficient: float
+    kinks: tuple[float, ...] = ()
+    curved: bool = False
+
+    def strain(self, temperature: npt.ArrayLike, reference: float) -> Array:
+        """Linear strain since `reference` (K)."""
+        return self.coefficient * (np.asarray(temperature, float) - reference)
+
+
+@dataclass(frozen=True, slots=True)
+class DifferentialExpansion:
+    """Table of the differential coefficient alpha = dL/(L dT) (14).
+
+    ln L(T)/L(T_ref) is its integral from the reference, so that e = exp(integral) - 1. The integral
+    itself is the logarithmic strain, 1.4 % more at 20 degC for a steel.
+    """
+
+    coefficient: Table
+    curved: bool = True
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """The rows of the table."""
+        return self.coefficient.kinks
+
+    def strain(self, temperature: npt.ArrayLike, reference: float) -> Array:
+        """Linear strain since `reference` (K)."""
+        return np.expm1(self._integral(temperature) - self._integral(reference))
+
+    def _integral(self, temperature: npt.ArrayLike) -> Array:
+        """Integral of the coefficient from the first row, exact for the linear pieces."""
+        t = np.asarray(temperature, float)
+        rows, alpha = np.array(self.coefficient.arguments), np.array(self.coefficient.values)
+        areas = 0.5 * (alpha[1:] + alpha[:-1]) * np.diff(rows)
+        sums = np.concatenate([[0.0], np.cumsum(areas)])
+        i = np.clip(np.searchsorted(rows, t, side="right") - 1, 0, len(rows) - 1)
+        start, first = np.where(t < rows[0], rows[0], rows[i]), alpha[i]
+        return np.asarray(sums[i] + 0.5 * (first + self.coefficient(t)) * (t - start))
+
+
+@dataclass(frozen=True, slots=True)
+class MeanExpansion:
+    """Table of the mean coefficient since a temperature of its own (often 20 degC).
+
+    Args:
+        coefficient: Mean coefficient, 1/K.
+        origin: Temperature at which its length counts as 1, K.
+    """
+
+    coefficient: Table
+    origin: float
+    curved: bool = True
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """The rows of the table."""
+        return self.coefficient.kinks
+
+    def _length(self, temperature: npt.ArrayLike) -> Array:
+        t = np.asarray(temperature, float)
+        return 1.0 + self.coefficient(t) * (t - self.origin)
+
+    def strain(self, temperature: npt.ArrayLike, reference: float) -> Array:
+        """Linear strain since `reference` (K)."""
+        return self._length(temperature) / self._length(reference) - 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class DensityExpansion:
+    """Strain from the density of the steel, (19) put right."""
+
+    density: Property
+    curved: bool = True
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Those of the density."""
+        return self.density.kinks
+
+    def strain(self, temperature: npt.ArrayLike, reference: float) -> Array:
+        """Linear strain since `reference` (K)."""
+        ratio = self.density(reference, "below") / self.density(temperature)
+        return np.cbrt(ratio) - 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class ChandraExpansion:
+    """Chandra's procedure (20)-(21): specific volumes of pure delta and gamma iron, with carbon.
+
+    Wray's specific volume of a pure phase gives the volume of its cell, the carbon in the phase
+    widens the cell edge, and the volumes of the phases add up by mass fraction.
+
+    Args:
+        diagram: Iron-carbon diagram of the steel.
+    """
+
+    diagram: IronCarbon
+    curved: bool = True
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Those of the phase fractions."""
+        return self.diagram.kinks
+
+    def specific_volume(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
+        """Specific volume of the solid phases together, m3/kg (liquid left out)."""
+        t = np.asarray(temperature, float)
+        phases = self.diagram.phases(t, side)
+        solid = np.maximum(1.0 - phases.liquid, 1e-300)
+        delta, gamma = _cell_volumes(t - ZERO_CELSIUS, phases)
+        return np.asarray(1e-3 * (phases.delta * delta + phases.gamma * gamma) / solid)
+
+    def strain(self, temperature: npt.ArrayLike, reference: float) -> Array:
+        """Linear strain since `reference` (K)."""
+        ratio = self.specific_volume(temperature) / self.specific_volume(reference, "below")
+        return np.cbrt(ratio) - 1.0
+
+
+def _cell_volumes(celsius: Array, phases: Phases) -> tuple[Array, Array]:
+    """Specific volumes of delta and gamma with the carbon they hold (20)-(21), cm3/g.
+
+    Carbon is interstitial: a gram of steel has 1 - W/100 grams of iron, whose cells it widens.
+    """
+    w_delta, w_gamma = (np.nan_to_num(c) for c in (phases.carbon_delta, phases.carbon_gamma))
+    delta = 0.1234 + 9.38e-6 * (celsius - 20.0)
+    gamma = 0.1225 + 9.45e-6 * (celsius - 20.0)
+    edge = 8.4e-3 * atomic_percent(w_delta)
+    delta = delta * (1.0 + edge / _edge(delta, DELTA_CELL_ATOMS)) ** 3 * (1.0 - w_delta / 100.0)
+    edge = gamma_edge_per_carbon(celsius) * w_gamma
+    gamma = gamma * (1.0 + edge / _edge(gamma, GAMMA_CELL_ATOMS)) ** 3 * (1.0 - w_gamma / 100.0)
+    return delta, gamma
+
+
+def _edge(volume: Array, atoms: int) -> Array:
+    """Edge of the cubic cell, Angstrom, of pure iron with a specific volume in cm3/g."""
+    return np.cbrt(volume * ANGSTROM3_PER_CM3 * atoms * IRON_MASS / AVOGADRO)
+
+
+def gamma_edge_per_carbon(celsius: npt.ArrayLike) -> Array:
+    """Widening of the austenite cell by carbon (21), Angstrom per wt%, from 20 to 1500 degC.
+
+    The coefficients are as the thesis prints them.  They look odd but are sound: at 20 degC they
+    give 0.0317 against 0.0330 of the usual a = 3.5780 + 0.0330 W; Harste's density formula has
+    0.0286 throughout, which they give at 680 degC; they fall with temperature, as the partial
+    volume of carbon does by Ridley and Stuart; and 0.42 %C austenite contracts by the 22e-6 1/K
+    that the thesis reads off its Figure 28.
+    """
+    t = np.asarray(celsius, float)
+    return 0.0317 - 11.65e-7 * t - 0.05e-7 * t**2
+
+
+def atomic_percent(weight_percent: npt.ArrayLike) -> Array:
+    """Atomic percent of carbon in iron from its weight percent."""
+    w = np.asarray(weight_percent, float)
+    moles = w / CARBON_MASS
+    return 100.0 * moles / (moles + (100.0 - w) / IRON_MASS)

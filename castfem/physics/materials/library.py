@@ -1,0 +1,222 @@
+"""Steels by name: the sets shipped with castfem, the user's own files, and changes for one case."""
+
+from __future__ import annotations
+
+import copy
+import os
+import tomllib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from castfem.base.errors import InputError
+from castfem.base.messages import choices, dotted, shown
+from castfem.base.units import nearest
+from castfem.physics.materials import schema
+from castfem.physics.materials.build import Workshop
+from castfem.physics.materials.iron_carbon import ELEMENTS, MAX_ALLOYING, MAX_CARBON
+from castfem.physics.materials.schema import Keys, MaterialFile, Problem
+from castfem.physics.materials.steel import Steel
+
+# Other elements that an analysis of a steel may name.
+TRACES = frozenset((
+    *("H", "Be", "B", "N", "O", "Mg", "Ca", "Ti", "V", "Co", "Zn", "Ga", "Ge", "As", "Se", "Y"),
+    *("Zr", "Nb", "Mo", "Ag", "Sn", "Sb", "Te", "La", "Ce", "Nd", "Hf", "Ta", "W", "Pb", "Bi"),
+))  # fmt: skip
+FOLDER = Path(__file__).parent / "data"
+
+
+def available_steels() -> dict[str, str]:
+    """Return the names of the sets shipped with castfem, each with its description."""
+    found = {}
+    for path in sorted(FOLDER.glob("*.toml")):
+        found[path.stem] = str(tomllib.loads(path.read_text("utf-8")).get("description", ""))
+    return found
+
+
+def load_steel(
+    name: str,
+    base_dir: str | os.PathLike[str] | None = None,
+    composition: Mapping[str, Any] | None = None,
+    overrides: Mapping[str, Any] | None = None,
+    *,
+    origin: str = "steel",
+    where: Callable[[Keys], str] | None = None,
+) -> Steel:
+    """Load a steel.
+
+    Args:
+        name: A set shipped with castfem, or the path of a TOML file (it ends in .toml or has a
+            slash), relative to `base_dir`.
+        base_dir: Folder of the case file; the working folder if left out.
+        composition: wt% by element symbol, for a set that is computed from it.
+        overrides: Keys of the set to change, written as in its file.  One that brings a value, a
+            table or a formula replaces the whole property, others are merged into it.
+        origin: Where name, composition and overrides were written ("billet.toml: steel"), for
+            messages.
+        where: The same of single keys below, ("overrides", "density"); `origin` for all if None.
+
+    Raises:
+        InputError: With all problems found, one line each.
+    """
+    path = _locate(name, Path(base_dir or "."), origin)
+    label = _label(path)
+    changes = dict(overrides or {})
+    data = _merged(_parse(path, label), changes)
+    given, problems = schema.read(data)
+    amounts, faults = _composition(given, composition, path.stem)
+    left_out = tuple(e for e in {**given.composition, **(composition or {})} if e in TRACES)
+    shop = Workshop(given, path.stem, amounts, left_out=left_out, problems=problems + faults)
+    steel = shop.steel()
+    if steel is None:
+        asked = composition or {}
+        lines = [
+            _line(p, label, where or (lambda _: origin), changes, asked) for p in shop.problems
+        ]
+        raise InputError(dict.fromkeys(lines))
+    return steel
+
+
+def given_steel(name: str) -> dict[str, Any]:
+    """Return the tables of a shipped steel or a file of one's own, as written.
+
+    Raises:
+        InputError: It cannot be read.
+    """
+    path = _locate(name, Path("."), "steel")
+    return _parse(path, _label(path))
+
+
+def _locate(name: str, base: Path, origin: str) -> Path:
+    """Return the file of a steel."""
+    if name.endswith(".toml") or "/" in name or os.sep in name:
+        path = base / name
+        if path.is_file():
+            return path
+        if path.is_dir():
+            raise InputError(f'{origin}.name ("{name}"): is a folder, a file is needed')
+        near = nearest(path.name, (p.name for p in path.parent.glob("*.toml")))
+        raise InputError(f'{origin}.name ("{name}"): file not found: {path}{near}')
+    path = FOLDER / f"{name}.toml"
+    if name and path.is_file():
+        return path
+    names = list(available_steels())
+    own = (
+        f'; a file of your own is written "./{name}.toml"'
+        if (base / f"{name}.toml").is_file()
+        else ""
+    )
+    raise InputError(
+        f'{origin}.name ("{name}"): no such steel; one of {choices(names)}, '
+        f"or the path of a TOML file{own or nearest(name, names)}"
+    )
+
+
+def _label(path: Path) -> str:
+    """Return how a file is called in messages: a shipped set by its name, others by their path."""
+    if path.parent == FOLDER:
+        return f"steel {path.stem}"
+    try:
+        return str(path.resolve().relative_to(Path.cwd()))
+    except ValueError:
+        return str(path)
+
+
+def _parse(path: Path, label: str) -> dict[str, Any]:
+    """Read a TOML file; tables in CSV files are taken relative to it."""
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise InputError(f"{label}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        line = error.object[: error.start].count(b"\n") + 1
+        raise InputError(f"{label}: line {line}: not a text in UTF-8; save it as that") from None
+    except tomllib.TOMLDecodeError as error:
+        what, _, place = str(error).partition(" (at ")
+        raise InputError(f"{label}: {place.rstrip(')')}: {what}") from None
+    for entry in data.values():
+        if isinstance(entry, dict) and isinstance(entry.get("file"), str):
+            entry["file"] = os.path.join(path.parent, entry["file"])
+    return data
+
+
+def _merged(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Apply overrides; a property that gets another value loses the source of the old one.
+
+    What the override makes meaningless goes: the solidus and liquidus of the set under a solid
+    fraction that brings its own, one of latent heat and enthalpy under the other, and the specific
+    heat under a table of enthalpies.
+    """
+    merged = copy.deepcopy(data)
+    fraction = changes.get("solid_fraction")
+    dropped = {"latent_heat": "enthalpy", "enthalpy": "latent_heat"}
+    gone = [old for new, old in dropped.items() if new in changes]
+    if isinstance(fraction, Mapping) and fraction.get("formula") != "linear":
+        gone += ["solidus", "liquidus"]
+    enthalpy = changes.get("enthalpy")
+    if isinstance(enthalpy, Mapping) and enthalpy.keys() & {"temperature", "file"}:
+        gone.append("specific_heat")
+    for key in gone:
+        merged.pop(key, None)
+    for key, given in changes.items():
+        change = copy.deepcopy(given) if isinstance(given, Mapping) else {"value": given}
+        old = merged.get(key)
+        if key not in schema.KINDS:
+            merged[key] = given
+        elif not isinstance(old, dict) or any(form in change for form in schema.FORMS):
+            merged[key] = {"source": "set in the case", **change}
+        else:
+            parameters = {**old.get("parameters", {}), **change.get("parameters", {})}
+            merged[key] = {**old, **change, **({"parameters": parameters} if parameters else {})}
+    return merged
+
+
+def _composition(
+    given: MaterialFile, asked: Mapping[str, Any] | None, name: str
+) -> tuple[dict[str, float], list[Problem]]:
+    """Return the composition in wt%, the case's over the file's, and what is wrong with it."""
+    problems, amounts = [], {}
+    if asked and not given.from_composition:
+        sets = ", ".join(s for s in available_steels() if "plain_carbon" in s)
+        text = f"{name} is not computed from a composition; leave it out, take {sets}, or write "
+        text += "the composition into the file of your own steel: its laws then go by it"
+        return dict(_sound(given.composition)), [Problem(("composition",), text)]
+    for element, value in {**given.composition, **(asked or {})}.items():
+        most = MAX_CARBON if element == "C" else MAX_ALLOYING
+        if element not in ELEMENTS and element not in TRACES:
+            text = f"no data for this element; known: {choices(ELEMENTS)}"
+            text += nearest(element, ELEMENTS)
+        elif isinstance(value, bool) or not isinstance(value, int | float):
+            text = f"({shown(value)}) must be a plain number, in weight percent"
+        elif not 0.0 <= value <= most:
+            text = f"({value:g}) is out of range; 0 to {most:g} weight percent"
+        else:
+            if element in ELEMENTS:
+                amounts[element] = float(value)
+            continue
+        problems.append(Problem(("composition", element), text))
+    for element in given.from_composition:
+        if element not in {**given.composition, **(asked or {})}:
+            text = f"is needed by {name}, in weight percent, such as {element} = 0.2"
+            problems.append(Problem(("composition", element), text))
+    return amounts, problems
+
+
+def _sound(composition: Mapping[str, Any]) -> Mapping[str, float]:
+    return {e: float(w) for e, w in composition.items() if isinstance(w, int | float)}
+
+
+def _line(
+    problem: Problem,
+    label: str,
+    where: Callable[[Keys], str],
+    changes: Mapping[str, Any],
+    asked: Mapping[str, Any],
+) -> str:
+    """Return "where: key: text": where the user wrote it, in the case or in the material file."""
+    path: Keys = problem.path
+    if path[0] in changes:
+        return f"{where(('overrides', *path))}.overrides.{dotted(path)}: {problem.text}"
+    if path[0] == "composition" and (asked or "is needed" in problem.text):
+        return f"{where(path)}.{dotted(path)}: {problem.text}"
+    return f"{label}: {dotted(path)}: {problem.text}"

@@ -1,0 +1,96 @@
+"""A property of steel as a function of temperature: constant, table, or named formula.
+
+Every property is called with temperatures in K (any shape) and returns SI values of that shape.
+Where a property jumps, `side` picks the hotter ("above") or the colder ("below") value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.base.types import Array
+from castfem.physics.materials.formulas import FORMULAS, Formula
+from castfem.physics.materials.iron_carbon import IronCarbon, Side
+
+
+class Property(Protocol):
+    """What the rest of castfem knows of a property."""
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Temperatures where the slope or the value jumps, K, increasing."""
+
+    @property
+    def jumps(self) -> tuple[float, ...]:
+        """Those of the kinks where the value itself jumps."""
+
+    @property
+    def curved(self) -> bool:
+        """Whether it is not linear between its kinks."""
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Temperatures between which it is defined, K."""
+
+    def __call__(self, temperature: npt.ArrayLike, /, side: Side = "above") -> Array:
+        """Values at `temperature`."""
+
+
+@dataclass(frozen=True, slots=True)
+class ByFormula:
+    """A named formula with its parameters, by phase if it needs the iron-carbon diagram.
+
+    Args:
+        formula: From `castfem.physics.materials.formulas.FORMULAS`.
+        parameters: Values of all its parameters, SI.
+        diagram: Iron-carbon diagram of the steel, for a formula that goes by phase.
+    """
+
+    formula: Formula
+    parameters: Mapping[str, float]
+    diagram: IronCarbon | None = None
+
+    def __post_init__(self) -> None:
+        if self.formula.by_phase and self.diagram is None:
+            raise ValueError(f"{self.formula.name} needs the carbon content of the steel")
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Kinks of the formula itself and of the phase fractions."""
+        own = self.formula.kinks(**self.parameters)
+        phases = self.diagram.kinks if self.formula.by_phase and self.diagram else ()
+        return tuple(sorted({*own, *phases}))
+
+    @property
+    def jumps(self) -> tuple[float, ...]:
+        """Isothermal reactions of the steel, if the formula goes by phase."""
+        return self.diagram.reactions if self.formula.by_phase and self.diagram else ()
+
+    @property
+    def curved(self) -> bool:
+        """Formulas are taken as curved."""
+        return True
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Formulas are continued to all temperatures; their own range stands in their source."""
+        return 0.0, np.inf
+
+    def __call__(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
+        """Evaluate the formula."""
+        t = np.asarray(temperature, float)
+        if self.formula.by_phase and self.diagram is not None:
+            return self.formula.evaluate(t, self.diagram.phases(t, side), **self.parameters)
+        return self.formula.evaluate(t, **self.parameters)
+
+
+def named(name: str, diagram: IronCarbon | None = None, **parameters: float) -> ByFormula:
+    """Return the property by the formula `name`, parameters left out at their defaults."""
+    formula = FORMULAS[name]
+    defaults = {key: p.default for key, p in formula.parameters.items()}
+    return ByFormula(formula, {**defaults, **parameters}, diagram)

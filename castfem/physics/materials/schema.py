@@ -1,0 +1,178 @@
+"""What may stand in a material file: its keys, and the kinds of quantity they hold.
+
+This is the structure only; `castfem.physics.materials.build` makes the steel of it.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+
+from castfem.base.messages import choices, shown
+from castfem.base.quantities import Kind
+from castfem.base.units import nearest
+
+Keys = tuple[str | int, ...]
+
+TEMPERATURE = Kind("K", "degC", above=0.0)
+# Every property with the unit and the bounds of its values.
+KINDS: Mapping[str, Kind] = {
+    "solidus": TEMPERATURE,
+    "liquidus": TEMPERATURE,
+    "latent_heat": Kind("J/kg", "kJ/kg", least=0.0),
+    "solid_fraction": Kind("1", least=0.0, most=1.0, label="solid fraction", sample="0.5"),
+    "density": Kind("kg/m^3", "kg/m^3", above=0.0),
+    "specific_heat": Kind("J/(kg K)", "J/(kg K)", above=0.0),
+    "enthalpy": Kind("J/kg", "kJ/kg", label="enthalpy", sample="1200 kJ/kg"),
+    "conductivity": Kind("W/(m K)", "W/(m K)", above=0.0),
+    "emissivity": Kind("1", above=0.0, most=1.0, label="emissivity", sample="0.8"),
+    "thermal_expansion": Kind("1/K", "1/K"),
+    "youngs_modulus": Kind("Pa", "GPa", above=0.0, label="Young's modulus", sample="40 GPa"),
+    "poisson_ratio": Kind("1", least=0.0, most=0.499, label="Poisson's ratio", sample="0.3"),
+}
+# What decides on the kind of an entry: an override with one of these replaces the whole entry.
+FORMS = ("value", "temperature", "file", "formula")
+
+
+class Entry(BaseModel):
+    """One property: `value` alone (constant), a table, or a `formula`; and where it comes from.
+
+    A plain text, `density = "7400 kg/m^3"`, is short for `value`.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    value: Any = None
+    unit: Any = None
+    temperature: Any = None
+    temperature_unit: Any = None
+    file: str | None = None
+    outside: Literal["constant", "refuse"] = "constant"
+    formula: str | None = None
+    parameters: dict[str, Any] = {}
+    source: str = ""
+    status: Literal["F", "M", "C", "U"] = "U"
+    note: str = ""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _short(cls, given: Any) -> Any:
+        return given if isinstance(given, Mapping) else {"value": given}
+
+    @property
+    def forms(self) -> tuple[str, ...]:
+        """Which of constant, table, file and formula it is; sound entries are one of them."""
+        table = self.temperature is not None
+        return tuple(
+            form
+            for form in FORMS
+            if getattr(self, form) is not None and not (form == "value" and table)
+        )
+
+
+class ExpansionEntry(Entry):
+    """Thermal expansion; a table holds mean coefficients since `origin`, or differential ones."""
+
+    coefficient: Literal["mean", "differential"] = "mean"
+    origin: Any = None
+
+
+class MaterialFile(BaseModel):
+    """A material file."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    description: str = ""
+    from_composition: tuple[str, ...] = ()
+    composition: dict[str, Any] = {}
+    solidus: Entry | None = None
+    liquidus: Entry | None = None
+    latent_heat: Entry | None = None
+    solid_fraction: Entry | None = None
+    density: Entry | None = None
+    specific_heat: Entry | None = None
+    enthalpy: Entry | None = None
+    conductivity: Entry | None = None
+    emissivity: Entry | None = None
+    thermal_expansion: ExpansionEntry | None = None
+    youngs_modulus: Entry | None = None
+    poisson_ratio: Entry | None = None
+
+    def entry(self, key: str) -> Entry | None:
+        """Return the entry of a property."""
+        found = getattr(self, key)
+        return found if isinstance(found, Entry) else None
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Something wrong with a material: keys down to it, and what is wrong."""
+
+    path: Keys
+    text: str
+
+
+def read(data: Mapping[str, Any]) -> tuple[MaterialFile, list[Problem]]:
+    """Check the structure of a material file.
+
+    Returns:
+        The file without what was wrong with it, and one problem for each thing that was.
+    """
+    sound: dict[str, Any] = copy.deepcopy(dict(data))
+    problems: list[Problem] = []
+    while True:
+        try:
+            return MaterialFile.model_validate(sound), problems
+        except ValidationError as error:
+            for details in error.errors(include_url=False, include_context=True):
+                path = details["loc"]
+                problems.append(Problem(path, _text(details, path)))
+                _drop(sound, path)
+
+
+_PLAIN = {
+    "string_type": "must be a text",
+    "dict_type": "must be a table",
+    "tuple_type": "must be a list",
+}
+
+
+def _text(details: Any, path: Keys) -> str:
+    """Say what is wrong, what is allowed, and what may have been meant."""
+    value = f" ({shown(details['input'])})"
+    kind, name = details["type"], str(path[-1])
+    if kind == "extra_forbidden":
+        model = MaterialFile if len(path) == 1 else type_of(str(path[0]))
+        keys = list(model.model_fields)
+        return f"unknown key{value}; allowed: {choices(keys)}{nearest(name, keys)}"
+    if kind == "literal_error":
+        names = {"status": ("F", "M", "C", "U"), "outside": ("constant", "refuse")}.get(
+            name, ("mean", "differential")
+        )
+        return (
+            f"not possible{value}; one of {choices(names)}{nearest(str(details['input']), names)}"
+        )
+    return f"{_PLAIN.get(kind, details['msg'])}{value}"
+
+
+def type_of(key: str) -> type[Entry]:
+    """Return the model of a property's entry."""
+    return ExpansionEntry if key == "thermal_expansion" else Entry
+
+
+def _drop(data: Any, path: Keys) -> None:
+    """Take the key at `path` out of nested tables and lists; a missing one is passed over."""
+    *above, last = path
+    for part in above:
+        known = isinstance(data, Mapping) and part in data
+        if not known and not (isinstance(data, Sequence) and isinstance(part, int)):
+            return
+        data = data[part]
+    if isinstance(data, dict):
+        data.pop(last, None)
+    elif isinstance(data, list) and isinstance(last, int) and last < len(data):
+        data[last] = ""

@@ -1,0 +1,335 @@
+"""A steel: its characteristic temperatures and its properties as vectorised functions of T, in SI.
+
+A property that the set does not give (no emissivity, say) raises InputError when it is asked for,
+so that a set needs only what the simulations made with it need.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.errors import InputError
+from castfem.base.tables import Constant
+from castfem.base.types import Array
+from castfem.physics.materials import knots
+from castfem.physics.materials.curve import ThermalCurve
+from castfem.physics.materials.expansion import Expansion
+from castfem.physics.materials.iron_carbon import IronCarbon, Side
+from castfem.physics.materials.properties import Property
+from castfem.physics.materials.solid_fraction import SolidFraction
+
+NEAR_SOLIDUS = 1e-3  # K: the mean coefficient is taken this far below the solidus at least
+ISOTHERMAL = 1e-8  # K below a melting point down to which steel is still at it
+MOLTEN = 1.0  # K above the liquidus: where the density of the liquid is taken
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Where a number comes from.
+
+    Attributes:
+        law: The property in words: its value, "table", or the name of its formula.
+        source: Reference.
+        status: F read in the source, M from memory of it, C computed, U the user's own.
+    """
+
+    law: str
+    source: str
+    status: str
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Steel:
+    """One steel; made by `castfem.physics.materials.load_steel`.
+
+    Temperatures are in K, of any shape; results have the same shape.  At a temperature where a
+    property jumps (isothermal freezing, peritectic) `side` picks the hotter ("above") or the colder
+    ("below") state; "above" unless told otherwise.
+
+    Attributes:
+        name: Name of the set, or of its file.
+        description: What it is, one sentence.
+        solidus: K.
+        liquidus: K.
+        latent_heat: Heat of solidification, J/kg; for a steel defined by its enthalpy, what that
+            releases from liquidus to solidus beyond the specific heat.
+        properties: density, specific_heat, conductivity, and perhaps enthalpy, emissivity,
+            youngs_modulus, poisson_ratio.
+        fraction: Law of the solid fraction.
+        expansion: Law of the thermal contraction, if there is one.
+        composition: wt% by element; empty if not stated.
+        diagram: Iron-carbon diagram, if a composition is stated.
+        origins: Source and status by property.
+        left_out: Elements that were stated, but of whose effect nothing is known here.
+    """
+
+    name: str
+    description: str
+    solidus: float
+    liquidus: float
+    latent_heat: float
+    properties: Mapping[str, Property]
+    fraction: SolidFraction
+    expansion: Expansion | None = None
+    composition: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    diagram: IronCarbon | None = None
+    origins: Mapping[str, Origin] = field(default_factory=lambda: MappingProxyType({}))
+    left_out: tuple[str, ...] = ()
+
+    def has(self, key: str) -> bool:
+        """Whether the steel has the property `key` ("emissivity", "thermal_expansion" ...)."""
+        return self.expansion is not None if key == "thermal_expansion" else key in self.properties
+
+    def _missing(self, key: str) -> InputError:
+        return InputError(
+            f"{self.name}: {key}: this steel has none; add [{key}] to its file or override it"
+        )
+
+    def _law(self, key: str) -> Property:
+        if key not in self.properties:
+            raise self._missing(key)
+        return self.properties[key]
+
+    def _value(self, key: str, temperature: npt.ArrayLike, side: Side) -> Array:
+        try:
+            return self._law(key)(temperature, side)
+        except ValueError as error:
+            raise InputError(f"{self.name}: {key}: {error}") from None
+
+    def density(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
+        """Density, kg/m3."""
+        return self._value("density", temperature, side)
+
+    def specific_heat(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
+        """Specific heat without latent heat, J/(kg K)."""
+        return self._value("specific_heat", temperature, side)
+
+    def conductivity(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
+        """Thermal conductivity, W/(m K)."""
+        return self._value("conductivity", temperature, side)
+
+    def emissivity(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
+        """Emissivity of the surface."""
+        return self._value("emissivity", temperature, side)
+
+    def youngs_modulus(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
+        """Young's modulus, Pa."""
+        return self._value("youngs_modulus", temperature, side)
+
+    def poisson_ratio(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
+        """Poisson's ratio of the solid."""
+        return self._value("poisson_ratio", temperature, side)
+
+    def solid_fraction(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
+        """Solid fraction, 1 below the solidus and 0 above the liquidus.
+
+        Where freezing is isothermal, steel that is at its melting point but for the rounding of an
+        interpolation has not frozen yet.
+        """
+        if side == "above" and self.solidus == self.liquidus:
+            temperature = np.asarray(temperature, float) + ISOTHERMAL
+        return self.fraction(temperature, side)
+
+    @property
+    def liquid_density(self) -> float:
+        """Density of what presses on the shell, liquid a little above the liquidus, kg/m3."""
+        return float(self.density(self.liquidus + MOLTEN))
+
+    def thermal_strain(self, temperature: npt.ArrayLike) -> Array:
+        """Linear thermal strain since the solidus; 0 above it, negative in the shell."""
+        if self.expansion is None:
+            raise self._missing("thermal_expansion")
+        t = np.asarray(temperature, float)
+        solid = np.minimum(t, self.solidus)
+        return np.where(t < self.solidus, self.expansion.strain(solid, self.solidus), 0.0)
+
+    def thermal_expansion(self, temperature: npt.ArrayLike) -> Array:
+        """Mean coefficient of thermal linear expansion since the solidus, 1/K.
+
+        It is 0 in mushy zone and liquid.  Nearer to the solidus than 1 mK it is the value there,
+        where strain over temperature would be 0 over 0.
+        """
+        t = np.asarray(temperature, float)
+        solid = np.minimum(t, self.solidus - NEAR_SOLIDUS)
+        return np.where(t < self.solidus, self.thermal_strain(solid) / (solid - self.solidus), 0.0)
+
+    def breakpoints(self, lower: float, upper: float) -> Array:
+        """Temperatures in [lower, upper] where a property has a kink or a jump, increasing."""
+        laws = (*self.properties.values(), self.fraction)
+        kinks = [t for law in laws for t in law.kinks]
+        kinks += [self.solidus, self.liquidus]
+        if self.expansion is not None:
+            kinks += self.expansion.kinks
+        return knots.merged(kinks, self._jumps(), lower, upper)
+
+    def _jumps(self) -> tuple[float, ...]:
+        laws = (*self.properties.values(), self.fraction)
+        return tuple(t for law in laws for t in law.jumps)
+
+    def _transformation(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
+        """Enthalpy whose change is given off beyond the specific heat, J/kg (simple sets)."""
+        return self.latent_heat * (1.0 - self.fraction(temperature, side))
+
+    def enthalpy_knots(
+        self, lower: float, upper: float, poured: float | None = None
+    ) -> tuple[Array, Array, Array, Array, Array]:
+        """Volumetric heat capacity in pieces, whose integral is the enthalpy density H (24).
+
+        Of a section that does not move, dH = rho(T) dh, with h the enthalpy per kilogram: rho
+        stands inside the integral.  With a varying density a cell then does not keep its mass: H is
+        the heat given off by the volume, each step with the mass that is in it then, and the mass
+        that shrinkage draws in brings no heat along.  By Harste's formulas the density of the solid
+        changes by 1 % in 150 K.
+
+        Of a section that moves with its steel, H = rho(T) (h(T) - h(poured)) per volume that the
+        steel had when it froze: liquid and mushy zone are fed with steel as it was poured, solid
+        keeps the mass it froze with, that is the density at the solidus.
+
+        Args:
+            lower: First temperature, K.
+            upper: Last temperature, K.
+            poured: Temperature of the steel at the meniscus, K, if the section moves with its
+                steel; None if it does not.
+
+        Returns:
+            T (n,), K; rho c at the left and the right end of each piece (n-1,), J/m3K; the part of
+            the heat capacity that is constant on the piece (n-1,), J/m3K, which holds
+            rho L (-dfs/dT) and what the linear rho c misses; heat absorbed at constant temperature
+            at each knot (n,), J/m3.  The enthalpy is exact at every knot.
+
+        Raises:
+            InputError: If a table does not reach as far and is refused beyond its ends.
+        """
+        self._check_span(("density", "specific_heat", "enthalpy"), lower, upper)
+        density, heat = self._law("density"), self._law("specific_heat")
+        law = self.properties.get("enthalpy")
+        curved = not isinstance(density, Constant) or heat.curved or self.fraction.curved
+        if isinstance(density, Constant):
+            poured = None  # nothing tells the two apart
+        breaks = self._thermal_breakpoints(lower, upper)
+        if poured is not None:
+            breaks = knots.merged([poured], list(breaks), lower, upper)
+        t = knots.grid(breaks, lower, upper, curved)
+        points, width = knots.nodes(t), np.diff(t)
+        rho = knots.one_sided(density, points)
+        capacity = rho * knots.one_sided(heat, points)
+        h = knots.one_sided(law or self._transformation, points)
+        if poured is not None:
+            per_mass = h if law else h + _integrated(knots.one_sided(heat, points), width)
+            return self._of_mass(t, rho, per_mass, knots.one_sided(heat, points), poured)
+        gain = knots.heat_of(rho, h - h[:, :1])
+        if law is None:
+            gain = gain + capacity @ knots.WEIGHTS * width
+        rho_c_left, rho_c_right = capacity[:, 0], capacity[:, -1]
+        latent = gain / width - 0.5 * (rho_c_left + rho_c_right)
+        if not curved and law is None:
+            latent = np.where(np.abs(latent) < 1e-12 * rho_c_left, 0.0, latent)
+        return t, rho_c_left, rho_c_right, latent, self._isothermal(t)
+
+    def _of_mass(
+        self, t: Array, rho: Array, h: Array, heat: Array, poured: float
+    ) -> tuple[Array, Array, Array, Array, Array]:
+        """As `enthalpy_knots`, of steel that keeps its mass once it is solid.
+
+        Args:
+            t: Knots (n,), K.
+            rho: Density at the points of the pieces (n-1, k), kg/m3.
+            h: Enthalpy per mass there; in its own datum on each piece, J/kg.
+            heat: Specific heat there, J/(kg K).
+            poured: See `enthalpy_knots`, K.
+        """
+        rho = np.where(knots.nodes(t) > self.solidus, rho, self.density(self.solidus, "below"))
+        law = self.properties.get("enthalpy", self._transformation)
+        jump = np.where(np.isin(t, self._jumps()), law(t, "above") - law(t, "below"), 0.0)
+        gain = h[:, -1] - h[:, 0]
+        after = np.cumsum(jump) + np.concatenate([[0.0], np.cumsum(gain)])  # above each knot
+        h0 = float(np.interp(poured, t, after))
+        below, above = after - jump - h0, after - h0
+        at_left, at_right = rho[:, 0] * above[:-1], rho[:, -1] * below[1:]
+        left, right = rho[:, 0] * heat[:, 0], rho[:, -1] * heat[:, -1]
+        constant = (at_right - at_left) / np.diff(t) - 0.5 * (left + right)
+        from_above = np.concatenate([at_left, [rho[-1, -1] * above[-1]]])
+        from_below = np.concatenate([[rho[0, 0] * below[0]], at_right])
+        absorbed = from_above - from_below
+        self._refuse_falling(t, at_right - at_left, absorbed, np.abs(from_above).max())
+        return t, left, right, constant, np.maximum(absorbed, 0.0)
+
+    def _refuse_falling(self, t: Array, on_pieces: Array, at_knots: Array, scale: float) -> None:
+        """Refuse heat (J/m3) that warmer steel would not hold, but for rounding."""
+        least = -1e-9 * scale
+        if on_pieces.min() >= least and at_knots.min() >= least:
+            return
+        piece, knot = int(np.argmin(on_pieces)), int(np.argmin(at_knots))
+        first, last = (knot, knot) if at_knots[knot] < on_pieces[piece] else (piece, piece + 1)
+        raise InputError(
+            f"{self.name}: density: it rises so much from {t[first] - ZERO_CELSIUS:.6g} to "
+            f"{t[last] - ZERO_CELSIUS:.6g} degC that what is warmer would hold less heat; "
+            "mend the density, or set coupling.follow_shape = false"
+        )
+
+    def _isothermal(self, t: Array) -> Array:
+        """Heat absorbed at each of the knots `t`, J/m3, by the mean of the two densities there."""
+        law = self.properties.get("enthalpy", self._transformation)
+        rho = 0.5 * (self.density(t, "above") + self.density(t, "below"))
+        return np.where(np.isin(t, self._jumps()), rho * (law(t, "above") - law(t, "below")), 0.0)
+
+    def conductivity_knots(self, lower: float, upper: float) -> tuple[Array, Array, Array]:
+        """Conductivity in linear pieces: T (n,), K, and k at both ends of each (n-1,), W/mK.
+
+        Raises:
+            InputError: As `enthalpy_knots`.
+        """
+        self._check_span(("conductivity",), lower, upper)
+        law = self._law("conductivity")
+        t = knots.grid(knots.merged(law.kinks, law.jumps, lower, upper), lower, upper, law.curved)
+        return t, law(t[:-1], "above"), law(t[1:], "below")
+
+    def thermal_curve(
+        self, lower: float, upper: float, datum: float | None = None, poured: float | None = None
+    ) -> ThermalCurve:
+        """Enthalpy, temperature and conduction as functions of each other, `lower` to `upper`.
+
+        The temperature `datum` (K) is where the enthalpy counts as zero, see `ThermalCurve`;
+        `poured` is that of `enthalpy_knots`.
+        """
+        capacity = self.enthalpy_knots(lower, upper, poured)
+        return ThermalCurve(capacity, self.conductivity_knots(lower, upper), datum)
+
+    def _thermal_breakpoints(self, lower: float, upper: float) -> Array:
+        """Breakpoints of the enthalpy alone."""
+        laws = [self.properties[k] for k in ("density", "specific_heat", "enthalpy")
+                if k in self.properties]  # fmt: skip
+        kinks = [t for law in (*laws, self.fraction) for t in law.kinks]
+        jumps = [t for law in (*laws, self.fraction) for t in law.jumps]
+        return knots.merged(kinks, jumps, lower, upper)
+
+    def _check_span(self, keys: tuple[str, ...], lower: float, upper: float) -> None:
+        """Refuse a range of temperatures that a table does not cover."""
+        if not lower < upper:
+            raise ValueError(f"an interval of temperatures is needed, not {lower} to {upper} K")
+        problems = []
+        for key in keys:
+            first, last = self.properties[key].span if key in self.properties else (0.0, np.inf)
+            if lower < first or upper > last:
+                problems.append(
+                    f"{self.name}: {key}: the table covers {first - ZERO_CELSIUS:g} to "
+                    f"{last - ZERO_CELSIUS:g} degC and refuses more; "
+                    f"{lower - ZERO_CELSIUS:g} to {upper - ZERO_CELSIUS:g} degC is needed"
+                )
+        if problems:
+            raise InputError(problems)
+
+
+def _integrated(values: Array, width: Array) -> Array:
+    """Integral of values at the points of pieces (n-1, k) from the start of each, at its end."""
+    found = np.zeros_like(values)
+    found[:, -1] = values @ knots.WEIGHTS * width
+    return found

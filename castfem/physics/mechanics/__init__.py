@@ -1,0 +1,25 @@
+"""Mechanics of the slice: generalized plane strain, state at quadrature points, SNES.
+
+A `Slice` says what a slice is made of, how it is held and what acts on it; a `MechanicalProblem` is
+its equilibrium at the end of a step, a `MechanicalStepper` takes it from one state to the next.
+"""
+
+from __future__ import annotations
+
+from castfem.physics.mechanics.definition import Slice
+from castfem.physics.mechanics.ferrostatic import Ferrostatic
+from castfem.physics.mechanics.planes import PlainPlanes
+from castfem.physics.mechanics.problem import MechanicalProblem
+from castfem.physics.mechanics.state import MechanicalState
+from castfem.physics.mechanics.stepper import MechanicalStepper
+from castfem.physics.mechanics.surface_gap import SurfaceGap
+
+__all__ = [
+    "Ferrostatic",
+    "MechanicalProblem",
+    "MechanicalState",
+    "MechanicalStepper",
+    "PlainPlanes",
+    "Slice",
+    "SurfaceGap",
+]

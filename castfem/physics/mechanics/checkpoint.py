@@ -1,0 +1,127 @@
+"""The mechanical state as arrays that do not depend on the number of ranks, and back."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+
+from castfem.base.types import Array
+from castfem.fem import dof_values, reductions
+from castfem.fem.cellwise import Cellwise
+from castfem.physics.mechanics.planes import STRAIGHT, Bending
+from castfem.physics.mechanics.problem import MechanicalProblem
+from castfem.physics.mechanics.state import MechanicalState
+
+
+class MechanicalCheckpoint:
+    """Takes a `MechanicalState` apart for a checkpoint, and puts it together again.
+
+    What belongs to points and to the nodes of the displacement is kept cell by cell, so that each
+    node is there as often as it has cells; temperatures are kept by node of the section.
+
+    Args:
+        problem: Whose states these are.
+    """
+
+    def __init__(self, problem: MechanicalProblem) -> None:
+        self.problem = problem
+        self._cellwise = Cellwise(problem.section)
+        cells = len(self._cellwise.cells)
+        self._nodes = np.asarray(problem.space.dofmap.list)[:cells]
+
+    def arrays(self, state: MechanicalState) -> dict[str, Array | None]:
+        """The arrays of `state`, whole on rank 0, None elsewhere (collective)."""
+        deviator_points, cells = self.problem.points.deviator_points, len(self._cellwise.cells)
+        rate = self._with_ghosts(state.rate)
+        parts: dict[str, Array] = {
+            "displacement": state.displacement.reshape(-1, 2)[self._nodes],
+            "displacement_rate": rate.reshape(-1, 2)[self._nodes],
+        }
+        for name, values in (("stress", state.stress), ("internal", state.internal)):
+            for rule, rows in (
+                ("deviator", values[:deviator_points]),
+                ("mean", values[deviator_points:]),
+            ):
+                shape = (cells, self._points_in_cell(rule), values.shape[1])
+                parts[f"{name}_{rule}"] = rows.reshape(shape)
+        if reductions.total(self.problem.section.comm, state.pressure.size) > 0:
+            parts["pressure"] = state.pressure.reshape(cells, self._points_in_cell("mean"))
+        found = {name: self._cellwise.gather(values) for name, values in parts.items()}
+        found["mechanical_temperature"] = self.problem.section.gather(state.temperature)
+        return found | self.problem.interactions.arrays(state.interactions)
+
+    def _points_in_cell(self, rule: str) -> int:
+        return len(getattr(self.problem.points, rule).points)
+
+    def _with_ghosts(self, owned: Array) -> Array:
+        """Values of the owned displacement unknowns, with those of other ranks' nodes."""
+        return dof_values.with_ghosts(self.problem.space, owned)
+
+    @staticmethod
+    def description(state: MechanicalState) -> dict[str, Any]:
+        """What of `state` is no array over the section."""
+        bent = {} if state.bending == STRAIGHT else {"bending": _written(state.bending)}
+        return bent | {
+            "time": state.time,
+            "modes": state.generalized_strains.tolist(),
+            "scalars": state.scalars.tolist(),
+            "scalar_rate": state.scalar_rate.tolist(),
+            "unsteadiness": state.unsteadiness,
+        }
+
+    def state(self, description: dict[str, Any], arrays: dict[str, Array]) -> MechanicalState:
+        """The state of `description` and `arrays`, both on every rank."""
+        cells = self._cellwise.cells
+        displacement, rate = (
+            self._by_node(arrays[name][cells]) for name in ("displacement", "displacement_rate")
+        )
+        nodes = self.problem.section.node_of_owned
+        return MechanicalState(
+            time=description["time"],
+            displacement=displacement,
+            generalized_strains=np.array(description["modes"], float),
+            scalars=np.array(description["scalars"], float),
+            rate=rate[: self.problem.owned],
+            scalar_rate=np.array(description["scalar_rate"], float),
+            unsteadiness=description["unsteadiness"],
+            temperature=np.asarray(arrays["mechanical_temperature"])[nodes],
+            stress=self._by_point("stress", arrays),
+            internal=self._by_point("internal", arrays),
+            pressure=arrays["pressure"][cells].ravel() if "pressure" in arrays else np.zeros(0),
+            interactions=self.problem.interactions.restored(arrays),
+            bending=_restored(description.get("bending", {})),
+        )
+
+    def _by_node(self, of_cells: Array) -> Array:
+        """Values of this rank's nodes, ghosts included, from those of its cells' nodes."""
+        field = fem.Function(self.problem.space)
+        field.x.array.reshape(-1, 2)[self._nodes] = of_cells
+        # A node this rank owns has a cell here; what ghost cells alone hold comes from its owner.
+        field.x.scatter_forward()
+        return np.array(field.x.array)
+
+    def _by_point(self, name: str, arrays: dict[str, Array]) -> Array:
+        cells = self._cellwise.cells
+        rows = [arrays[f"{name}_{rule}"][cells] for rule in ("deviator", "mean")]
+        # Of a law that remembers nothing there are no columns, from which -1 could be told.
+        return np.concatenate([p.reshape(p.shape[0] * p.shape[1], p.shape[2]) for p in rows])
+
+
+def _written(bending: Bending) -> dict[str, Any]:
+    """The bending as a checkpoint has it."""
+    found = asdict(bending)
+    if bending.withdrawal is None:
+        del found["withdrawal"]
+    return found
+
+
+def _restored(entries: dict[str, Any]) -> Bending:
+    """The bending of a checkpoint."""
+    if "withdrawal" not in entries:
+        return Bending(**entries)
+    from castfem.physics.machine.extraction.effort import Withdrawal
+
+    return Bending(**entries | {"withdrawal": Withdrawal.restored(entries["withdrawal"])})

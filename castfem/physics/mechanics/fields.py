@@ -1,0 +1,105 @@
+"""What the forms see of material and motion: displacement, stress and tangent as functions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from dolfinx import fem
+
+from castfem.base.types import Array
+from castfem.fem.section import Section
+from castfem.physics.constitutive.base import Response
+from castfem.physics.mechanics.quadrature import ActivePoints, Points
+
+ONE = np.array([1.0, 1.0, 1.0, 0.0])
+MEAN = ONE / 3.0
+TRACE = 1e-9  # of the bulk modulus, see `Fields.take_tangent`
+
+
+@dataclass(frozen=True, slots=True)
+class Fields:
+    """What the forms see of material and motion.
+
+    Attributes:
+        u: Displacement now, m.
+        u_old: At the start of the step.
+        generalized_strains: Now (4,), see `castfem.forms.mechanics`.
+        generalized_strains_old: At the start of the step.
+        one: A direction of the generalized strains (4,).
+        other: A second one.
+        deviator: Stress deviator, Mandel (4,), Pa.
+        tangent: Deviatoric tangent (4, 4), Pa.
+        mean: Mean stress, linear on each cell, Pa.
+        pressure: Ferrostatic pressure, likewise; None without one.
+    """
+
+    u: fem.Function
+    u_old: fem.Function
+    generalized_strains: fem.Constant
+    generalized_strains_old: fem.Constant
+    one: fem.Constant
+    other: fem.Constant
+    deviator: fem.Function
+    tangent: fem.Function
+    mean: fem.Function
+    pressure: fem.Function | None
+
+    def clear_stress(self) -> None:
+        """There is none anywhere."""
+        for one in (self.deviator, self.mean, self.tangent):
+            one.x.array[:] = 0.0
+
+    def take_stress(self, points: ActivePoints, response: Response) -> tuple[Array, Array]:
+        """Split the stress of a response between the rules.
+
+        Returns:
+            Deviators at the points of theirs (deviator_points, 4); mean stress, linear on each
+            cell, at those of its own.
+        """
+        every = response.stress @ MEAN
+        deviator = response.stress[: points.deviator_points] - np.outer(
+            every[: points.deviator_points], ONE
+        )
+        mean = points.linear(every[points.deviator_points :])
+        points.fill(self.deviator, deviator)
+        points.fill_mean(self.mean, mean)
+        return deviator, mean
+
+    def take_pressure(self, points: Points, pressure: Array) -> None:
+        """Take up the ferrostatic pressure at the points of the mean stress (n,), Pa."""
+        if self.pressure is not None:
+            points.mean.fill(self.pressure, points.linear(pressure))
+
+    def take_tangent(self, points: ActivePoints, response: Response) -> Array:
+        """Split the tangent likewise: laws change volume elastically alone.
+
+        Where a point flows, a trace of stiffness against change of shape stays: that of perfect
+        plasticity is zero along the flow, and rounding makes it negative.
+
+        Returns:
+            Bulk modulus at the points of the mean stress, Pa.
+        """
+        tangent = response.tangent.reshape(-1, 16)
+        bulk = tangent @ np.outer(MEAN, MEAN).ravel()
+        shape = tangent[: points.deviator_points] - np.outer(
+            bulk[: points.deviator_points], np.outer(ONE, ONE)
+        )
+        flows = np.flatnonzero(response.flows[: points.deviator_points])
+        shape[flows] += np.outer(TRACE * bulk[flows], np.eye(4) - np.outer(ONE, ONE) / 3.0)
+        points.fill(self.tangent, shape)
+        return np.asarray(bulk[points.deviator_points :])
+
+    @classmethod
+    def on(
+        cls, section: Section, space: fem.FunctionSpace, points: Points, pressure: bool
+    ) -> Fields:
+        """Fields of zeros; a pressure only if asked for."""
+        vectors = [fem.Constant(section.mesh, np.zeros(4)) for _ in range(4)]
+        at, mean = points.deviator, points.mean
+        return cls(
+            fem.Function(space), fem.Function(space),
+            vectors[0], vectors[1], vectors[2], vectors[3],
+            at.function(4), at.function(4, 4), mean.function(),
+            mean.function() if pressure else None,
+        )  # fmt: skip

@@ -1,0 +1,154 @@
+"""All that acts on the surface of a slice, together."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from castfem.base.errors import InputError
+from castfem.base.types import Array
+from castfem.fem.section import Section
+from castfem.physics.contact.interaction import (
+    DifferentiableInteraction,
+    Interaction,
+    InteractionState,
+)
+from castfem.physics.contact.interfaces import Motion, Solid
+from castfem.physics.contact.surface_interaction import SurfaceInteraction
+from castfem.physics.contact.wall_contact import WallContact
+from castfem.physics.mechanics.state import MechanicalState
+
+Found = tuple[object, ...]
+
+
+class Interactions:
+    """The interactions of one slice, in the order in which it was told of them.
+
+    Args:
+        section: The distributed section.
+        given: Settings of each.
+        solid: What the slice is made of.
+        motion: Displacement and generalized strains of the mechanical problem.
+
+    Attributes:
+        symmetric: Whether they leave a symmetric tangent symmetric, at small strain.
+
+    Raises:
+        InputError: If a group does not exist.
+    """
+
+    def __init__(
+        self, section: Section, given: Sequence[SurfaceInteraction], solid: Solid, motion: Motion
+    ) -> None:
+        self._each: tuple[Interaction, ...] = tuple(g.build(section, solid, motion) for g in given)
+        self.symmetric = all(one.symmetric for one in self._each)
+
+    def __iter__(self) -> Iterator[Interaction]:
+        return iter(self._each)
+
+    def __len__(self) -> int:
+        return len(self._each)
+
+    @property
+    def wall(self) -> WallContact | None:
+        """Contact with the mould, the gap of which heat crosses; None without one."""
+        return next((one for one in self._each if isinstance(one, WallContact)), None)
+
+    def with_states(
+        self, states: Sequence[InteractionState]
+    ) -> Iterator[tuple[Interaction, InteractionState]]:
+        """Each with its state."""
+        return zip(self._each, states, strict=True)
+
+    def of_slice(self, given: Sequence[SurfaceInteraction], solid: Solid) -> Interactions:
+        """Those of another slice, see `DifferentiableInteraction.of_slice`.
+
+        Raises:
+            InputError: One of them has no derivatives; of a case that is said before, by its key.
+        """
+        others = list[Interaction]()
+        for one, its in zip(self._each, given, strict=True):
+            if not isinstance(one, DifferentiableInteraction):
+                raise InputError(
+                    f"interactions: {one.name} is not differentiated; leave it out, or compare "
+                    "runs (castfem sweep)"
+                )
+            others.append(one.of_slice(its, solid))
+        other = copy.copy(self)
+        other._each = tuple(others)
+        return other
+
+    def always_held(self) -> tuple[Array, Array] | None:
+        """Places (n, 2), m, and directions (n, 2) along which they are held in every step."""
+        found = [one.always_held() for one in self._each]
+        if not found:
+            return None
+        places, directions = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        return places, directions
+
+    def initial(self) -> tuple[InteractionState, ...]:
+        """States of a strand on which nothing has acted."""
+        return tuple(one.initial() for one in self._each)
+
+    def begin(self, old: MechanicalState, time: float, temperature: Array) -> None:
+        """Prepare a step from `old` to `time` (s) and `temperature` (owned,), K (collective)."""
+        for one, state in self.with_states(old.interactions):
+            one.begin(state, old.time, time, old.temperature, temperature)
+
+    def axial_strain(self, places: Array) -> Array | None:
+        """Axial strain (n,) that they add in the step begun at places (n, 2), m; None for none."""
+        found = [part for one in self._each if (part := one.axial_strain(places)) is not None]
+        return sum(found[1:], found[0]) if found else None
+
+    def refusal(self) -> str:
+        """Why the step that was begun cannot be taken; empty if it can (collective)."""
+        return next((reason for one in self._each if (reason := one.refusal())), "")
+
+    def evaluate(self) -> float:
+        """Act on the displacement there is; stress that rounding makes of it, Pa (collective)."""
+        return sum((one.evaluate() for one in self._each), start=0.0)
+
+    def work_on(self, directions: Array) -> Array:
+        """Work on directions (4, k) of the generalized strains, N/m each (collective)."""
+        return sum((one.work_on(directions) for one in self._each), np.zeros(directions.shape[1]))
+
+    def hold(self, on: bool) -> bool:
+        """Keep closed what was so, or let it open again; whether there is any (collective)."""
+        return any([one.hold(on) for one in self._each])  # all of them are told
+
+    def evaluated(self) -> Found:
+        """What was evaluated last, for `kink`."""
+        return tuple(one.evaluated() for one in self._each)
+
+    def kink(self, base: Found) -> float:
+        """Work of tractions since `base`, less what their tangents there foresaw (collective)."""
+        parts = zip(self._each, base, strict=True)
+        return sum((one.kink(before) for one, before in parts), start=0.0)
+
+    def states(self) -> tuple[InteractionState, ...]:
+        """The states that were evaluated last (collective)."""
+        return tuple(one.state() for one in self._each)
+
+    def arrays(self, states: Sequence[InteractionState]) -> dict[str, Array | None]:
+        """The states for a checkpoint, whole on rank 0, None elsewhere (collective)."""
+        found: dict[str, Array | None] = {}
+        for prefix, (one, state) in zip(self._prefixes(), self.with_states(states), strict=True):
+            found |= {prefix + name: values for name, values in one.arrays(state).items()}
+        return found
+
+    def restored(self, arrays: dict[str, Array]) -> tuple[InteractionState, ...]:
+        """The inverse of `arrays`, which every rank has (collective)."""
+        found = []
+        for prefix, one in zip(self._prefixes(), self._each, strict=True):
+            mine = {n.removeprefix(prefix): v for n, v in arrays.items() if n.startswith(prefix)}
+            found.append(one.restored(mine))
+        return tuple(found)
+
+    def _prefixes(self) -> Iterator[str]:
+        """What tells the arrays of the second of a kind, and of those after it, from the first."""
+        names: list[str] = []
+        for one in self._each:
+            yield f"{names.count(one.name) + 1}_" if one.name in names else ""
+            names.append(one.name)

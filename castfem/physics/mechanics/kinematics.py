@@ -1,0 +1,363 @@
+"""From displacement to strain at the points, and the forms that go with it: small and large strain.
+
+Both kinds offer the same: `increments` for the law, and compiled forms for what the law answers.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+
+from castfem.base.types import Array
+from castfem.fem.compat import CellForm, Tabulation
+from castfem.fem.section import Section
+from castfem.forms import finite_strain, mechanics
+from castfem.physics.mechanics.fields import Fields
+from castfem.physics.mechanics.interactions import Interactions
+from castfem.physics.mechanics.quadrature import Points
+from castfem.physics.mechanics.surface_loads import SurfaceLoads
+from castfem.physics.mechanics.volume import VolumeStiffness
+
+
+@dataclass(frozen=True, slots=True)
+class Forms:
+    """Forms on some cells; to stiffness, column, row and corner comes that of `VolumeStiffness`.
+
+    Attributes:
+        work: Forces in the plane (vector).
+        stiffness: Their derivative (matrix).
+        generalized_work: Work of the stress on the direction `Fields.one` (scalar).
+        column: Derivative of the forces along that direction (vector); None if no generalized
+            strain is free.
+        row: Derivative of `generalized_work` by the displacement (vector); None if it is `column`.
+        corner: Derivative of the work on `one` along `other` (scalar).
+    """
+
+    work: fem.Form
+    stiffness: fem.Form
+    generalized_work: fem.Form
+    column: fem.Form | None
+    row: fem.Form | None
+    corner: fem.Form | None
+
+
+@dataclass(frozen=True, slots=True)
+class CompiledForms:
+    """The same before it is said on which cells."""
+
+    work: CellForm
+    stiffness: CellForm
+    generalized_work: CellForm
+    column: CellForm | None
+    row: CellForm | None
+    corner: CellForm | None
+
+    def on(self, cells: npt.NDArray[np.int32]) -> Forms:
+        """On some cells and on all of the surface."""
+        column, row, corner = (
+            None if one is None else one.on(cells) for one in (self.column, self.row, self.corner)
+        )
+        work, stiffness = self.work.on(cells), self.stiffness.on(cells)
+        return Forms(work, stiffness, self.generalized_work.on(cells), column, row, corner)
+
+
+@dataclass(frozen=True, slots=True)
+class Directions:
+    """Directions the forms are written for.
+
+    Attributes:
+        nodal: Virtual displacement.
+        moved: Displacement.
+        one: Along the generalized strains `Fields.one`.
+        other: Along `Fields.other`.
+    """
+
+    nodal: mechanics.Direction
+    moved: mechanics.Direction
+    one: mechanics.Direction
+    other: mechanics.Direction
+
+    @classmethod
+    def of(cls, fields: Fields, mesh: ufl.Mesh) -> Directions:
+        """Those of a section."""
+        space = fields.u.function_space
+        return cls(
+            mechanics.of_displacement(ufl.TestFunction(space)),
+            mechanics.of_displacement(ufl.TrialFunction(space)),
+            mechanics.of_generalized_strains(fields.one, mesh),
+            mechanics.of_generalized_strains(fields.other, mesh),
+        )
+
+    @property
+    def all(self) -> tuple[mechanics.Direction, ...]:
+        """All four."""
+        return self.nodal, self.moved, self.one, self.other
+
+
+@dataclass(slots=True)
+class Terms:
+    """Forms before they are compiled; see `Forms`."""
+
+    work: ufl.Form
+    matrix: ufl.Form
+    along: ufl.Form
+    column: ufl.Form | None
+    row: ufl.Form | None
+    corner: ufl.Form | None
+
+    def with_interactions(self, interactions: Interactions, directions: Directions) -> Terms:
+        """Add what acts on the surface; its work on the generalized strains is its own affair."""
+        nodal, moved, one, other = directions.all
+        for acting in interactions:
+            self.work += acting.virtual_work(nodal)
+            self.matrix += acting.tangent(moved, nodal)
+            if self.column is not None:
+                self.column += acting.tangent(one, nodal)
+            if self.row is not None:
+                self.row += acting.tangent(nodal, one)
+            if self.corner is not None:
+                self.corner += acting.tangent(other, one)
+        return self
+
+    def compiled(self, section: Section) -> CompiledForms:
+        """Compile the forms; those of free generalized strains only if there are any."""
+
+        def maybe(name: str, form: ufl.Form | None) -> CellForm | None:
+            return None if form is None else section.compile_on_cells(name, form)
+
+        return CompiledForms(
+            section.compile_on_cells("mechanics.work", self.work),
+            section.compile_on_cells("mechanics.stiffness", self.matrix),
+            section.compile_on_cells("mechanics.generalized_work", self.along),
+            maybe("mechanics.column", self.column),
+            maybe("mechanics.row", self.row),
+            maybe("mechanics.corner", self.corner),
+        )
+
+
+class Kinematics(ABC):
+    """From displacement to strain, and the forms that go with it.
+
+    Args:
+        section: The distributed section.
+        points: Its quadrature points.
+        fields: What the forms see.
+        loads: On its surface.
+        free: Whether any generalized strain is free.
+        interactions: What acts on its surface.
+
+    Attributes:
+        active: Points of the cells that have stress.
+        forms: On these cells.
+        rest: Work in the plane and on `Fields.one` in all others; None if there are none.
+        symmetric: Whether the tangent is, if that of the law is.
+        volume: Stiffness against change of volume.
+        constant: Whether volume changes by as much per unit of each motion whatever the
+            displacement.
+    """
+
+    constant: ClassVar[bool]
+    symmetric: bool
+    volume: VolumeStiffness
+
+    def __init__(
+        self,
+        section: Section,
+        points: Points,
+        fields: Fields,
+        loads: SurfaceLoads,
+        free: bool,
+        interactions: Interactions,
+        symmetric: bool = True,
+    ) -> None:
+        self._points, self._fields = points, fields
+        self._symmetric = symmetric
+        self._prepare(section, interactions)
+        weights = points.mean.volume.reshape(points.linear.values.shape[:2])
+        self.volume = VolumeStiffness(
+            fields.u.function_space, points.linear, weights, self._rates, self.constant
+        )
+        directions = Directions.of(fields, section.mesh)
+        terms = self._terms(section, loads, free, directions)
+        self._compiled = terms.with_interactions(interactions, directions).compiled(section)
+        self.rest: tuple[fem.Form, fem.Form] | None = None
+        self.active = points.on(np.arange(section.cells, dtype=np.int32))
+        self.forms = self._compiled.on(self.active.cells)
+
+    def act_on(self, cells: npt.NDArray[np.int32]) -> None:
+        """From now on only these of this rank's cells have stress; the others may have pressure.
+
+        Nothing of what the others do may depend on the motion: small strain.
+        """
+        self.active = self._points.on(cells)
+        self.forms = self._compiled.on(cells)
+        others = np.setdiff1d(np.arange(self._points.section.cells, dtype=np.int32), cells)
+        whole = (self._compiled.work, self._compiled.generalized_work)
+        self.rest = (whole[0].on(others, False), whole[1].on(others, False))
+        self.volume.on(cells.astype(np.int64))
+        self._fields.clear_stress()
+
+    @abstractmethod
+    def _prepare(self, section: Section, interactions: Interactions) -> None:
+        """Set up what forms and increments need."""
+
+    @abstractmethod
+    def _terms(
+        self, section: Section, loads: SurfaceLoads, free: bool, directions: Directions
+    ) -> Terms:
+        """Forms of the stress and of the loads."""
+
+    @abstractmethod
+    def _rates(self) -> tuple[Array, Array]:
+        """Change of volume per unit of each motion, see `VolumeStiffness`."""
+
+    @abstractmethod
+    def increments(self) -> tuple[Array, Array | None]:
+        """Strain increments of the step (active, 4), and the angles the material turns by.
+
+        At the points of the mean stress their trace is linear on each cell.  The angles (points,)
+        are those by which the law is to see the old stress and state turned; None for none.
+        """
+
+
+class SmallStrain(Kinematics):
+    """Strain linear in the displacement; the tangent is symmetric if those of law and wall are."""
+
+    constant = True
+
+    def _prepare(self, section: Section, interactions: Interactions) -> None:
+        self.symmetric = self._symmetric and interactions.symmetric
+        x, y = self._points.position.T
+        # Strain of each generalized strain at the points, rows [xx, yy, zz, xy] that are not 0.
+        self._thickness = np.column_stack([np.ones_like(x), x, y])
+
+    def _terms(
+        self, section: Section, loads: SurfaceLoads, free: bool, directions: Directions
+    ) -> Terms:
+        fields, points, mesh = self._fields, self._points, section.mesh
+        v = ufl.TestFunction(fields.u.function_space)
+        rules = (points.deviator.measure, points.mean.measure)
+        stress = mechanics.isotropic(fields.mean, fields.pressure)
+        nodal, moved, one, other = (mechanics.strain(m, mesh) for m in directions.all)
+        work = mechanics.virtual_work(fields.deviator, stress, nodal, *rules)
+        for tags, traction, _ in loads.tractions:
+            work -= mechanics.traction_work(traction, v, loads.measure(tags))
+        for tags, pressure in loads.pressing(section):
+            work -= mechanics.pressure_work(pressure, v, mesh, loads.measure(tags))
+
+        def derivative(by: mechanics.Expr, virtual: mechanics.Expr) -> ufl.Form:
+            return mechanics.stiffness(fields.tangent, by, virtual, rules[0])
+
+        matrix = derivative(moved, nodal)
+        along = mechanics.virtual_work(fields.deviator, stress, one, *rules)
+        column = derivative(one, nodal) if free else None
+        row = derivative(nodal, one) if free and not self.symmetric else None
+        corner = derivative(other, one) if free else None
+        return Terms(work, matrix, along, column, row, corner)
+
+    def _rates(self) -> tuple[Array, Array]:
+        """See `Kinematics`: the same for all displacements."""
+        points = self._points
+        generalized_strains = np.column_stack([self._thickness, np.ones(points.count)])[
+            points.deviator_points :
+        ]
+        found = np.concatenate(
+            [points.dilation, generalized_strains.reshape(*points.dilation.shape[:2], 4)], 2
+        )
+        return found, found
+
+    def increments(self) -> tuple[Array, Array | None]:
+        """See `Kinematics`."""
+        fields = self._fields
+        change = fields.u.x.array - fields.u_old.x.array
+        strain = (self.active.strain @ change).reshape(-1, 4)
+        generalized_strains = (
+            fields.generalized_strains.value - fields.generalized_strains_old.value
+        )
+        strain[:, 1] += generalized_strains[3]
+        strain[:, 2] += self._thickness[self.active.rows] @ generalized_strains[:3]
+        return strain, None
+
+
+class LargeStrain(Kinematics):
+    """Hughes' and Winget's midpoint update on the deformed slice, see `forms.finite_strain`."""
+
+    constant = False
+
+    def _prepare(self, section: Section, interactions: Interactions) -> None:
+        self.symmetric = False
+        points, fields, mesh = self._points, self._fields, section.mesh
+        self._now = finite_strain.deformation(fields.u, fields.generalized_strains, section.mesh)
+        self._old = finite_strain.deformation(
+            fields.u_old, fields.generalized_strains_old, section.mesh
+        )
+        step = finite_strain.increment(self._now, self._old)
+        self._steps = [
+            Tabulation(section.mesh, step, rule.points) for rule in (points.deviator, points.mean)
+        ]
+        moved = mechanics.of_displacement(ufl.TrialFunction(fields.u.function_space))
+        self._nodal, self._along = (
+            tuple(
+                Tabulation(mesh, expression, points.mean.points)
+                for expression in (
+                    finite_strain.volume_change(self._now, self._old, by),
+                    finite_strain.volume_rate(self._now, by),
+                )
+            )
+            for by in (moved, mechanics.of_generalized_strains(fields.one, mesh))
+        )
+
+    def _terms(
+        self, section: Section, loads: SurfaceLoads, free: bool, directions: Directions
+    ) -> Terms:
+        fields, points, mesh = self._fields, self._points, section.mesh
+        now, old = self._now, self._old
+        v = ufl.TestFunction(fields.u.function_space)
+        rules = (points.deviator.measure, points.mean.measure)
+        stress = mechanics.isotropic(fields.mean, fields.pressure)
+        nodal, moved, one, other = directions.all
+        material = (fields.tangent, fields.deviator, fields.mean, fields.pressure)
+
+        def derivative(by: mechanics.Direction, virtual: mechanics.Direction) -> ufl.Form:
+            return finite_strain.stiffness(now, old, material, by, virtual, rules)
+
+        work = finite_strain.virtual_work(now, fields.deviator, stress, nodal, *rules)
+        matrix = derivative(moved, nodal)
+        column = derivative(one, nodal) if free else None
+        for tags, traction, _ in loads.tractions:
+            work -= mechanics.traction_work(traction, v, loads.measure(tags))
+        for tags, pressure in loads.pressing(section):
+            ds = loads.measure(tags)
+            work -= finite_strain.pressure_work(now, pressure, v, mesh, ds)
+            matrix -= finite_strain.pressure_stiffness(now, pressure, moved, v, mesh, ds)
+            if column is not None:
+                column -= finite_strain.pressure_stiffness(now, pressure, one, v, mesh, ds)
+        along = finite_strain.virtual_work(now, fields.deviator, stress, one, *rules)
+        row = derivative(nodal, one) if free else None
+        corner = derivative(other, one) if free else None
+        return Terms(work, matrix, along, column, row, corner)
+
+    def _rates(self) -> tuple[Array, Array]:
+        """See `Kinematics`: at the displacement there is."""
+        one = self._fields.one
+        given = one.value.copy()
+        found = [[table.values()] for table in self._nodal]
+        for direction in np.eye(4):
+            one.value[:] = direction
+            for parts, table in zip(found, self._along, strict=True):
+                parts.append(table.values())
+        one.value[:] = given
+        change, work = (np.concatenate(parts, axis=2) for parts in found)
+        return change, work
+
+    def increments(self) -> tuple[Array, Array | None]:
+        """See `Kinematics`: midpoint increments."""
+        found = np.concatenate([t.values().reshape(-1, 5) for t in self._steps])
+        strain = self._points.level(np.ascontiguousarray(found[:, :4]))
+        return strain, 2.0 * np.arctan(0.5 * found[:, 4])

@@ -1,0 +1,444 @@
+"""Equilibrium of the slice at the end of a step, solved by SNES.
+
+Unknowns are the displacement and the free generalized strains (`castfem.physics.mechanics.planes`).  The
+latter are scaled to lengths, so that all unknowns have one unit, all residuals another, and nothing
+in the solution depends on the units chosen.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from petsc4py import PETSc
+
+import numpy as np
+from dolfinx import fem, la
+
+from castfem.base.stopwatch import Stopwatch
+from castfem.base.types import Array
+from castfem.fem import dof_values, reductions
+from castfem.fem.bordered_system import BorderedSystem
+from castfem.fem.section import Section
+from castfem.fem.snes import Options, SnesSolver, SolveResult, try_options
+from castfem.physics.constitutive.base import Response
+from castfem.physics.contact.wall_contact import WallContact
+from castfem.physics.mechanics.active_part import ActivePart
+from castfem.physics.mechanics.convergence import Criteria
+from castfem.physics.mechanics.definition import Slice
+from castfem.physics.mechanics.fields import Fields
+from castfem.physics.mechanics.interactions import Interactions
+from castfem.physics.mechanics.kinematics import LargeStrain, SmallStrain
+from castfem.physics.mechanics.line_search import LineSearch
+from castfem.physics.mechanics.liquid import FedLiquid
+from castfem.physics.mechanics.material_points import FedPoints, Material
+from castfem.physics.mechanics.options import split_options
+from castfem.physics.mechanics.plane_equations import PlaneEquations
+from castfem.physics.mechanics.planes import check_strains
+from castfem.physics.mechanics.quadrature import ActivePoints, Points
+from castfem.physics.mechanics.quadrature_rules import Integration, displacement_element
+from castfem.physics.mechanics.residual_state import ResidualState
+from castfem.physics.mechanics.scaling import Scales, StressScale
+from castfem.physics.mechanics.state import MechanicalState
+from castfem.physics.mechanics.supports import SPRING, Constraints, symmetry_supports
+from castfem.physics.mechanics.surface_loads import SurfaceLoads
+from castfem.physics.mechanics.tangent import Tangent
+
+AXIAL = np.array([0.0, 0.0, 1.0, 0.0])  # Mandel
+NEAR = 1e4  # times the tolerance: how near the solution contacts become free to open
+
+
+class MechanicalProblem:
+    """Equilibrium of a section, one step at a time.
+
+    Args:
+        section: The distributed section.
+        slice_: Material, supports and loads.
+        options: PETSc options that win over the defaults.
+        tolerance: Out-of-balance stress left, relative to the stress there is.
+        watch: Charged with the time spent here.
+        springs: What takes away the motions that nothing holds: springs of this stiffness over
+            Young's modulus, points held rigidly (None), or what its interactions ask for: springs
+            where one of them holds the section, points where none does.
+
+    Attributes:
+        space: Space of the displacement. points: Quadrature points. scales: Sizes.
+        interactions: What acts on the surface.
+        owned: This rank's own displacement unknowns. free: Free generalized strains.
+        liquid: Where the liquid is fed; None where it is an elastic body.
+        fed: Its points in the step that was begun; likewise. loads: On the surface.
+        planes: Equilibrium along the free generalized strains.
+        iterations: Newton iterations since the start.
+        farthest: Of a Newton correction, over the section's extent: one beyond it ends the solve.
+
+    Raises:
+        InputError: If a motion of the planes is excluded by symmetry, a group does not exist, or
+            PETSc refuses an option.
+    """
+
+    def __init__(
+        self,
+        section: Section,
+        slice_: Slice,
+        options: Options | None = None,
+        tolerance: float = 1e-8,
+        watch: Stopwatch | None = None,
+        springs: float | Literal["as held"] | None = "as held",
+    ) -> None:
+        self.section, self.slice = section, slice_
+        self.watch = watch if watch is not None else Stopwatch()
+        check_strains(slice_.planes.free, section.groups)
+        self.free = len(slice_.planes.free)
+        self.space = fem.functionspace(section.mesh, displacement_element(section.cell))
+        self.owned = dof_values.owned_of(self.space)
+        rules = slice_.integration or Integration.of(section.cell, section.order)
+        self.points = Points(section, self.space, rules)
+        self.scales = Scales(self.points, self.space)
+        if springs == "as held":
+            springs = SPRING if any(one.holds for one in slice_.interactions) else None
+        self._build_forms(springs)
+        self._criteria = Criteria(section.comm, self.scales, self.constraints, tolerance)
+        self._target = np.zeros_like(self.fields.u.x.array)
+        self._work = fem.Function(self.space)
+        self._material = self._new_material()
+        self._build_solver(options or {})
+        self.iterations, self._slack = 0, 1.0
+        self.farthest = np.inf
+        self.residual_state: ResidualState | None = None
+        self._integrated: Array | None = None
+        self.fed: FedPoints | None = None
+
+    def _build_forms(self, springs: float | None) -> None:
+        section, slice_ = self.section, self.slice
+        pressed = slice_.ferrostatic is not None
+        self.fields = Fields.on(section, self.space, self.points, pressed)
+        held_outside = slice_.ferrostatic is not None and slice_.ferrostatic.outside == "held"
+        self.loads = SurfaceLoads.on(section, list(slice_.loads), held_outside)
+        self.interactions = Interactions(section, slice_.interactions, slice_, self.fields)
+        kind = LargeStrain if slice_.large_strain else SmallStrain
+        self.kinematics = kind(
+            section, self.points, self.fields, self.loads, self.free > 0, self.interactions,
+            slice_.law.symmetric,
+        )  # fmt: skip
+        held = [*symmetry_supports(section.groups), *slice_.held]
+        self.constraints = Constraints(
+            section, self.space, held, slice_.pin, springs, self.interactions.always_held()
+        )
+        self.planes = PlaneEquations(
+            slice_.planes, self.fields, self.kinematics, self.interactions, self.scales
+        )
+        self.liquid: FedLiquid | None = None
+        if slice_.liquid == "fed":
+            supports = self.constraints.conditions
+            self.liquid = FedLiquid(section, self.space, self.points, supports)
+
+    def _build_solver(self, options: Options) -> None:
+        """SNES on displacement and scalars."""
+        symmetric = self.kinematics.symmetric
+        nonlinear, linear = split_options(options, symmetric, self.section.comm.size)
+        if options:
+            try_options("mechanical_", {**nonlinear, **linear})
+        self._part = ActivePart(self.kinematics, self.space, self.scales)
+        self._tangent = Tangent(self.kinematics, self.fields, self.constraints, self._work)
+        prefix = "mechanical_"
+        shorten = None if "snes_linesearch_type" in options else self.shorten
+        self._search = LineSearch(self.section.comm, self.interactions, self._residual)
+        self._left = np.inf  # out of balance, over what may be, where SNES asked for it last
+        self.bordered = BorderedSystem(self._part.matrix, self.free, prefix, linear)
+        vector, operator = self.bordered.vector(), self.bordered.operator
+        self.solver = SnesSolver(
+            self, vector, operator, prefix, nonlinear, self.watch, shorten, options
+        )
+        self.bordered.use_with(self.solver.snes.getKSP())
+        vector.destroy()
+
+    @property
+    def active(self) -> ActivePoints:
+        """Points of the cells that have stress in the step that was begun."""
+        return self.kinematics.active
+
+    @property
+    def response(self) -> Response:
+        """Of the law, at the active points."""
+        return self._material.response
+
+    @property
+    def contact(self) -> WallContact | None:
+        """Contact with the wall of a mould; None without one."""
+        return self.interactions.wall
+
+    def _new_material(self) -> Material:
+        return Material(self.slice.law, self.active.count, self.active.deviator_points)
+
+    def at_points(self, temperature: Array) -> Array:
+        """Temperatures at the points from those of the owned vertices."""
+        local = dof_values.with_ghosts(self.section.vertex_space, temperature)
+        return np.asarray(self.points.vertex @ local)
+
+    def begin(self, old: MechanicalState, time: float, temperature: Array) -> None:
+        """Prepare a step from the committed state `old` to `time` and new temperatures."""
+        fields, slice_ = self.fields, self.slice
+        before, after = self.at_points(old.temperature), self.at_points(temperature)
+        self.old, self.dt = old, time - old.time
+        self.fed = None if self.liquid is None else self._feed(self.liquid, after, time)
+        self.kinematics.volume.begin()
+        with self.watch.section("law"):
+            rows, strain = self.active.rows, slice_.thermal_strain
+            thermal = np.asarray(strain(after[rows])) - np.asarray(strain(before[rows]))
+            stiff = self.points.stiffness_temperature
+            begun = old.stress[rows], old.internal[rows]
+            self._material.begin(
+                stiff(before)[rows], stiff(after)[rows], thermal, self.dt, begun, self.fed
+            )
+        fields.u_old.x.array[:] = old.displacement
+        fields.generalized_strains_old.value[:] = old.generalized_strains
+        self.planes.begin(old, time)
+        self.pressure: Array = np.zeros(0)
+        if slice_.ferrostatic is not None and fields.pressure is not None:
+            self.pressure = slice_.ferrostatic.pressure(after[self.points.deviator_points :], time)
+            fields.take_pressure(self.points, self.pressure)
+            if (liquid := self.loads.liquid) is not None:
+                pressure = slice_.ferrostatic.pressure(temperature, time)
+                liquid.x.array[: self.section.owned] = pressure
+                liquid.x.scatter_forward()
+        self.interactions.begin(old, time, temperature)
+        added = self.interactions.axial_strain(self.points.position)
+        self._added = None if added is None else added[rows]
+        self.loads.set(time)
+        self.constraints.set(time, self._target)
+        if self.liquid is not None:
+            deep = self.liquid.deep  # stays where it was: it follows the shell when that is found
+            self.constraints.hold_too(deep, self.liquid.held)
+            self._target[deep] = old.displacement[deep]
+        if (springs := self.constraints.springs) is not None:
+            young = slice_.law.elasticity.moduli(after)[2]
+            springs.begin(old.displacement, reductions.largest(self.section.comm, young))
+        with self.watch.section("assembly"):
+            self.rest = self._part.rest(self.planes, self.pressure)
+        self.planes.rest = self.rest.work
+        self.residual_state, self._integrated, self._first = None, None, 0.0
+
+    def solve(self, guesses: list[tuple[Array, Array]]) -> SolveResult:
+        """Solve from the best of some guesses; what holds there is in `residual_state`.
+
+        Args:
+            guesses: Displacement (owned,), m, and free scalars (the same on every rank) of each.
+        """
+        starts = [self._start(*guess) for guess in guesses]
+        if len(starts) > 1:
+            sizes = [self._imbalance(start) for start in starts]
+            starts = [starts[int(np.argmin(np.nan_to_num(sizes, nan=np.inf)))]]
+        self.solver.x.setArray(starts[0])
+        first = self._approach(starts[0])
+        self.bordered.failure = ""
+        result = self.solver.solve()
+        if not result.converged and self.bordered.failure:
+            result.reason += f" ({self.bordered.failure})"
+        result.iterations += first
+        self.iterations += result.iterations
+        solution = self.solver.x.getArray(readonly=True)
+        if result.converged and not self._known(solution):
+            self.residual_state = self._evaluate(solution)
+        if result.converged and self.liquid is not None:
+            with self.watch.section("liquid"):
+                self.liquid.follow(self.fields.u)
+        return result
+
+    def _approach(self, start: Array) -> int:
+        """Come near the solution with all contacts of the old state kept closed.
+
+        While the material is far from where it will be, contacts that are free to open and close
+        chatter.  Returns the iterations this took; if it leads nowhere, the start stays.
+        """
+        if not self.interactions.hold(True):
+            return 0
+        self.residual_state, self._slack = None, NEAR
+        result = self.solver.solve()
+        self.interactions.hold(False)
+        self.residual_state, self._slack = None, 1.0
+        if not result.converged:
+            self.solver.x.setArray(start)
+        return result.iterations
+
+    def _feed(self, liquid: FedLiquid, temperature: Array, time: float) -> FedPoints:
+        """Where there is liquid, and what stands in for its stiffness."""
+        solid = self.slice.law.elasticity.solidity.weight(temperature) > 0.0
+        liquid.begin(solid)
+        if self._part.follow(liquid, self.bordered):
+            self._material = self._new_material()
+        young, rows = self.slice.young_at_solidus(), self.active.rows
+        self.planes.hold(0.0 if liquid.bears else young)
+        return FedPoints.of(liquid.carries[rows], ~solid[rows], young, self.slice.head(time))
+
+    def _start(self, guess: Array, scalars: Array) -> Array:
+        """Local unknowns of a guess."""
+        if self.liquid is not None:
+            guess = guess.copy()
+            guess[self.liquid.deep] = self._target[self.liquid.deep]
+        return self.bordered.join(guess, scalars / self.planes.scaled.scaling)
+
+    def _imbalance(self, local: Array) -> float:
+        """Size of the residual at local unknowns."""
+        residual = self._residual(local)
+        return reductions.total(self.section.comm, float(residual @ residual))
+
+    def _known(self, local: Array) -> bool:
+        """Whether `residual_state` belongs to these unknowns (collective)."""
+        known = self.residual_state
+        return self._same(local, None if known is None else known.local)
+
+    def _same(self, local: Array, known: Array | None) -> bool:
+        """Whether local unknowns are those that are known, on all ranks (collective).
+
+        A rank whose own stay may have the planes, or its neighbours' nodes, move.
+        """
+        same = known is not None and np.array_equal(local, known)
+        return not reductions.any_of(self.section.comm, not same)
+
+    def free_scalars(self, local: Array) -> Array:
+        """Free scalars, on every rank, of the local unknowns."""
+        return np.asarray(self.bordered.share(local) * self.planes.scaled.scaling)
+
+    def _evaluate(self, local: Array) -> ResidualState:
+        """Stress and forces at a set of unknowns."""
+        fields, response = self.fields, self.response
+        fields.u.x.array[: self.owned] = local[: self.owned]
+        fields.u.x.scatter_forward()
+        scalars = self.bordered.share(local)
+        generalized_strains = self.planes.scaled.generalized_strains(scalars)
+        fields.generalized_strains.value[:] = generalized_strains
+        # Contacts that are let go of change nothing of what the law has said.
+        if not self._same(local, self._integrated):
+            self._integrated = None
+            self._integrate()
+            self._integrated = local.copy()
+        noise = 0.0
+        if self.interactions:
+            with self.watch.section("contact"):
+                noise = self.interactions.evaluate()
+        pressure = self.pressure[self.active.mean] if self.pressure.size else self.pressure
+        parts = *fields.take_stress(self.active, response), pressure
+        with self.watch.section("assembly"):
+            forces = self._assemble(self.kinematics.forms.work, self.rest.forces).copy()
+            balance = self.planes.balance(scalars)
+        scale = self._scale(parts, local, noise)
+        return ResidualState(local.copy(), generalized_strains, forces, balance, scale)
+
+    def _scale(self, parts: tuple[Array, Array, Array], local: Array, noise: float) -> StressScale:
+        """Size of the stress there is, for the criteria of convergence (collective)."""
+        found = self.scales.stress(
+            self.active, parts, self.response, local[: self.owned], self._first, noise,
+            self.rest.sums,
+        )  # fmt: skip
+        self._first = self._first or found.typical
+        return found
+
+    def _integrate(self) -> None:
+        """Integrate the law at the displacement and the generalized strains the fields hold."""
+        with self.watch.section("kinematics"):
+            strain, angle = self.kinematics.increments()
+            if self._added is not None:
+                strain = strain + np.outer(self._added, AXIAL)
+        with self.watch.section("law"):
+            self._material.integrate(strain, angle)
+
+    def _assemble(self, form: fem.Form, beside: Array | float = 0.0) -> Array:
+        """Assembled linear form and what stands beside it at the local unknowns, ghosts included.
+
+        Returns:
+            Entries of this rank's own unknowns (valid until the next).
+        """
+        vector = self._work.x
+        vector.array[:] = beside
+        fem.assemble_vector(vector.array, form)
+        vector.scatter_reverse(la.InsertMode.add)
+        return vector.array[: self.owned]
+
+    def residual(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
+        """Forces that are not in equilibrium, N/m."""
+        local = x.getArray(readonly=True)
+        out.setArray(self._residual(local))
+
+    def _residual(self, local: Array) -> Array:
+        """The same for local unknowns; what the line search left behind is not computed again."""
+        if not self._known(local):
+            self.residual_state = self._evaluate(local)
+        assert self.residual_state is not None
+        nodal, dofs = self.residual_state.forces.copy(), self.constraints.fixed
+        missing = self._target[dofs] - local[dofs]
+        if self.constraints.moving and self._anywhere(missing):
+            with self.watch.section("assembly"):
+                nodal += self._tangent.lifted(self.response, missing)
+        dofs = self.constraints.prescribed
+        nodal[dofs] = local[dofs] - self._target[dofs]
+        if (springs := self.constraints.springs) is not None:
+            nodal[springs.dofs] += springs.force(local)
+        return self.bordered.join(nodal, self.residual_state.balance)
+
+    def shorten(self, x: PETSc.Vec, correction: PETSc.Vec) -> bool | None:
+        """Scale Newton's correction where a full one would overshoot by far.
+
+        Returns:
+            Whether it was scaled; None where it would move the strand beyond `farthest`: the
+            tangent knows nothing of the way there, and what is found from there is no shell.
+        """
+        local, step = x.getArray(readonly=True), correction.getArray(readonly=True)
+        dofs = self.constraints.fixed
+        if self.constraints.moving and self._anywhere(local[dofs] - self._target[dofs]):
+            return False  # supports must get to where they belong first
+
+        if self.farthest < np.inf:
+            far = reductions.largest(self.section.comm, np.abs(step)) / self.scales.length
+            if not far <= self.farthest:
+                return None
+        iteration = self.solver.snes.getIterationNumber()
+        share = self._search.share(local, step, iteration, self._left)
+        if share < 1.0:
+            correction.scale(share)
+        return share < 1.0
+
+    def _anywhere(self, missing: Array) -> bool:
+        """Whether a support is not yet where it is to be, on any rank (collective)."""
+        return reductions.largest(self.section.comm, np.abs(missing)) > 0.0
+
+    def jacobian(self, x: PETSc.Vec, out: PETSc.Mat) -> None:
+        """Derivative of the residual at the unknowns integrated last."""
+        with self.watch.section("assembly"):
+            self.linearise()
+
+    def linearise(self) -> None:
+        """Take the consistent tangent at the solution that was found last (collective)."""
+        self._tangent.fill(self.response, self._part.matrix)
+        self.planes.fill(self.bordered, self._assemble, self.constraints.prescribed)
+
+    def lifted(self, missing: Array) -> Array:
+        """Forces by which supports that move the rest would do so, N/m (collective).
+
+        Args:
+            missing: How far they move, m, at `Constraints.fixed`.
+
+        Returns:
+            At this rank's own unknowns, at the solution that was found last.
+        """
+        return self._tangent.lifted(self.response, missing).copy()
+
+    def solve_linearised(self, rights: Array) -> Array | None:
+        """Local unknowns that the tangent makes of right-hand sides (n, local); None without."""
+        return self.bordered.solve(rights)
+
+    def norms(self, x: PETSc.Vec, f: PETSc.Vec) -> dict[str, float]:
+        """What is out of balance, over what may be, for each kind of unknown: see `Criteria`."""
+        assert self.residual_state is not None
+        residual = f.getArray(readonly=True)
+        sizes = self._criteria.sizes(self.residual_state, residual, self.planes.scaled.load)
+        found = {name: size / self._slack for name, size in sizes.items()}
+        self._left = max(found.values())
+        return found
+
+    def destroy(self) -> None:
+        """Free the PETSc objects; safe to call twice."""
+        self.solver.destroy()
+        self.bordered.close()
+        self.kinematics.volume.destroy()
+        if self.liquid is not None:
+            self.liquid.destroy()
+        self._part.destroy()

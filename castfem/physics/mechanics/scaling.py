@@ -1,0 +1,114 @@
+"""What makes residuals relative: how large forces and stresses are in this slice at this moment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from dolfinx import fem
+
+from castfem.base.types import Array
+from castfem.fem import dof_values, reductions
+from castfem.physics.constitutive.base import Response
+from castfem.physics.mechanics.quadrature import ActivePoints, Points
+
+ROUNDING = 8 * np.finfo(float).eps
+NO_STRAIN = 1e-15  # strain that counts as none
+LEAST = 1e-200
+MOST = 1e-6  # of the typical stress, what may count as rounding
+
+
+def over(value: float, allowed: float) -> float:
+    """`value` over what is allowed of it; nothing at all is always allowed."""
+    return 0.0 if value == 0.0 else value / max(allowed, LEAST * value, LEAST)
+
+
+@dataclass(frozen=True, slots=True)
+class StressScale:
+    """How large the stress is.
+
+    Attributes:
+        typical: Mean stress weighted with itself, Pa: what is met where there is stress at all,
+            however small the shell is in its section.
+        total: Int |stress| da, N.
+        rounding: Stress that rounding makes, of the displacements and of the old stress, Pa.
+    """
+
+    typical: float
+    total: float
+    rounding: float
+
+
+class Scales:
+    """Sizes of a section and of the stress in it.
+
+    Args:
+        points: Its quadrature points.
+        space: Space of the displacement.
+
+    Attributes:
+        comm: Ranks.
+        length: Larger extent of the section, m.
+        area: m2.
+        force_per_stress: Force per length on each owned degree of freedom per unit of stress
+            around it, m.
+    """
+
+    def __init__(self, points: Points, space: fem.FunctionSpace) -> None:
+        self._points, self.comm = points, points.section.comm
+        ends = [
+            (reductions.smallest(self.comm, v), reductions.largest(self.comm, v))
+            for v in points.position.T
+        ]
+        self.length = max(high - low for low, high in ends)
+        weights = np.repeat(points.deviator.volume, 4)
+        self.force_per_stress = dof_values.summed(
+            space, abs(points.strain[: len(weights)]).T @ weights
+        )
+        self.area = reductions.total(self.comm, float(points.deviator.volume.sum()))
+        self._finest = np.sqrt(reductions.smallest(self.comm, points.deviator.volume))
+
+    def beside(self, active: ActivePoints, pressure: Array) -> Array:
+        """What the pressure (n,), Pa, in other cells adds to the sums of `stress` (2,)."""
+        rest = active.rest() if pressure.size else np.zeros(0, np.int64)
+        volume, squares = np.abs(self._points.mean.volume[rest]), 2.0 * pressure[rest] ** 2
+        return np.array([volume @ squares, volume @ np.sqrt(squares)])
+
+    def stress(
+        self,
+        active: ActivePoints,
+        parts: tuple[Array, Array, Array],
+        response: Response,
+        moved: Array,
+        before: float,
+        noise: float,
+        beside: Array,
+    ) -> StressScale:
+        """Size of the stress at the points (collective).
+
+        Args:
+            active: Points that have stress.
+            parts: Stress deviators; mean stress and ferrostatic pressure at the points of their own
+                rule.
+            response: Of the law.
+            moved: This rank's displacements, m.
+            before: Typical stress at the start of the step, before equilibrium was sought, Pa.
+            noise: Stress that rounding makes elsewhere, at a contact, Pa.
+            beside: See `beside`.
+        """
+        deviator, mean, pressure = parts
+        deviator_points, volume = active.deviator_points, np.abs(active.volume)
+        volumetric = 3.0 * mean**2
+        if pressure.size:
+            volumetric += 2.0 * pressure**2
+        squares = np.concatenate([np.einsum("ij,ij->i", deviator, deviator), volumetric])
+        here = np.array([volume @ squares, volume @ np.sqrt(squares)]) + beside
+        sums = reductions.totals(self.comm, here)
+        stiff = response.tangent[deviator_points:, 0, 0].max(initial=0.0)
+        farthest = max(float(moved.max(initial=0.0)), -float(moved.min(initial=0.0)))
+        sizes = reductions.largest_of(self.comm, [stiff, farthest])
+        typical = float(sums[0] / sums[1]) if sums[1] > 0.0 else 0.0
+        # Never so much that a displacement which has run away would count as good enough.
+        rounding = ROUNDING * (float(sizes[0] * sizes[1]) / self._finest + before) + noise
+        rounding = min(rounding, MOST * max(typical, before)) + NO_STRAIN * float(sizes[0])
+        return StressScale(typical, float(sums[1]), rounding)

@@ -1,0 +1,284 @@
+"""What holds the slice in its plane and what presses on it: supports and surface loads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+
+from castfem.base.types import Array
+from castfem.fem import reductions
+from castfem.fem.section import Section
+
+Place = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class PrescribedDisplacement:
+    """A component of the displacement prescribed on boundary groups.
+
+    Attributes:
+        on: Groups; a name covers all that begin with it.
+        component: 0 for x, 1 for y.
+        value: From positions (n, 2), m, and time, s, to displacements (n,), m; None for zero.
+    """
+
+    on: tuple[str, ...]
+    component: int
+    value: Callable[[Array, float], Array] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Traction:
+    """A force per undeformed area on boundary groups: over time, (x, y) in Pa."""
+
+    on: tuple[str, ...]
+    value: Callable[[float], Place]
+
+
+@dataclass(frozen=True, slots=True)
+class SurfacePressure:
+    """A pressure on boundary groups, over time, Pa; it follows the surface at large strain."""
+
+    on: tuple[str, ...]
+    value: Callable[[float], float]
+
+
+def symmetry_supports(groups: tuple[str, ...]) -> list[PrescribedDisplacement]:
+    """The lines of symmetry: no displacement across them."""
+    lines = (("symmetry_x", 0), ("symmetry_y", 1))
+    return [
+        PrescribedDisplacement((name,), i)
+        for name, i in lines
+        if any(g.startswith(name) for g in groups)
+    ]
+
+
+# Component and place ("low", "mid" or "high" of the section's extent along x and y) of points that
+# among them hold every motion as a rigid body.  In the middle of faces, where a symmetric load
+# would not move them anyway.
+PINS: tuple[tuple[int, tuple[str, str]], ...] = (
+    (0, ("mid", "high")),
+    (0, ("mid", "low")),
+    (1, ("high", "mid")),
+)
+NOT_HELD = 1e-6  # how little of a motion counts as nothing
+SPRING = 1e-7  # stiffness of a spring over the largest Young's modulus, see docs/mechanics.md
+
+
+class Springs:
+    """Weak springs between points of the slice and where these were at the start of the step.
+
+    Args:
+        dofs: Degrees of freedom, of those this rank owns (k,).
+        share: Stiffness over the largest Young's modulus in the section.
+
+    Attributes:
+        dofs: As given. share: Likewise.
+    """
+
+    def __init__(self, dofs: npt.NDArray[np.int64], share: float) -> None:
+        self.dofs, self.share, self._stiffness = dofs, share, 0.0
+        self._old: Array = np.zeros(len(dofs))
+
+    def begin(self, old: Array, young: float) -> None:
+        """Prepare a step from displacements `old` (owned, ...), m, of steel of modulus `young`."""
+        self._old, self._stiffness = old[self.dofs], self.share * young
+
+    def force(self, local: Array) -> Array:
+        """What must be out of balance for the springs to hold it (k,), N/m."""
+        return np.asarray(self._stiffness * (local[self.dofs] - self._old))
+
+    def force_change(self, local: Array, young: Array, moved: Array) -> Array:
+        """Change of `force` (k, n), N/m.
+
+        Args:
+            local: Local unknowns.
+            young: Change of the modulus (n,), Pa.
+            moved: How far the points move beyond where they began (k, n), m.
+        """
+        drawn = np.outer(local[self.dofs] - self._old, self.share * young)
+        return np.asarray(drawn + self._stiffness * moved)
+
+    def add_to(self, matrix: PETSc.Mat) -> None:
+        """Add their stiffness to that of the slice (collective)."""
+        for row in self.dofs:
+            matrix.setValueLocal(row, row, self._stiffness, addv=PETSc.InsertMode.ADD_VALUES)
+        matrix.assemble()
+
+
+class Constraints:
+    """All that holds a section but a wall.
+
+    Points are held in addition, as few as it takes, where `held` leaves the section a motion as a
+    rigid body.  They carry no force as long as the loads are in equilibrium.  Where a wall is to
+    hold the section the loads are not, and the points get springs instead: these draw each back to
+    where it was at the start of the step, so weakly that they count only where the wall does not.
+
+    Args:
+        section: The distributed section.
+        space: Space of the displacement.
+        held: Conditions on groups.
+        pin: Hold points in addition.
+        springs: Do so by springs of this share of the stiffness; None for rigidly.
+        borne: Places (n, 2), m, whose displacement along directions (n, 2) something else always
+            holds.
+
+    Attributes:
+        conditions: For DOLFINx' assembly.
+        fixed: Prescribed degrees of freedom that this rank owns (k,). free: 0 at those and at its
+            ghosts that are prescribed, 1 elsewhere (n,).
+        prescribed: `fixed` and, in a step, those of deep liquid. every: Conditions for both.
+        springs: At points, if the section needs any. dofs: Prescribed or with a spring.
+        moving: Whether any condition is not zero for ever.
+
+    Raises:
+        InputError: If a group does not exist.
+    """
+
+    def __init__(
+        self,
+        section: Section,
+        space: fem.FunctionSpace,
+        held: list[PrescribedDisplacement],
+        pin: bool = True,
+        springs: float | None = None,
+        borne: tuple[Array, Array] | None = None,
+    ) -> None:
+        self._comm = section.comm
+        self.conditions: list[fem.DirichletBC] = []
+        self._parts: list[tuple[fem.Function, list[Array], Array, PrescribedDisplacement]] = []
+        section.mesh.topology.create_connectivity(1, 2)
+        section.mesh.topology.create_connectivity(0, 2)
+        single = [space.sub(i).collapse()[0] for i in range(2)]
+        for one in held:
+            self._hold(space, single[one.component], 1, _facets(section, one.on), one)
+        owned = space.dofmap.index_map.size_local * space.dofmap.bs
+        sprung: list[npt.NDArray[np.int32]] = [np.zeros(0, np.int32)]
+        for component, vertices in self._missing(section, borne) if pin else []:
+            if springs is None:
+                self._hold(
+                    space, single[component], 0, vertices, PrescribedDisplacement((), component)
+                )
+            else:
+                parts = (space.sub(component), single[component])
+                sprung.append(fem.locate_dofs_topological(parts, 0, vertices)[0])
+        self.springs: Springs | None = None
+        if springs is not None and len(sprung) > 1:
+            self.springs = Springs(_sorted(sprung, owned), springs)
+        found = [np.zeros(0, np.int32), *(c.dof_indices()[0] for c in self.conditions)]
+        self.fixed = _sorted(found, owned)
+        ghosts = space.dofmap.index_map.num_ghosts * space.dofmap.bs
+        self.free = np.ones(owned + ghosts)
+        self.free[np.concatenate(found)] = 0.0
+        self.dofs = self.fixed
+        if self.springs is not None:
+            self.dofs = np.union1d(self.fixed, self.springs.dofs)
+        self.moving = any(one.value is not None for *_, one in self._parts)
+        self.prescribed, self.every = self.fixed, self.conditions
+
+    def hold_too(self, dofs: npt.NDArray[np.int64], condition: fem.DirichletBC) -> None:
+        """Prescribe further degrees of freedom `dofs` of this rank in the steps that follow."""
+        self.prescribed = np.union1d(self.fixed, dofs)
+        self.every = [*self.conditions, condition]
+
+    def spread(self, component: int) -> float:
+        """How far apart, along that component, the places are where it is held, m (collective)."""
+        held = [at[:, component] for _, _, at, one in self._parts if one.component == component]
+        places = np.concatenate([np.zeros(0), *held])
+        ends = [places.max(initial=-np.inf), -places.min(initial=np.inf)]
+        return max(float(reductions.largest_of(self._comm, ends).sum()), 0.0)
+
+    def _hold(
+        self,
+        space: fem.FunctionSpace,
+        single: fem.FunctionSpace,
+        dimension: int,
+        entities: npt.NDArray[np.int32],
+        held: PrescribedDisplacement,
+    ) -> None:
+        part = space.sub(held.component)
+        dofs = fem.locate_dofs_topological((part, single), dimension, entities)
+        value = fem.Function(single)
+        self.conditions.append(fem.dirichletbc(value, dofs, part))
+        positions = single.tabulate_dof_coordinates()[dofs[1], :2]
+        self._parts.append((value, list(dofs), positions, held))
+
+    def _missing(
+        self, section: Section, borne: tuple[Array, Array] | None
+    ) -> list[tuple[int, npt.NDArray[np.int32]]]:
+        """Component and local vertex of the points that hold what the conditions leave free."""
+        points = section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2]
+        low = np.array([reductions.smallest(section.comm, v) for v in points.T])
+        high = np.array([reductions.largest(section.comm, v) for v in points.T])
+        size, found = float((high - low).max()), []
+
+        def rigid_motions(component: int, places: Array) -> Array:
+            """What two translations and a rotation are there, (n, 3)."""
+            x, y = ((places - 0.5 * (low + high)) / size).T
+            one, none = np.ones_like(x), np.zeros_like(x)
+            return np.column_stack([one, none, -y] if component == 0 else [none, one, x])
+
+        rows = [rigid_motions(h.component, places) for _, _, places, h in self._parts]
+        if borne is not None:
+            x, y = borne[1].T[:, :, None]
+            rows.append(x * rigid_motions(0, borne[0]) + y * rigid_motions(1, borne[0]))
+        here = np.linalg.qr(np.concatenate([np.zeros((0, 3)), *rows]), mode="r")
+        _, strength, basis = np.linalg.svd(np.concatenate(section.comm.allgather(here)))
+        basis = basis[: int((strength > NOT_HELD * strength.max(initial=0.0)).sum())]
+        for component, where in PINS:
+            share = np.array([{"low": 0.0, "mid": 0.5, "high": 1.0}[w] for w in where])
+            place = _nearest(section.comm, points, low + share * (high - low), size)
+            row = rigid_motions(component, np.array([place]))[0]
+            row -= basis.T @ (basis @ row)
+            if (left := float(np.linalg.norm(row))) > NOT_HELD:
+                basis = np.vstack([basis, row / left])
+                found.append((component, _vertex_at(section, place, size)))
+        return found
+
+    def set(self, time: float, target: Array) -> None:
+        """Put the prescribed displacements at `time` (s) into the local array `target`."""
+        for value, dofs, positions, held in self._parts:
+            if held.value is not None:
+                value.x.array[dofs[1]] = held.value(positions, time)
+            target[dofs[0]] = value.x.array[dofs[1]]
+
+
+def _facets(section: Section, names: tuple[str, ...]) -> npt.NDArray[np.int32]:
+    """Local facets of groups."""
+    found = [section.facet_tags.find(tag) for tag in section.required(names)]
+    return np.unique(np.concatenate(found)).astype(np.int32)
+
+
+def _sorted(dofs: list[npt.NDArray[np.int32]], owned: int) -> npt.NDArray[np.int64]:
+    """Those of several lists that are below `owned`, once each."""
+    every = np.unique(np.concatenate(dofs)).astype(np.int64)
+    return every[every < owned]
+
+
+def _nearest(comm: MPI.Comm, points: Array, goal: Array, size: float) -> Place:
+    """That of the points (n, 2) of all ranks which is nearest to a goal, the same on any number."""
+    best = (np.inf, 0.0, 0.0)
+    if len(points):
+        distance = np.round(np.linalg.norm(points - goal, axis=1) / size, 9)
+        order = np.lexsort((points[:, 1], points[:, 0], distance))[0]
+        best = (float(distance[order]), float(points[order, 0]), float(points[order, 1]))
+    _, x, y = min(comm.allgather(best))
+    return x, y
+
+
+def _vertex_at(section: Section, place: Place, size: float) -> npt.NDArray[np.int32]:
+    """The local vertex at a place of a section of some size, if this rank has it."""
+
+    def here(points: Array) -> npt.NDArray[np.bool_]:
+        near = np.hypot(points[0] - place[0], points[1] - place[1]) < 1e-9 * size
+        return np.asarray(near, dtype=np.bool_)
+
+    return np.asarray(dmesh.locate_entities(section.mesh, 0, here), dtype=np.int32)

@@ -1,0 +1,271 @@
+"""Which mechanical states are kept: those the model can speak of.
+
+Newton's method finds equilibrium of the equations as they are written, wherever that is: a slice of
+negative thickness, a shell that has turned over, a bulge as large as the strand are solutions like
+any other.  So each state is judged before it is accepted.  What is coherent solid is judged
+strictly; the liquid has a stand-in without stiffness that may distort, and is judged only for what
+would make the rest meaningless.  docs/mechanics.md has the limits and their reasons.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+import ufl
+
+from castfem.base.types import Array, Flags
+from castfem.fem import dof_values, reductions
+from castfem.fem.compat import Tabulation
+from castfem.forms.finite_strain import deformation
+from castfem.physics.constitutive.base import Law, equivalent_stress
+from castfem.physics.mechanics.planes import LOADS
+from castfem.physics.mechanics.state import MechanicalState
+
+if TYPE_CHECKING:
+    from castfem.physics.mechanics.fields import Fields
+    from castfem.physics.mechanics.interactions import Interactions
+    from castfem.physics.mechanics.quadrature import Points
+
+
+FOLDED = 0.1  # what is left of the area of a cell that counts as folded
+COMPRESSED = 0.02  # elastic strain of the mean stress: hundreds of MPa, which no hot steel carries
+FRESH = 50.0  # K below the solidus: what is warmer has just frozen
+LOOK = "look at loads, supports, mould and cooling"
+ROUNDING = 9  # decimals of an angle, rad: what is less is none
+SCANT = 0.01  # of the section: solid that is no shell yet, were it spread all round
+NO_SHELL = "there is no shell yet that could bear a load: let that begin later, or leave it out"
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """How far a description of strain carries.
+
+    Attributes:
+        name: What messages call it. strain: What solid may have borne since it froze.
+        thickness: Smallest and largest thickness e (37) of the slice, over the undeformed one.
+        size: Difference of the displacements of two points along x or y, over the section's extent.
+        rotation: Of the solid, rad. mend: What to do beyond.
+    """
+
+    name: str
+    strain: float
+    thickness: tuple[float, float]
+    size: float
+    rotation: float
+    mend: str
+
+
+SMALL = Limits(
+    "small strain", 0.1, (0.9, 1.1), 0.1, 0.2, f'{LOOK}; mechanics.strain = "large" goes farther'
+)
+TURNED = 0.6  # rad: fed liquid turns, as a corner fills, before it freezes; that counts in, too
+LARGE = Limits("large strain", 1.0, (1.0 / 3.0, 3.0), 0.3, np.inf, LOOK)
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """One thing that a state is judged by.
+
+    Attributes:
+        values: On this rank (n,); the larger, the worse. places: Where (n, 2), m.
+        limit: Of the values. message: What to say beyond it, of the value and of its opposite.
+        loaded: Whether a load from outside makes it large where there is no shell yet.
+        more: Finds what else to say beyond the limit (collective); None for nothing.
+    """
+
+    values: Array
+    places: Array
+    limit: float
+    message: str
+    loaded: bool = False
+    more: Callable[[], str] | None = None
+
+
+class Validity:
+    """Judges the states of one section.
+
+    Args:
+        points: Its quadrature points.
+        fields: Displacement and generalized strains as the forms see them.
+        law: Of the material.
+        large: Whether strain is large.
+        interactions: What acts on the surface.
+    """
+
+    def __init__(
+        self,
+        points: Points,
+        fields: Fields,
+        law: Law,
+        large: bool,
+        interactions: Interactions,
+    ) -> None:
+        self._points, self._law, self._large = points, law, large
+        self._interactions = interactions
+        self._limits = LARGE if large else SMALL
+        if not (large or law.elasticity.solidity.memory):
+            self._limits = replace(SMALL, rotation=TURNED)
+        self._comm = points.section.comm
+        mesh = points.section.mesh
+        now = deformation(fields.u, fields.generalized_strains, mesh)
+        f = now.gradient
+        seen = ufl.as_vector([f[0, 0], f[0, 1], f[1, 0], f[1, 1], now.thickness, *now.position])
+        self._now = Tabulation(mesh, seen, points.deviator.points)
+
+    def unborne(self, loads: Mapping[str, float], temperature: Array) -> str:
+        """Why no shorter step will bear a load either, empty if one may (collective).
+
+        Where hardly anything is solid, as far as elasticity alone would let it strain: a shorter
+        step has still less that is solid, and what flows strains farther.
+
+        Args:
+            loads: Names of the loads from outside at the end of a step that failed, and what they
+                are: "force" (N), "moment_x", "moment_y" (N m).
+            temperature: At the points then (count,), K.
+        """
+        if not loads:
+            return ""
+        volume, place = self._points.deviator.volume, self._points.deviator.position
+        at = temperature[: len(volume)]
+        solid = at <= self._law.elasticity.solidity.solidus
+        stiff = self._law.elasticity.moduli(at)[2] * volume
+        sums = [volume[solid].sum(), volume.sum(), stiff.sum(), *(stiff @ place**2)]
+        frozen, whole, *bearing = reductions.totals(self._comm, [float(one) for one in sums])
+        far = [np.abs(along).max(initial=0.0) for along in place.T]
+        lever = [1.0, *reductions.largest_of(self._comm, far)]
+        if frozen >= SCANT * whole:
+            return ""
+        for name, load in loads.items():
+            axis = LOADS.index(name)
+            strain = abs(load) * lever[axis] / bearing[axis]
+            if strain > max(1.0 - self._limits.thickness[0], self._limits.strain):
+                return f"mechanics.planes.{name}: {NO_SHELL}"
+        return ""
+
+    def refusal(self, state: MechanicalState, temperature: Array) -> str:
+        """Why a newly found state cannot be kept, empty if it can (collective).
+
+        Args:
+            state: Whose displacement the fields hold.
+            temperature: At the points (count,), K.
+        """
+        solid = temperature <= self._law.elasticity.solidity.solidus
+        with np.errstate(invalid="ignore", divide="ignore"):
+            judged = self._judged(state, temperature, solid)
+        found = reductions.largest_of(self._comm, [j.values.max(initial=-np.inf) for j in judged])
+        for one, worst in zip(judged, found, strict=True):
+            if not worst <= one.limit:  # NaN is beyond any limit
+                _, x, y = reductions.peak(self._comm, one.values, one.places)
+                at = f" at x = {1e3 * x:.4g} mm, y = {1e3 * y:.4g} mm" if np.isfinite(x) else ""
+                more = "" if one.more is None else one.more()
+                told = one.message.format(worst, -worst) + more
+                message = f"beyond {self._limits.name}: {told}{at}"
+                early = one.loaded and not reductions.any_of(self._comm, bool(solid.any()))
+                return f"{message}; {NO_SHELL if early else self._limits.mend}"
+        return ""
+
+    def _judged(self, state: MechanicalState, temperature: Array, coherent: Flags) -> list[Judged]:
+        """All that a state is judged by, what depends on nothing else first (collective)."""
+        limits, place = self._limits, self._points.deviator.position
+        now = self._now.values().reshape(len(place), 7)
+        f, thickness, moved = now[:, :4], now[:, 4], now[:, 5:] - place
+        area = f[:, 0] * f[:, 3] - f[:, 1] * f[:, 2]
+        skew, trace = f[:, 2] - f[:, 1], f[:, 0] + f[:, 3]
+        turned = np.abs(np.arctan2(skew, trace))
+        solid, mean = coherent[: len(place)], coherent[len(place) :]
+        thinnest, thickest = limits.thickness
+        message = "the slice is {{{}:.3g}} times as thick as it was (at {} {:.2g})"
+        found = [
+            Judged(-thickness, place, -thinnest, message.format(1, "least", thinnest), True),
+            Judged(thickness, place, thickest, message.format(0, "most", thickest), True),
+            Judged(-area[solid], place[solid], -FOLDED, "the shell folds"),
+        ]
+        if self._large:  # its equations are written on the slice as it is
+            found.append(Judged(-area, place, 0.0, "the liquid folds"))
+        else:
+            message = f"the shell turns by {{0:.3g}} rad (at most {limits.rotation:g})"
+            fresh = partial(self._fresh, turned, temperature[: len(place)])
+            found.append(Judged(turned[solid], place[solid], limits.rotation, message, more=fresh))
+        shell = reductions.any_of(self._comm, bool(solid.any()))
+        found += self._bulges(place, moved[solid] if shell else moved)
+        distorted = np.inf if self._large else _distortion(f[solid], thickness[solid])
+        borne = self._borne(state, temperature, solid, distorted)
+        message = f"the shell is strained by {{0:.3g}} (at most {limits.strain:g})"
+        found.append(Judged(borne, place[solid], limits.strain, message))
+        message = f"its mean stress alone strains the shell by {{0:.3g}} (at most {COMPRESSED:g})"
+        squeezed = self._squeezed(state, temperature, mean)
+        found.append(Judged(squeezed, self._points.mean.position[mean], COMPRESSED, message))
+        return found + self._pressed(state)
+
+    def _fresh(self, turned: Array, temperature: Array) -> str:
+        """What to add where steel that has just frozen is turned, not the shell (collective).
+
+        Its cells have turned while they were liquid, whose stand-in follows the shell without
+        stiffness, and have kept that as they froze.
+        """
+        set_ = temperature <= self._law.elasticity.solidity.solidus - FRESH
+        most = reductions.largest(self._comm, turned[set_])
+        if not 0.0 <= most < 0.5 * self._limits.rotation:
+            return ""
+        most = round(most, ROUNDING)
+        return (
+            f", and no more than {most:.2g} rad where it is {FRESH:g} K below its solidus: cells "
+            "of the front that turned as liquid; another mesh.core_size, or liquid that presses "
+            "(mechanics.ferrostatic)"
+        )
+
+    def _pressed(self, state: MechanicalState) -> list[Judged]:
+        """Elastic strain along each axis that pressure on the surface would make."""
+        if not self._interactions:
+            return []
+        local = dof_values.with_ghosts(self._points.section.vertex_space, state.temperature)
+        message = f"the wall's pressure alone strains it by {{0:.3g}} (at most {COMPRESSED:g})"
+        pairs = self._interactions.with_states(state.interactions)
+        found = [one.strain_by_pressure(its, local) for one, its in pairs]
+        return [Judged(*one, COMPRESSED, message) for one in found if one is not None]
+
+    def _bulges(self, place: Array, moved: Array) -> list[Judged]:
+        """How far points of the shell, or of all that is, move apart, over the section's size.
+
+        (Collective.)
+        """
+        ends = [*place.T, *-place.T, *moved.T, *-moved.T]
+        high = reductions.largest_of(self._comm, [v.max(initial=-np.inf) for v in ends])
+        share = (high[4:6] + high[6:]) / (high[:2] + high[2:4])
+        nowhere = np.full((1, 2), np.nan)
+        message = f"bulge or shrinkage is {{0:.3g}} of the section (at most {self._limits.size:g})"
+        return [Judged(share[[i]], nowhere, self._limits.size, message) for i in range(2)]
+
+    def _borne(
+        self, state: MechanicalState, temperature: Array, solid: Flags, distorted: Array | float
+    ) -> Array:
+        """Strain that the solid deviator's points have borne since they froze.
+
+        Hardening that accumulates grows under loads that reverse, while the shell is strained no
+        more than it is `distorted` now; that holds more, where it froze distorted.
+        """
+        shear = self._law.elasticity.moduli(temperature[: len(solid)][solid])[0]
+        elastic = equivalent_stress(state.stress[: len(solid)][solid]) / (3.0 * shear)
+        path = self._law.strain(state.internal[: len(solid)][solid])
+        return np.asarray(elastic + np.minimum(path, distorted))
+
+    def _squeezed(self, state: MechanicalState, temperature: Array, solid: Flags) -> Array:
+        """Elastic strain along each axis of the mean stress, at solid points of its rule."""
+        deviator_points = self._points.deviator_points
+        bulk = self._law.elasticity.moduli(temperature[deviator_points:][solid])[1]
+        mean = state.stress[deviator_points:, :3][solid].mean(axis=1)
+        return np.asarray(np.abs(mean) / (3.0 * bulk))
+
+
+def _distortion(gradient: Array, thickness: Array) -> Array:
+    """Equivalent strain (n,), less its mean, of gradients (n, 4) and thicknesses (n,)."""
+    xx, yy, zz = gradient[:, 0] - 1.0, gradient[:, 3] - 1.0, thickness - 1.0
+    shear, mean = 0.5 * (gradient[:, 1] + gradient[:, 2]), (xx + yy + zz) / 3.0
+    square = (xx - mean) ** 2 + (yy - mean) ** 2 + (zz - mean) ** 2 + 2.0 * shear**2
+    return np.asarray(np.sqrt(2.0 / 3.0 * square))

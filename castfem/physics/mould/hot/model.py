@@ -1,0 +1,209 @@
+"""The hot mould: from the flux of a strand, or a profile, to the wall that the strand meets."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.errors import RunFailure
+from castfem.base.tables import Constant, Table
+from castfem.base.types import Array
+from castfem.fem.root import on_root
+from castfem.meshes.tube import TubeMesh, graded, tube
+from castfem.physics.mould.displaced import WallDisplacement
+from castfem.physics.mould.hot.conduction import Conduction, FaceLoad, Heated
+from castfem.physics.mould.hot.copper import MELTS, Copper
+from castfem.physics.mould.hot.distortion import Distorted, Distortion, Support
+from castfem.physics.mould.hot.flux import FluxMap
+from castfem.physics.mould.hot.solvers import Method
+from castfem.physics.mould.hot.tube import Tube
+from castfem.physics.mould.mould import Mould
+from castfem.physics.mould.perimeter import Places, corner_of, lengths, sides_of
+
+CORNER_CELLS = 4
+"""On the quarter circle of a corner, at least: a round asks for more by its size."""
+FINE = 3.0
+"""Times that the cells at the meniscus are shorter than elsewhere."""
+
+
+@dataclass(frozen=True, slots=True)
+class TubeSettings:
+    """A tube round a cavity, and how it is cooled, held and computed.
+
+    Attributes:
+        thickness: Of the wall, m.
+        above: How far it goes on above the meniscus, m.
+        coefficient: Of heat transfer to the water, over position, W/(m2 K).
+        water: Temperature of the water, likewise, K.
+        support: How it is held.
+        hot_face: Temperature of the face towards the strand, likewise, K, instead of a flux.
+        water_side: Temperature of the water side, likewise, K, instead of water.
+        across: Cells through the wall.
+        size: Largest cell round the wall and along it, m.
+        method: Of the linear solvers.
+    """
+
+    thickness: float
+    above: float
+    coefficient: Constant | Table
+    water: Constant | Table
+    support: Support = "hung"
+    hot_face: Constant | Table | None = None
+    water_side: Constant | Table | None = None
+    across: int = 2
+    size: float = 0.012
+    method: Method = "auto"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HotWall:
+    """The inner wall at work, from the meniscus to the exit.
+
+    Attributes:
+        displacement: From the cold wall; in the plane of each section, carried along with the
+            copper (its own way along the mould, a millimetre, moves a tapered wall by micrometres).
+        hot: Temperature of the face towards the strand (p, w), K.
+        outer: Temperature of the water side, likewise.
+        longer: How much longer the tube has become, m.
+        heated: The conduction.
+        distorted: The elasticity.
+        model: The tube whose wall it is.
+    """
+
+    displacement: WallDisplacement
+    hot: Array
+    outer: Array
+    longer: float
+    heated: Heated
+    distorted: Distorted
+    model: HotMould
+
+    @property
+    def corner(self) -> int | None:
+        """Which of its places lies in the middle of the corner; None of a round."""
+        mould = self.model.mould
+        return corner_of(sides_of(mould.cavity, mould.tapers, 0.0), self.displacement.ways)
+
+    def profile(self) -> tuple[Array, Array]:
+        """Return positions and the hot face's mean temperature round the quarter (p,), K."""
+        ways = self.displacement.ways
+        mean = np.trapezoid(self.hot, ways, axis=1) / (ways[-1] - ways[0])
+        return self.displacement.positions, np.asarray(mean)
+
+
+class HotMould:
+    """The tube of a mould.
+
+    Args:
+        comm: Ranks (collective).
+        mould: The cold mould, of a rectangle with rounded corners or a round.
+        copper: Its copper.
+        settings: Its wall, water, support and mesh.
+
+    Attributes:
+        tube: The tube.
+        positions: Of the mesh's layers, m.
+        places: Of its columns.
+        ways: Of these, along the wall at the meniscus, m.
+
+    Raises:
+        ValueError: The cavity has no wall that can be offset.
+    """
+
+    def __init__(
+        self, comm: MPI.Comm, mould: Mould, copper: Copper, settings: TubeSettings
+    ) -> None:
+        self.mould, self.copper, self.settings = mould, copper, settings
+        start = sides_of(mould.cavity, mould.tapers, 0.0)
+        right, arc, upper = lengths(start)
+        faces = math.ceil(max(right, upper) / settings.size)
+        corner = max(CORNER_CELLS, math.ceil(arc / settings.size))
+        self.places = Places.spread(start, max(faces, 1), corner)
+        self.ways = self.places.ways(start)
+        fine = settings.size / FINE
+        self.positions = graded(-settings.above, mould.length, fine, settings.size)
+        self.tube = Tube(comm, on_root(comm, self._mesh))
+
+    def _mesh(self) -> TubeMesh:
+        """Return the mesh of the cold tube; above the meniscus it goes on without taper."""
+        rows = [
+            self.places.on(sides_of(self.mould.cavity, self.mould.tapers, max(float(z), 0.0)))
+            for z in self.positions
+        ]
+        inner, normals = (np.array(part) for part in zip(*rows, strict=True))
+        meniscus = int(np.argmin(np.abs(self.positions)))
+        return tube(
+            inner, normals, self.positions, self.settings.thickness, self.settings.across,
+            meniscus=meniscus,
+        )  # fmt: skip
+
+    def solve(self, flux: FluxMap | None) -> HotWall:
+        """Return the wall at work (collective; the same on all ranks).
+
+        Args:
+            flux: Into the hot face; None where its temperature is given.
+
+        Raises:
+            RunFailure: A solver does not converge, or the copper would melt.
+        """
+        heated = Conduction(self.tube, self.copper, self.settings.method).solve(self._load(flux))
+        if heated.hottest > MELTS:
+            raise RunFailure(
+                f"mould.tube: the copper would be at {heated.hottest - ZERO_CELSIUS:.0f} degC, and "
+                f"it melts at {MELTS - ZERO_CELSIUS:.0f} degC: see water_coefficient, thickness "
+                "and the heat that it takes (flux, or that of the strand)"
+            )
+        distorted = self.distortion().solve(heated.temperature)
+        owned = self.tube.owned
+        kelvin = self.tube.gather(heated.temperature.x.array[:owned])
+        moved = self.tube.gather(distorted.displacement.x.array[: 3 * owned].reshape(-1, 3))
+        both = None if kelvin is None or moved is None else self._read(kelvin, moved)
+        wall, hot, outer, longer = self.tube.comm.bcast(both)
+        return HotWall(wall, hot, outer, longer, heated, distorted, self)
+
+    def distortion(self) -> Distortion:
+        """Return the elasticity of this tube."""
+        return Distortion(self.tube, self.copper, self.settings.support, self.settings.method)
+
+    def _read(self, kelvin: Array, moved: Array) -> tuple[WallDisplacement, Array, Array, float]:
+        """Return displacement and temperatures below the meniscus, and how much longer it is."""
+        across, around, along = self.tube.shape
+        block = kelvin.reshape(along, around, across)
+        wall = moved.reshape(along, around, across, 3)
+        below = self.positions > -1e-9 * self.mould.length
+        positions = self.positions[below].copy()
+        positions[0] = 0.0
+        inner = np.ascontiguousarray(wall[below, :, 0, :2])
+        inner[:, 0, 1] = 0.0
+        inner[:, -1, 0] = 0.0
+        shape = WallDisplacement(positions, self.ways, inner)
+        longer = float(wall[-1, :, :, 2].mean() - wall[0, :, :, 2].mean())
+        return shape, block[below, :, 0], block[below, :, -1], longer
+
+    def _load(self, flux: FluxMap | None) -> FaceLoad:
+        """Return what acts on the faces at the nodes of the mesh; collective for no rank."""
+        below = np.maximum(self.positions, 0.0)
+        across, around, _ = self.tube.shape
+
+        def spread(values: Array) -> Array:
+            """Values (along, round) at all nodes of the wall's columns."""
+            table = np.broadcast_to(values, (len(self.positions), around))
+            return np.repeat(table.reshape(-1), across)
+
+        def along(profile: Constant | Table) -> Array:
+            return spread(np.asarray(profile(below))[:, None])
+
+        settings = self.settings
+        given = 0.0 if flux is None else spread(flux.on(self.positions, self.ways))
+        return FaceLoad(
+            given,
+            0.0 if settings.water_side is not None else along(settings.coefficient),
+            along(settings.water),
+            None if settings.hot_face is None else along(settings.hot_face),
+            None if settings.water_side is None else along(settings.water_side),
+        )

@@ -1,0 +1,168 @@
+"""The mould: a cavity whose section goes with the position below the meniscus.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from castfem.base.tables import Constant, Table
+from castfem.base.tolerances import ROUNDING
+from castfem.base.types import Array
+from castfem.physics.mould.cavity import Cavity, Tapers, same
+from castfem.physics.mould.contour import Contour
+from castfem.physics.mould.taper import Taper, segment_ends, taper_between
+from castfem.physics.mould.wall import GapFunction
+
+
+@dataclass(frozen=True, slots=True)
+class Expansion:
+    """Thermal expansion of a mould whose shape is given cold.
+
+    Every length of the cavity is 1 + alpha (T(z) - T_cold) times what it is cold: the plates or
+    the tube expand freely and across their whole thickness by the mean temperature T(z).
+
+    Attributes:
+        coefficient: Mean expansion coefficient alpha of the copper from T_cold to T, 1/K.
+        cold: Temperature T_cold at which the shape is given, K.
+        temperature: Mean temperature T(z) of the wall along the mould, K.
+    """
+
+    coefficient: float
+    cold: float
+    temperature: Constant | Table
+
+    def factor(self, position: float) -> float:
+        """Return hot length over cold length at a position."""
+        return 1.0 + self.coefficient * (self.temperature(position) - self.cold)
+
+
+@dataclass(frozen=True, slots=True)
+class Zone:
+    """Taper (300) of one dimension in one zone of the mould.
+
+    Attributes:
+        dimension: Its name: "width", "height", "diagonal", "diameter".
+        start: Where the zone begins, from the meniscus, m.
+        end: Where it ends, m.
+        inlet: The dimension at its start, m.
+        outlet: The dimension at its end, m.
+    """
+
+    dimension: str
+    start: float
+    end: float
+    inlet: float
+    outlet: float
+
+    @property
+    def taper(self) -> float:
+        """Taper (300), 1/m."""
+        return taper_between(self.inlet, self.outlet, self.end - self.start)
+
+
+def is_below(position: float, length: float) -> bool:
+    """Return whether a position is below the end of a mould of some length, m."""
+    return position > length * (1.0 + ROUNDING)
+
+
+class Mould:
+    """A rigid mould in working condition, the wall of one section of the strand.
+
+    It implements `Wall`. Above the meniscus it goes on as at the meniscus; below its end there is
+    no wall: all gaps are infinite.
+
+    Args:
+        cavity: Its section, with the sizes at the meniscus, m.
+        length: From the meniscus to its end, m.
+        tapers: How its dimensions go; None where they stay.
+        wall_temperature: Of the face towards the strand, K; None where it is not given.
+        expansion: Where cavity and tapers are those of the cold mould; None in working condition.
+
+    Raises:
+        ValueError: The length is not positive, or the taper closes the mould.
+    """
+
+    def __init__(
+        self,
+        cavity: Cavity,
+        length: float,
+        tapers: Tapers | None = None,
+        wall_temperature: Constant | Table | None = None,
+        expansion: Expansion | None = None,
+    ) -> None:
+        if not 0.0 < length < np.inf:
+            raise ValueError(f"the length of a mould must be positive, not {length:g} m")
+        self.tapers = same(Taper.single(0.0, length)) if tapers is None else tapers
+        self.cavity, self.length = cavity, length
+        self.wall_temperature, self.expansion = wall_temperature, expansion
+        self._built: tuple[float, Contour] | None = None
+        for position in segment_ends(self.tapers.profiles, length):
+            self.contour(position)
+
+    def gap_function(self, points: Array, normals: Array, position: float) -> GapFunction:
+        """Return where points of the strand meet the wall; see `Wall`."""
+        if is_below(position, self.length):
+            return GapFunction(np.full(len(points), np.inf), np.array(normals, dtype=float))
+        return self.contour(position).gap_function(points, normals)
+
+    def temperature(self, position: float) -> float:
+        """Return the temperature of the wall's face, K.
+
+        Raises:
+            ValueError: The mould was made without.
+        """
+        if self.wall_temperature is None:
+            raise ValueError("this mould has no wall temperature: mould.wall_temperature")
+        return self.wall_temperature(position)
+
+    def contour(self, position: float) -> Contour:
+        """Return the wall at a position below the meniscus (m); the last one is kept."""
+        if self._built is None or self._built[0] != position:
+            z = self._within(position)
+            self._built = (position, self.cavity.contour(self.tapers, z, self._scale(z)))
+        return self._built[1]
+
+    def dimensions(self, position: float, *, as_made: bool = False) -> dict[str, float]:
+        """Return the linear dimensions of the cavity by name, m.
+
+        Args:
+            position: Below the meniscus, m.
+            as_made: Those of the cold mould where the shape is given cold.
+        """
+        z = self._within(position)
+        return self.cavity.dimensions(self.tapers, z, 1.0 if as_made else self._scale(z))
+
+    def marks(self, position: float) -> dict[str, float]:
+        """Return the distance from the centre of a few points of the wall by name, m."""
+        z = self._within(position)
+        return self.cavity.marks(self.tapers, z, self._scale(z))
+
+    def zones(self, *, as_made: bool = False) -> tuple[Zone, ...]:
+        """Return the taper of every dimension in every zone, and over the whole mould.
+
+        A zone reaches from one change of the dimension's taper to the next. The last entry of a
+        dimension is that of the whole mould, where that is more than one zone.
+
+        Args:
+            as_made: Those of the cold mould where the shape is given cold.
+        """
+        found = []
+        for name in self.dimensions(0.0):
+            ends = segment_ends(self.tapers.of(name), self.length)
+            size = {z: self.dimensions(z, as_made=as_made)[name] for z in ends}
+            pairs = list(itertools.pairwise(ends))
+            if len(pairs) > 1:
+                pairs.append((0.0, self.length))
+            found += [Zone(name, one, other, size[one], size[other]) for one, other in pairs]
+        return tuple(found)
+
+    def _within(self, position: float) -> float:
+        return min(max(position, 0.0), self.length)
+
+    def _scale(self, position: float) -> float:
+        return 1.0 if self.expansion is None else self.expansion.factor(position)

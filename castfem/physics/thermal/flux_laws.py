@@ -1,0 +1,297 @@
+"""Heat flux through the strand's surface: plain arrays in, flux and its slope out (thesis II.4).
+
+Every law gives q (W/m2, positive when heat leaves the strand) and dq/dT at the surface temperatures
+handed in, and the range of ambient temperatures it can drive the surface to.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from castfem.base.constants import STEFAN_BOLTZMANN
+from castfem.base.types import Array
+from castfem.physics.thermal.mould_flux import Curve
+from castfem.physics.thermal.sprays import Correlation
+
+_FLAT = 1e-9  # of the steepest slope: less is what rounding makes of a flux that does not fall
+_DT = 1e-3  # K, half width of the difference quotient of tabulated coefficients
+
+
+class SurfaceLaw(Protocol):
+    """What the thermal problem asks of a law."""
+
+    def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
+        """Q and dq/dT (n,) at surface temperatures (n,), K, `time` seconds after the meniscus."""
+        ...
+
+    def ambient_range(self, time: float) -> tuple[float, float]:
+        """Lowest and highest temperature the law pulls the surface to, K."""
+        ...
+
+
+def least_rise(law: SurfaceLaw, temperatures: Array, time: float) -> float | Array:
+    """Least dq/dT that a law has at any of some temperatures (g,), K; 0 of one that never falls.
+
+    It is one number, or one a vertex (n,) of a law that differs between them, which then has a
+    method of this name.
+    """
+    own = getattr(law, "least_rise", None)
+    if own is not None:
+        found: Array = own(temperatures, time)
+        return found
+    if any(callable(getattr(law, name, None)) for name in ("coefficient", "emissivity")):
+        return float(law.flux(temperatures, time)[1].min())
+    return 0.0
+
+
+@dataclass(frozen=True)
+class Convection:
+    """h(T) (T - Ta): convection (35), (30); `coefficient` is a number or a function of T (K)."""
+
+    coefficient: float | Callable[[Array], Array]
+    ambient: float
+
+    def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
+        """See `SurfaceLaw.flux`."""
+        excess = temperature - self.ambient
+        if not callable(self.coefficient):
+            return self.coefficient * excess, np.full_like(temperature, self.coefficient)
+        h = self.coefficient(temperature)
+        rise = self.coefficient(temperature + _DT) - self.coefficient(temperature - _DT)
+        return h * excess, h + rise / (2 * _DT) * excess
+
+    def ambient_range(self, time: float) -> tuple[float, float]:
+        """See `SurfaceLaw.ambient_range`."""
+        return self.ambient, self.ambient
+
+    def across(self, gap: float | Array) -> Convection:
+        """The law that holds across a gap: the same."""
+        return self
+
+
+@dataclass
+class Contact:
+    """Contact with the mould through a gap d (301): h = h_c k_g / (k_g + h_c d).
+
+    Radiation and convection beside it cross the gap in parallel with its conduction, and with it
+    in series with the resistance of contact 1/h_c, ours: where the strand touches there is
+    contact alone (35), elsewhere they add up across the gap (36), and the flux does not jump in
+    between.
+
+    Attributes:
+        coefficient: h_c at d = 0, W/m2K, or a curve of it.
+        wall: Temperature of the mould's wall, K; a number or a function of time.
+        gap_conductivity: k_g, W/mK.
+        gap: d, m; a number or one per surface node.
+        follows: Whether the gap is that of the mechanics, which set it before each coupling window.
+        beside: What else crosses the gap.
+    """
+
+    coefficient: float | Curve
+    wall: float | Callable[[float], float]
+    gap_conductivity: float
+    gap: float | Array = 0.0
+    follows: bool = False
+    beside: tuple[Convection | Radiation, ...] = ()
+
+    def heat_transfer(self, coefficient: float | Array) -> Array:
+        """Overall coefficient h(d) of (301), W/m2K, with a coefficient of contact."""
+        hc, kg, gap = np.asarray(coefficient), self.gap_conductivity, np.maximum(self.gap, 0.0)
+        return np.asarray(hc * kg / (kg + hc * gap))
+
+    def _wall(self, time: float) -> float:
+        return self.wall(time) if callable(self.wall) else self.wall
+
+    def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
+        """See `SurfaceLaw.flux`."""
+        if not isinstance(self.coefficient, float | int):
+            return self._of_curve(self.coefficient, temperature, time)
+        h = np.array(np.broadcast_to(self.heat_transfer(self.coefficient), temperature.shape))
+        flux = h * (temperature - self._wall(time))
+        if not self.beside or not self.coefficient > 0.0:
+            return flux, h
+        # The gap's share of the resistance of contact and gap: 0 where the strand touches.
+        share = 1.0 - h / self.coefficient
+        crossing, slope, conductance, its_slope = self._crossing(temperature, time)
+        both = flux + share * crossing
+        less = 1.0 + share * conductance / self.coefficient
+        by_less = both / less * share * its_slope / self.coefficient
+        return both / less, (h + share * slope - by_less) / less
+
+    def _crossing(self, temperature: Array, time: float) -> tuple[Array, Array, Array, Array]:
+        """Flux beside the gap's conduction, and conductance (34), each with its derivative."""
+        crossing, slope, conductance, its_slope = np.zeros((4, *temperature.shape))
+        for law in self.beside:
+            law = law.across(self.gap)
+            q, dq = law.flux(temperature, time)
+            c, dc = _conductance(q, dq, temperature - law.ambient)
+            crossing, slope = crossing + q, slope + dq
+            conductance, its_slope = conductance + c, its_slope + dc
+        return crossing, slope, conductance, its_slope
+
+    def _of_curve(self, curve: Curve, temperature: Array, time: float) -> tuple[Array, Array]:
+        """See `flux`, with a coefficient of contact h_c that changes with the temperature.
+
+        With r = d/k_g, beside which c and q_c cross, the flux is
+        h_c (T - Tw + r q_c) / (1 + r (h_c + c)): what stands in `flux`, multiplied out.
+        """
+        wall = self._wall(time)
+        hc, rise = curve.of(temperature, time, wall)
+        r = np.maximum(self.gap, 0.0) / self.gap_conductivity
+        crossing, slope, c, dc = self._crossing(temperature, time)
+        excess = temperature - wall
+        above = hc * (excess + r * crossing)
+        its_rise = rise * (excess + r * crossing) + hc * (1.0 + r * slope)
+        below, of_below = 1.0 + r * (c + hc), r * (dc + rise)
+        flux: Array = above / below
+        fall: Array = flux * of_below
+        return flux, (its_rise - fall) / below
+
+    def least_rise(self, temperatures: Array, time: float) -> float:
+        """See `least_rise`, without a gap, in which a flux that falls does so the most."""
+        curve = self.coefficient
+        if isinstance(curve, float | int) or curve.over_temperature is None:
+            return 0.0
+        slope = replace(self, gap=0.0, beside=()).flux(temperatures, time)[1]
+        least = float(slope.min())
+        return least if least < -_FLAT * float(np.abs(slope).max(initial=0.0)) else 0.0
+
+    def ambient_range(self, time: float) -> tuple[float, float]:
+        """See `SurfaceLaw.ambient_range`."""
+        met = [self._wall(time), *(law.ambient for law in self.beside)]
+        return min(met), max(met)
+
+
+def _conductance(flux: Array, slope: Array, excess: Array) -> tuple[Array, Array]:
+    """Flux over the difference of temperature `excess` (34), W/m2K, and its derivative."""
+    near = np.abs(excess) < _DT
+    by = np.where(near, 1.0, excess)
+    conductance = np.where(near, slope, flux / by)
+    return conductance, np.where(near, 0.0, (slope - conductance) / by)
+
+
+@dataclass(frozen=True)
+class Radiation:
+    """gamma (T^4 - Ta^4), (32), with the gap factor (33).
+
+    gamma = m^2 sigma / (0.75 a d + 1/eps_strand + 1/eps_wall - 1); eps_wall = 1 and d = 0 (the
+    defaults) leave eps_strand sigma, a small body in wide surroundings.
+
+    Attributes:
+        emissivity: eps_strand; a number or a function of the temperature, K.
+        ambient: Ta, K.
+        wall_emissivity: eps_wall, likewise.
+        refractive_index: m.
+        absorption: a, 1/m.
+        gap: d, m; a number or one per surface node; None: none, or that of the contact beside it.
+    """
+
+    emissivity: float | Callable[[Array], Array]
+    ambient: float
+    wall_emissivity: float | Callable[[Array], Array] = 1.0
+    refractive_index: float = 1.0
+    absorption: float = 0.0
+    gap: float | Array | None = None
+
+    def across(self, gap: float | Array) -> Radiation:
+        """The law that holds across a gap, m: the given one, if the law has none of its own."""
+        return self if self.gap is not None else replace(self, gap=gap)
+
+    def factor(self, temperature: Array) -> Array:
+        """Gamma of (33), W/m2K4, at surface temperatures (n,)."""
+        strand = self.emissivity(temperature) if callable(self.emissivity) else self.emissivity
+        wall = self.wall_emissivity
+        if callable(wall):  # the wall is as warm as the surroundings it stands for
+            wall = float(wall(np.array([self.ambient]))[0])
+        # An emissivity of 0 resists without end: nothing is radiated.
+        with np.errstate(divide="ignore"):
+            resistance = 1.0 / np.asarray(strand, float) + 1.0 / np.asarray(wall, float) - 1.0
+        if self.absorption and self.gap is not None:
+            gap = np.maximum(self.gap, 0.0)
+            resistance = resistance + 0.75 * self.absorption * gap
+        return np.broadcast_to(
+            self.refractive_index**2 * STEFAN_BOLTZMANN / resistance, temperature.shape
+        )
+
+    def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
+        """See `SurfaceLaw.flux`."""
+        gamma = self.factor(temperature)
+        # Odd below absolute zero, where an iterate may stray: the flux stays monotone.
+        cube = np.abs(temperature) ** 3
+        excess = temperature * cube - self.ambient**4
+        slope = gamma * 4.0 * cube
+        if callable(self.emissivity):
+            rise = self.factor(temperature + _DT) - self.factor(temperature - _DT)
+            slope = slope + rise / (2 * _DT) * excess
+        return gamma * excess, slope
+
+    def ambient_range(self, time: float) -> tuple[float, float]:
+        """See `SurfaceLaw.ambient_range`."""
+        return self.ambient, self.ambient
+
+
+@dataclass(frozen=True)
+class Sprayed:
+    """Convection to a spray whose water changes in time.
+
+    Attributes:
+        correlation: Gives the coefficient.
+        water: kg/(m2 s), over the time since the meniscus, s.
+        most: The largest, kg/(m2 s).
+        ambient: Temperature of the water, K.
+        machine_factor: Divides the coefficient.
+    """
+
+    correlation: Correlation
+    water: Callable[[float], float]
+    most: float
+    ambient: float
+    machine_factor: float = 1.0
+
+    def _at(self, water: float) -> Convection:
+        """Convection to so much water."""
+        return Convection(
+            lambda t: self.correlation.coefficient(water, self.ambient, self.machine_factor, t),
+            self.ambient,
+        )
+
+    def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
+        """See `SurfaceLaw.flux`."""
+        return self._at(self.water(time)).flux(temperature, time)
+
+    def least_rise(self, temperatures: Array, time: float) -> float:
+        """See `least_rise`, at the most water."""
+        return float(self._at(self.most).flux(temperatures, time)[1].min())
+
+    def ambient_range(self, time: float) -> tuple[float, float]:
+        """See `SurfaceLaw.ambient_range`."""
+        return self.ambient, self.ambient
+
+
+@dataclass(frozen=True)
+class PrescribedFlux:
+    """A given flux q(t), W/m2; a number or a function of the time since the meniscus."""
+
+    value: float | Callable[[float], float]
+
+    def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
+        """See `SurfaceLaw.flux`."""
+        q = self.value(time) if callable(self.value) else self.value
+        return np.full_like(temperature, q), np.zeros_like(temperature)
+
+    def ambient_range(self, time: float) -> tuple[float, float]:
+        """Without bounds but absolute zero: a flux does not know where it leads."""
+        return 0.0, np.inf
+
+
+@dataclass(frozen=True)
+class PrescribedTemperature:
+    """A given surface temperature, K (essential condition); it has no flux of its own."""
+
+    value: float

@@ -1,0 +1,397 @@
+"""One implicit stage of the heat balance, solved for the enthalpy at the vertices by SNES.
+
+With the vertex rule of `forms.heat` the stage reads, for the enthalpies H (J/m3) of the vertices,
+
+    M (H - H_base) + tau [ L theta(H) + w q(T(H)) - M s ] = 0,
+
+M the vertices' areas, L the Laplacian of the section, w their shares of the perimeter, s heat
+generated inside.  L is assembled once, or once a coupling window in a slice that moves; a Newton
+step only scales its columns by dtheta/dH.  On rectangles and Delaunay triangles, and where the flux
+grows with the temperature, the Jacobian is an M-matrix with dominant columns for every step and
+every freezing range, so the stage has one solution; where the flux falls (boiling) a long stage may
+have several, see `branch`.  Newton's method on H (not on T) has no difficulty with isothermal
+freezing.  Other quadrilaterals, as they stand round an arc, give L some positive entries off its
+diagonal, up to 7 % of it, and the shear of the shell as many as it has strain; there the maximum
+principle holds but for hundredths of a kelvin (docs/thermal.md).
+
+Of a slice that moves, H is per volume that the steel had when it froze, and M the volume that each
+vertex' steel fills then: that of the undeformed slice times `filled`, which follows the shape while
+there is liquid to feed it and stays as it is in what has frozen (docs/coupling.md).
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+
+from castfem.base import log
+from castfem.base.stopwatch import Stopwatch
+from castfem.base.types import Array
+from castfem.fem import reductions
+from castfem.fem.compat import assemble_into, assemble_matrix, assemble_owned, without_zeros
+from castfem.fem.section import Section
+from castfem.fem.snes import Options, SnesSolver, SolveResult, try_options
+from castfem.forms.heat import (
+    conduction,
+    conduction_moved,
+    slice_measure,
+    storage,
+    storage_measure,
+)
+from castfem.physics.materials.curve import CurvePoint, ThermalCurve
+from castfem.physics.thermal.boundary import Cooling
+from castfem.physics.thermal.deformed_section import Shape
+from castfem.physics.thermal.options import default_options, direct_options
+
+LINEAR_FAILURE = "DIVERGED_LINEAR_SOLVE"
+BALANCE = 1e-7  # of the heat stored in a stage: what Newton's method may leave open of the whole
+SPREAD = 10 * BALANCE  # largest relative correction that closes the heat balance
+ROUNDING = 64 * np.finfo(float).eps
+
+
+@dataclass(slots=True)
+class Stage:
+    """Result of one implicit stage.
+
+    Attributes:
+        enthalpy: H at the owned vertices (owned,), J/m3. rate: dH/dt (owned,), W/m3.
+        point: Temperature and slopes that belong to the solution.
+        out: Heat that leaves through this rank's part of the surface, W/m.
+        generated: Heat that appears inside this rank's part of the section, W/m.
+        result: How the solver ended. tau: Its coefficient, s. time: Since the meniscus, s.
+    """
+
+    enthalpy: Array
+    rate: Array
+    point: CurvePoint
+    out: float
+    generated: float
+    result: SolveResult
+    tau: float
+    time: float
+
+
+@dataclass(slots=True)
+class _State:
+    """What `ThermalProblem` knows at one enthalpy.
+
+    Attributes:
+        flow: Heat that leaves each vertex (owned,), W/m; slope: its part by the surface, d/dT.
+        out: Heat that leaves this rank's surface, W/m; gross: the same without regard to sign.
+    """
+
+    enthalpy: Array
+    point: CurvePoint
+    flow: Array
+    slope: Array
+    out: float
+    gross: float
+
+
+class ThermalProblem:
+    """Heat balance of the section, one stage at a time.
+
+    Args:
+        section: The distributed section.
+        curve: T(H) and theta(H) of the steel.
+        options: PETSc options that win over the defaults.
+        tolerance: Largest imbalance left at a vertex, as a change of its temperature, K.
+        watch: Charged with the time spent here.
+        shape: Where the slice is; None if it does not move.
+
+    Attributes:
+        area: Area that belongs to each owned vertex (owned,), m2.
+        filled: Volume that its steel fills, over that of the undeformed slice (owned,).
+        volume: Both together, M (owned,), m2.
+        warming: Fastest rise of a temperature by heat generated inside, K/s.
+        iterations: Newton iterations since the start. stages: Stages solved since the start.
+    """
+
+    def __init__(
+        self,
+        section: Section,
+        curve: ThermalCurve,
+        options: Options | None = None,
+        tolerance: float = 1e-7,
+        watch: Stopwatch | None = None,
+        shape: Shape | None = None,
+    ) -> None:
+        self.section, self.curve, self.tolerance = section, curve, tolerance
+        self.watch = watch if watch is not None else Stopwatch()
+        self.shape = shape
+        self._assemble_operators()
+        self.filled, self.volume = np.ones_like(self.area), self.area
+        self._work = self._laplacian.createVecLeft()
+        self._theta = self._laplacian.createVecRight()
+        chosen = {**default_options(section.comm.size), **(options or {})}
+        if options:
+            try_options("thermal_", chosen)
+        self.solver = self._make_solver("thermal_", chosen, options or {})
+        self._direct: SnesSolver | None = None
+        self.iterations: int = 0
+        self.stages: int = 0
+        self._base, self._tau, self._time = np.zeros_like(self.area), 1.0, 0.0
+        self._source, self.warming = np.zeros_like(self.area), 0.0
+        self.set_cooling(Cooling([], []))
+        self._state = self._evaluate(np.zeros_like(self.area))
+
+    def _make_solver(
+        self, prefix: str, options: Options, asked: Collection[str] = ()
+    ) -> SnesSolver:
+        matrix = self.new_matrix()
+        return SnesSolver(self, self._theta, matrix, prefix, options, self.watch, asked=asked)
+
+    def _assemble_operators(self) -> None:
+        """Vertex areas and the Laplacian, from the forms."""
+        section, space, mesh = self.section, self.section.vertex_space, self.section.mesh
+        u, v, dx = ufl.TrialFunction(space), ufl.TestFunction(space), slice_measure(mesh)
+        if self.shape is None:
+            form = section.compile("heat.conduction", conduction(u, v, dx))
+            self._laplacian = without_zeros(assemble_matrix(form))
+        else:
+            moved = conduction_moved(u, v, dx, self.shape.gradient, self.shape.thickness)
+            self._conduction = section.compile("heat.conduction.moved", moved)
+            self._laplacian = assemble_matrix(self._conduction)
+        self._scale_operators()
+        if self.shape is not None:
+            self.area = self.shape.area
+            return
+        one = fem.Constant(mesh, np.float64(1.0))
+        form = storage(one, v, storage_measure(mesh, section.order == 2))
+        self.area = assemble_owned(section.compile("heat.storage", form), section.owned)
+
+    def _scale_operators(self) -> None:
+        """What norms measure against."""
+        self._laplacian_diagonal = self._laplacian.getDiagonal().getArray().copy()
+        self._stiffness = self._laplacian_diagonal * self.curve.reference_diffusivity
+
+    def follow_shape(self) -> None:
+        """Conduct through the slice as it is now; its surface follows by `Surface.follow_shape`."""
+        with self.watch.section("assembly"):
+            assemble_into(self._laplacian, self._conduction, [])
+        self._scale_operators()
+        self._state = self._evaluate(self._state.enthalpy)
+
+    def fill(self, filled: Array) -> None:
+        """From now on the vertices' steel fills these shares of the undeformed slice (owned,)."""
+        self.filled, self.volume = filled, self.area * filled
+
+    def set_cooling(self, cooling: Cooling) -> None:
+        """Cool the surface as `cooling` says from now on."""
+        self.cooling = cooling
+        dofs = [patch.dofs for patch, _ in cooling.prescribed]
+        values = [np.full(len(patch.dofs), law.value) for patch, law in cooling.prescribed]
+        self._fixed = np.concatenate(dofs) if dofs else np.zeros(0, np.int64)
+        self._fixed_value = self.curve.enthalpy(np.concatenate(values)) if values else np.zeros(0)
+        first = self._laplacian.getOwnershipRange()[0]
+        self._fixed_rows = (self._fixed + first).astype(np.int32)
+
+    @property
+    def fixed(self) -> npt.NDArray[np.int64]:
+        """Owned vertices whose temperature is given."""
+        return self._fixed
+
+    @property
+    def fixed_enthalpy(self) -> Array:
+        """H at those (n,), J/m3."""
+        return self._fixed_value
+
+    def set_source(self, source: Array) -> None:
+        """Heat generated inside from now on: `source` at the owned vertices (owned,), W/m3.
+
+        The plastic dissipation of the mechanics enters here.
+        """
+        self._source = self.area * source
+        hottest = reductions.largest(self.section.comm, np.abs(source))
+        self.warming = hottest / self.curve.reference_capacity
+
+    def solve_stage(self, base: Array, guess: Array, tau: float, time: float) -> Stage:
+        """Solve M (H - base) + tau (heat that leaves) = 0.
+
+        What the stage stores and what leaves through the surface agree to rounding.
+
+        Args:
+            base: H_base (owned,), J/m3.
+            guess: Where Newton starts (owned,), J/m3.
+            tau: Coefficient of the stage, s.
+            time: Time of the stage since the meniscus, s.
+
+        Returns:
+            The stage; look at `result.converged` first.
+        """
+        self._base, self._tau, self._time = base, tau, time
+        start = guess.copy()
+        start[self._fixed] = self._fixed_value
+        solver = self.solver
+        solver.x.setArray(start)
+        result = solver.solve()
+        self.iterations += result.iterations
+        if result.reason == LINEAR_FAILURE:
+            solver = self._factoring()
+            solver.x.setArray(start)
+            result = solver.solve()
+            self.iterations += result.iterations
+        self.stages += 1
+        solution = solver.x.getArray(readonly=True)
+        # One rank's part may be the same, and another's not (a NaN never is); it takes them all.
+        moved = not np.array_equal(solution, self._state.enthalpy)
+        if reductions.any_of(self.section.comm, moved):
+            self._state = self._evaluate(solution)
+        return self._close(solution, result)
+
+    def _factoring(self) -> SnesSolver:
+        """The direct solver, made when it is needed first."""
+        if self._direct is None:
+            log.logger.debug("the iterative linear solver has failed: factorising instead")
+            options = direct_options(self.section.comm.size)
+            self._direct = self._make_solver("thermal_direct_", options)
+        return self._direct
+
+    def _close(self, solution: Array, result: SolveResult) -> Stage:
+        """Close the heat balance of the whole section over the solved stage, to rounding.
+
+        What Newton's method left open is spread over the vertices in proportion to their change.
+        Near a steady state, where next to nothing changes while much heat flows through, there is
+        nothing to spread it over, and it is left.
+        """
+        state, base, tau = self._state, self._base, self._tau
+        change = solution - base
+        out = state.out
+        if len(self._fixed):
+            # A prescribed temperature removes whatever the balance of its vertices leaves over.
+            reaction = -(self.volume * change / tau + state.flow)[self._fixed]
+            out += float(reaction.sum())
+        free = np.abs(change)
+        free[self._fixed] = 0.0
+        generated = float(self._source.sum())
+        open_, size = self.volume @ change + tau * (out - generated), self.volume @ free
+        if self.section.comm.size > 1:
+            open_, size = reductions.totals(self.section.comm, [open_, size])
+        if abs(open_) < SPREAD * size:
+            change -= open_ / size * free
+        rate = np.asarray(change / tau)
+        return Stage(base + change, rate, state.point, out, generated, result, tau, self._time)
+
+    def _evaluate(self, enthalpy: Array) -> _State:
+        """Temperatures and heat flows at `enthalpy`."""
+        point = self.curve.at(enthalpy)
+        with self.watch.section("petsc"):
+            self._theta.setArray(point.conduction)
+            self._laplacian.mult(self._theta, self._work)
+        flow = self._work.getArray() - self._source
+        slope = np.zeros_like(flow)
+        out = gross = 0.0
+        for patch, law in self.cooling.laws:
+            q, dq = law.flux(point.temperature[patch.dofs], self._time)
+            heat = patch.weights * q
+            flow[patch.dofs] += heat
+            slope[patch.dofs] += patch.weights * dq
+            out += float(heat.sum())
+            gross += float(np.abs(heat).sum())
+        return _State(enthalpy.copy(), point, flow, slope, out, gross)
+
+    def residual(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
+        """Heat balance of each vertex over the stage, J/m (see the module)."""
+        self._state = state = self._evaluate(x.getArray(readonly=True))
+        balance = self.volume * (state.enthalpy - self._base) + self._tau * state.flow
+        balance[self._fixed] = 0.0
+        out.setArray(balance)
+
+    def jacobian(self, x: PETSc.Vec, out: PETSc.Mat) -> None:
+        """D residual / dH: columns of the Laplacian scaled, two diagonals added."""
+        point, scale = self._state.point, self._theta
+        with self.watch.section("petsc"):
+            self._laplacian.copy(out, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+            scale.setArray(self._tau * point.conduction_slope)
+            out.diagonalScale(None, scale)
+            scale.setArray(self.volume + self._tau * self._state.slope * point.temperature_slope)
+            out.setDiagonal(scale, addv=PETSc.InsertMode.ADD_VALUES)
+            if self.cooling.prescribed:
+                out.zeroRows(self._fixed_rows, diag=1.0)
+
+    def assemble_conduction(self, out: PETSc.Mat) -> None:
+        """Put L of the shape as it is now into a matrix of `new_matrix` (collective)."""
+        assemble_into(out, self._conduction, [])
+
+    def new_matrix(self) -> PETSc.Mat:
+        """A matrix of the Laplacian's pattern, the caller's to destroy."""
+        matrix = self._laplacian.copy()
+        matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        return matrix
+
+    def conduction_matrix(self, tau: float, out: PETSc.Mat) -> None:
+        """Put tau L into a matrix of `new_matrix`; it is symmetric."""
+        self._laplacian.copy(out, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        out.scale(tau)
+
+    def conducted(self, conduction: Array) -> Array:
+        """Heat that leaves each vertex by conduction (owned,), W/m, of theta (owned,), W/m."""
+        with self.watch.section("petsc"):
+            self._theta.setArray(conduction)
+            self._laplacian.mult(self._theta, self._work)
+        return self._work.getArray().copy()
+
+    def of_curve(self, curve: ThermalCurve) -> ThermalProblem:
+        """The heat balance of another steel on the same mesh, to be asked for its flows alone.
+
+        It shares matrices and work vectors: use the two in turn, destroy this one alone. Its solver
+        is that of this one, and solves this one's stages.
+        """
+        other = copy.copy(self)
+        other.curve = curve
+        return other
+
+    def surface_flow(self, point: CurvePoint, rate: Array, time: float) -> Array:
+        """Heat that leaves the strand at each vertex (owned,), W/m; zero inside.
+
+        Where the temperature is prescribed it is what the heat balance leaves over.
+        """
+        flow = np.zeros_like(self.area)
+        for patch, law in self.cooling.laws:
+            flow[patch.dofs] += patch.weights * law.flux(point.temperature[patch.dofs], time)[0]
+        if self.cooling.prescribed:
+            self._theta.setArray(point.conduction)
+            self._laplacian.mult(self._theta, self._work)
+            whole = self._source - self.volume * rate - self._work.getArray(readonly=True)
+            flow[self._fixed] = whole[self._fixed]
+        return flow
+
+    def norms(self, x: PETSc.Vec, f: PETSc.Vec) -> dict[str, float]:
+        """What is left open, over what may be left open.
+
+        "heat" is the largest imbalance of a vertex, as the change of its temperature that would
+        mend it.  "balance" is that of the whole section against the heat it stores in the stage:
+        where conduction is much faster than the step, the first alone would let the mean drift.
+        """
+        state, comm = self._state, self.section.comm
+        residual = f.getArray(readonly=True)
+        scale = self.volume + self._tau * self._stiffness
+        worst = reductions.largest(comm, np.abs(residual) / scale)
+        sizes = {"heat": worst / self.curve.reference_capacity / self.tolerance}
+        if sizes["heat"] <= 1.0:
+            # What rounding leaves of sums of this size cannot be mended.
+            rounding = self._tau * (
+                self._laplacian_diagonal @ np.abs(state.point.conduction) + state.gross
+            )
+            stored = float(self.volume @ np.abs(state.enthalpy - self._base))
+            sums = [float(residual.sum()), stored, stored + rounding]
+            if comm.size > 1:
+                sums = list(reductions.totals(comm, sums))
+            sizes["balance"] = abs(sums[0]) / (BALANCE * sums[1] + ROUNDING * sums[2] + 1e-300)
+        return sizes
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        self.solver.destroy()
+        if self._direct is not None:
+            self._direct.destroy()
+        for thing in (self._laplacian, self._work, self._theta):
+            thing.destroy()

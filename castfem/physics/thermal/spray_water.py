@@ -1,0 +1,227 @@
+"""Water of many nozzles on a face, what heat it takes, and what a roll takes beside it.
+
+Where sprays overlap their *water* adds up, not their coefficients ([Pascon2003] VI.2.1): h follows
+from the sum, and grows more slowly than it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from castfem.base.types import Array, Indices
+from castfem.physics.thermal.flux_laws import SurfaceLaw, least_rise
+from castfem.physics.thermal.sprays import Correlation
+
+_DT = 1e-3  # K, half width of the difference quotient of a coefficient
+_COARSER = 5  # of temperatures at which a flux is asked whether it falls
+
+Coefficient = Callable[[Array, Array], Array]
+"""h, W/m2K (n,), of water flows, kg/(m2 s) (n,), and surface temperatures, K (n,)."""
+
+
+@dataclass(frozen=True)
+class CoefficientTable:
+    """h(T, W) in rows and columns: bilinear between them, beyond them as at their end.
+
+    Attributes:
+        temperatures: Of the surface, increasing (t,), K.
+        water: Flows per area, increasing from 0 (w,), kg/(m2 s).
+        values: h (t, w), W/m2K.
+
+    Raises:
+        ValueError: They do not fit or do not increase.
+    """
+
+    temperatures: tuple[float, ...]
+    water: tuple[float, ...]
+    values: tuple[tuple[float, ...], ...] = field(repr=False)
+
+    def __post_init__(self) -> None:
+        for name, axis in (("temperatures", self.temperatures), ("water", self.water)):
+            if len(axis) < 2 or any(not b > a for a, b in itertools.pairwise(axis)):
+                raise ValueError(f"{name} must be at least two and increase")
+        if self._grid.shape != (len(self.temperatures), len(self.water)):
+            raise ValueError("a coefficient is needed for each temperature and flow")
+
+    @cached_property
+    def _grid(self) -> Array:
+        return np.array(self.values, float)
+
+    @property
+    def most(self) -> float:
+        """Largest flow, kg/(m2 s)."""
+        return self.water[-1]
+
+    def __call__(self, water: Array, surface: Array) -> Array:
+        """See `Coefficient`."""
+        i, right = _place(np.asarray(self.temperatures), surface)
+        j, up = _place(np.asarray(self.water), water)
+        grid = self._grid
+        corner, beside = grid[i, j], grid[i + 1, j]
+        low = corner + up * (grid[i, j + 1] - corner)
+        high = beside + up * (grid[i + 1, j + 1] - beside)
+        return np.asarray(low + right * (high - low))
+
+
+def _place(knots: Array, at: Array) -> tuple[Indices, Array]:
+    """Interval of each value, and the share of it that lies below; the ends hold beyond."""
+    i = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(knots) - 2)
+    return i, np.clip((at - knots[i]) / (knots[i + 1] - knots[i]), 0.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class OfCorrelation:
+    """The coefficient of a published correlation for any flow from 0 on.
+
+    Below the least flow that it was measured for h falls to 0 with the flow: without water there is
+    none of it, and at the edge of a spray nothing jumps.
+
+    Attributes:
+        correlation: The formula.
+        water_temperature: K.
+        machine_factor: Divides the coefficient.
+    """
+
+    correlation: Correlation
+    water_temperature: float
+    machine_factor: float = 1.0
+
+    def __call__(self, water: Array, surface: Array) -> Array:
+        """See `Coefficient`."""
+        least, correlation = self.correlation.water[0], self.correlation
+        flow = np.maximum(water, least)
+        h = correlation.coefficient(flow, self.water_temperature, self.machine_factor, surface)
+        return np.asarray(h * np.minimum(water / least, 1.0) if least > 0.0 else h)
+
+
+def water_across(places: Array, nozzles: Sequence[float], width: float, edge: float) -> Array:
+    """Share of its water that reaches a metre of width, summed over nozzles of one kind, 1/m (n,).
+
+    The water of a nozzle is even over the middle of its spray and falls linearly to zero at its
+    ends; it integrates to 1.
+
+    Args:
+        places: Across the face, from its middle (n,), m.
+        nozzles: Where they stand, likewise, m.
+        width: Of a spray, m.
+        edge: Share of the half width over which its water falls: 0 even all over, 1 a triangle.
+    """
+    apart = np.abs(np.asarray(places)[:, None] - np.asarray(nozzles)[None, :]) / (0.5 * width)
+    shape = (1.0 - apart) / edge if edge > 0.0 else np.where(apart <= 1.0, 1.0, 0.0)
+    return np.asarray(np.clip(shape, 0.0, 1.0).sum(axis=1) / (width * (1.0 - 0.5 * edge)))
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """What a row of nozzles adds to the water of a face.
+
+    Attributes:
+        water: On each vertex for a flow of 1 m3/s through the circuit (n,), kg/(m2 s).
+        flow: Of the circuit over time, m3/s.
+        most: The largest, m3/s.
+        coefficient: h of its model of nozzle.
+    """
+
+    water: Array
+    flow: Callable[[float], float]
+    most: float
+    coefficient: Coefficient
+
+
+@dataclass(frozen=True, slots=True)
+class SprayWater:
+    """Heat to the water of all rows that spray a face at one place along the strand.
+
+    Nozzles of several models: h is the mean of theirs, each at the sum of the water, weighted with
+    its share of it.
+
+    Attributes:
+        rows: What each adds.
+        water_temperature: K.
+    """
+
+    rows: tuple[Share, ...]
+    water_temperature: float
+
+    def flows(self, time: float) -> list[Array]:
+        """Water of each row at a time, kg/(m2 s) (n,)."""
+        return [row.water * row.flow(time) for row in self.rows]
+
+    def heat_transfer(self, flows: Sequence[Array], surface: Array) -> Array:
+        """H at the water of each row, kg/(m2 s), and surface temperatures, K, W/m2K."""
+        total = np.sum(flows, axis=0)
+        models = list(dict.fromkeys(row.coefficient for row in self.rows))
+        if len(models) == 1:
+            return models[0](total, surface)
+        found = np.zeros_like(surface)
+        for flow, row in zip(flows, self.rows, strict=True):
+            weight = np.divide(flow, total, out=np.zeros_like(total), where=total > 0.0)
+            found += weight * row.coefficient(total, surface)
+        return found
+
+    def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
+        """See `SurfaceLaw.flux`."""
+        return self._flux(self.flows(time), temperature)
+
+    def _flux(self, flows: Sequence[Array], temperature: Array) -> tuple[Array, Array]:
+        h = self.heat_transfer(flows, temperature)
+        rise = self.heat_transfer(flows, temperature + _DT)
+        rise -= self.heat_transfer(flows, temperature - _DT)
+        excess = temperature - self.water_temperature
+        return h * excess, h + rise / (2 * _DT) * excess
+
+    def least_rise(self, temperatures: Array, time: float) -> Array:
+        """See `flux_laws.least_rise` (n,), at the largest flows."""
+        grid = temperatures[::_COARSER]
+        shape = (len(self.rows[0].water), len(grid))
+        flows = [np.broadcast_to((row.water * row.most)[:, None], shape) for row in self.rows]
+        slope = self._flux(flows, np.broadcast_to(grid, shape))[1]
+        return np.asarray(slope.min(axis=1, initial=np.inf))
+
+    def ambient_range(self, time: float) -> tuple[float, float]:
+        """See `SurfaceLaw.ambient_range`."""
+        return self.water_temperature, self.water_temperature
+
+
+@dataclass(frozen=True, slots=True)
+class RollShare:
+    """Heat to a roll as a share of what its pitch loses in all ([Meng2003]).
+
+    Attributes:
+        share: Of the roll.
+        length: Of contact, m.
+        beside: Length, m, and law of all else that cools the pitch.
+    """
+
+    share: float
+    length: float
+    beside: tuple[tuple[float, SurfaceLaw], ...]
+
+    def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
+        """See `SurfaceLaw.flux`; the surface is as warm all along the pitch as it is here."""
+        flux, slope = np.zeros((2, *temperature.shape))
+        for length, law in self.beside:
+            q, dq = law.flux(temperature, time)
+            flux, slope = flux + length * q, slope + length * dq
+        return self._factor * flux, self._factor * slope
+
+    @property
+    def _factor(self) -> float:
+        return self.share / (1.0 - self.share) / self.length
+
+    def least_rise(self, temperatures: Array, time: float) -> float | Array:
+        """See `flux_laws.least_rise`: no less than that of all laws together."""
+        total: float | Array = 0.0
+        for length, law in self.beside:
+            total = total + length * np.minimum(least_rise(law, temperatures, time), 0.0)
+        return self._factor * total
+
+    def ambient_range(self, time: float) -> tuple[float, float]:
+        """See `SurfaceLaw.ambient_range`."""
+        ranges = [law.ambient_range(time) for _, law in self.beside]
+        return min(low for low, _ in ranges), max(high for _, high in ranges)

@@ -1,0 +1,128 @@
+"""Heat transfer coefficients of water sprays by published correlations.
+
+Each gives h (W/m2K) for water per area W (L/m2s, the same number as kg/m2s), the water's
+temperature and the surface's.  Sources as gathered in `docs/materials.md`; outside the stated range
+a correlation extrapolates.  A factor of two between them is what is honestly known.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.types import Array
+
+Flow = float | Array
+"""Water on a surface, L/(m2 s): one flow, or one a vertex (n,)."""
+Formula = Callable[[Flow, float, Array], Array]
+"""h, W/m2K (n,), of the water, L/(m2 s), the water's temperature, K, and surfaces (n,), K."""
+
+WATER_DENSITY = 1e3  # kg/m3
+WENDELSTORF_MOST = 30.0  # L/(m2 s)
+WENDELSTORF_EXCESS = (180.0, 1100.0)  # K
+
+
+@dataclass(frozen=True, slots=True)
+class Correlation:
+    """A published correlation.
+
+    Attributes:
+        formula: The coefficient.
+        water: Least and largest flow that it was measured for, L/(m2 s).
+        surface: Coldest and hottest surface of the measurements, K; of `wendelstorf`, of its
+            excess over the water.
+        excess: Whether it is the excess.
+        held: What is taken beyond the largest flow; empty: the formula is extrapolated.
+    """
+
+    formula: Formula
+    water: tuple[float, float] = (0.0, math.inf)
+    surface: tuple[float, float] = (0.0, math.inf)
+    excess: bool = False
+    held: str = ""
+
+    def coefficient(
+        self, water: Flow, water_temperature: float, machine_factor: float, surface: Array
+    ) -> Array:
+        """Coefficient at surface temperatures (n,), K, divided by the factor of the machine."""
+        return np.asarray(self.formula(water, water_temperature, surface) / machine_factor)
+
+
+CORRELATIONS: dict[str, Correlation] = {}
+"""The correlations by the name that a case file gives them."""
+
+
+def correlation(
+    water: tuple[float, float] = (0.0, math.inf),
+    surface: tuple[float, float] = (0.0, math.inf),
+    *,
+    excess: bool = False,
+    held: str = "",
+) -> Callable[[Formula], Formula]:
+    """Enter a formula into `CORRELATIONS` under its own name; ranges as in `Correlation`."""
+
+    def enter(formula: Formula) -> Formula:
+        CORRELATIONS[formula.__name__] = Correlation(formula, water, surface, excess, held)
+        return formula
+
+    return enter
+
+
+@correlation()
+def nozaki(water: Flow, water_temperature: float, surface: Array) -> Array:
+    """Nozaki and Shimada: 1570 W^0.55 (1 - 0.0075 Tw); divide by a machine factor of about 4."""
+    cold = 1.0 - 0.0075 * (water_temperature - ZERO_CELSIUS)
+    return np.full_like(surface, 1570.0 * water**0.55 * cold)
+
+
+@correlation()
+def ishiguro(water: Flow, water_temperature: float, surface: Array) -> Array:
+    """Ishiguro: 581 W^0.451 (1 - 0.0075 Tw)."""
+    cold = 1.0 - 0.0075 * (water_temperature - ZERO_CELSIUS)
+    return np.full_like(surface, 581.0 * water**0.451 * cold)
+
+
+@correlation((1.0, 7.0), (627.0 + ZERO_CELSIUS, 927.0 + ZERO_CELSIUS))
+def bolle(water: Flow, water_temperature: float, surface: Array) -> Array:
+    """Bolle and Moureau: 423 W^0.556, for 1 < W < 7 and 627-927 degC."""
+    return np.full_like(surface, 423.0 * water**0.556)
+
+
+@correlation((0.0, 20.3))
+def mizikar(water: Flow, water_temperature: float, surface: Array) -> Array:
+    """Mizikar at 0.276 MPa: 77.6 W, for W < 20.3."""
+    return np.full_like(surface, 77.6 * water)
+
+
+@correlation((1.67, 41.7), (700.0 + ZERO_CELSIUS, 1200.0 + ZERO_CELSIUS))
+def sasaki(water: Flow, water_temperature: float, surface: Array) -> Array:
+    """Sasaki: 708 W^0.75 Ts^-1.2 + 0.116 kW/m2K, Ts in degC, 1.67 < W < 41.7 and 700-1200 degC.
+
+    Below 100 degC the formula's growth has no meaning; it is held there.
+    """
+    celsius = np.maximum(surface - ZERO_CELSIUS, 100.0)
+    return 1e3 * (708.0 * water**0.75 * celsius**-1.2 + 0.116)
+
+
+@correlation(
+    (3.0, WENDELSTORF_MOST),
+    WENDELSTORF_EXCESS,
+    excess=True,
+    held=f"the coefficient is that of {WENDELSTORF_MOST:g}",
+)
+def wendelstorf(water: Flow, water_temperature: float, surface: Array) -> Array:
+    """Wendelstorf, Spitzer and Wendelstorf (2008), with the rise below the Leidenfrost point.
+
+    h = 190 + tanh(W/8) [140 W (1 - W dT/72000) + 3.26 dT^2 (1 - tanh(dT/128))], dT = Ts - Tw from
+    180 to 1100 K, W from 3 to 30.  dT is held at the ends of its range, W at the upper end of its:
+    beyond it the bracket falls with more water, and below zero with much more.
+    """
+    water = np.minimum(water, WENDELSTORF_MOST)
+    dt = np.clip(surface - water_temperature, *WENDELSTORF_EXCESS)
+    film = 140.0 * water * (1.0 - water * dt / 72000.0)
+    boiling = 3.26 * dt**2 * (1.0 - np.tanh(dt / 128.0))
+    return np.asarray(190.0 + np.tanh(water / 8.0) * (film + boiling))

@@ -1,0 +1,358 @@
+"""Time stepping of the heat balance: backward Euler and a second-order L-stable scheme.
+
+Both difference the enthalpy over the step, so heat is conserved to rounding at any step.
+
+Of a mode that decays x times as fast as the step is long SDIRK2 leaves R = (1 - (sqrt(2) - 1) x) /
+(1 + GAMMA x)^2: from x = 2.4 on it is carried past its rest, by up to a fifth of it, and comes back
+in the next step.  A cooling that jumps wakes such modes, and so does a front in coarse cells.  So a
+step is looked at before it is kept: if a vertex would come back after it, it is taken again with
+backward Euler in `DAMPED` equal parts, which carry no vertex past its rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.types import Array
+from castfem.fem import reductions
+from castfem.physics.materials.curve import CurvePoint
+from castfem.physics.thermal.branch import Branch
+from castfem.physics.thermal.problem import Stage, ThermalProblem
+
+# Alexander's two-stage, stiffly accurate, L-stable scheme (SIAM J. Numer. Anal. 14 (1977) 1006).
+GAMMA = 1.0 - 1.0 / np.sqrt(2.0)
+# Weights of the interpolatory quadrature on (0, GAMMA, 1) less those of the scheme, (0, 1 - GAMMA,
+# GAMMA).
+DEFECT = (
+    (3 * GAMMA - 1) / (6 * GAMMA),
+    1 / (6 * GAMMA * (1 - GAMMA)) - (1 - GAMMA),
+    (2 - 3 * GAMMA) / (6 * (1 - GAMMA)) - GAMMA,
+)
+IDLE = 1e-6  # share of the heat removed so far below which a step counts as idle
+SHEARED = 0.01  # of the range: a sheared mesh keeps the maximum principle but for its shear
+WARMER = 2.0  # heat generated inside, over what it warms at the capacity of reference
+# Of the range: how far a mesh without the maximum principle may leave it, and a sheared one.
+STRAY, STRAY_SHEARED = 5e-3, 2e-2
+BOUND_SLACK = 1e-6  # K, what rounding and the solver's tolerance may add to the physical bounds
+DAMPED = 4  # parts of a step that is taken again with backward Euler
+REBOUND = 0.2  # K, by which a vertex may come back after a step
+# A mode carried past its rest comes back by at most 0.52 of what the rates of its step may err by;
+# a vertex that turns in truth (steel that still cools below a surface that warms again) by more
+# than 0.9, for its rates are small where it turns.
+COMES_BACK = 0.75
+CONTROLLED = 1.0  # K, estimated error below which no vertex of a step has been seen to come back
+
+
+@dataclass(slots=True)
+class ThermalState:
+    """The committed thermal state.
+
+    Attributes:
+        time: Since the meniscus, s. enthalpy: H (owned,), J/m3. rate: dH/dt (owned,), W/m3.
+        point: T(H) and its companions. removed: Heat removed since the meniscus from the modelled
+            part, J/m.
+        extremes: Coldest and hottest vertex of the section, K.
+        generated: Heat generated inside the modelled part since the meniscus, J/m.
+        next_rate: dH/dt with which the next step is expected to begin (owned,), W/m3.
+        allowed: Coldest and hottest that the data have allowed since the meniscus, K; None if that
+            is not known yet.
+        filled: Volume that the vertices' steel fills, over the undeformed one (owned,); empty
+            where nothing moves.
+        fed: Heat that liquid has brought along as it was fed (negative: colder than poured), J/m.
+    """
+
+    time: float
+    enthalpy: Array
+    rate: Array
+    point: CurvePoint
+    removed: float
+    extremes: tuple[float, float]
+    generated: float
+    next_rate: Array
+    allowed: tuple[float, float] | None = None
+    filled: Array = field(default_factory=lambda: np.zeros(0))
+    fed: float = 0.0
+
+
+@dataclass(slots=True)
+class StepResult:
+    """One attempted step.
+
+    Attributes:
+        converged: Whether the solver succeeded; if not, `state` is the old one.
+        state: The new state. error: Estimated temperature error of the step, K (largest vertex).
+        newton: Newton iterations. limited: Whether the second-order step left the physical bounds,
+            or would have come back, and backward Euler was taken instead. reason: The solver's
+            word.
+        balance: (heat out + change of enthalpy - heat generated) over the largest (see IDLE).
+        stages: That led to the new state: two of the second-order scheme, or parts of backward
+            Euler.
+    """
+
+    converged: bool
+    state: ThermalState
+    error: float
+    newton: int
+    limited: bool
+    reason: str
+    balance: float
+    stages: tuple[Stage, ...] = ()
+
+
+class ThermalStepper:
+    """Advances a `ThermalState` by one step; keeps no state of its own but the problem.
+
+    Args:
+        problem: The heat balance.
+        scheme: "sdirk2" or "backward_euler".
+        estimate: Whether to estimate the error of each step (adaptive stepping wants it).
+    """
+
+    def __init__(
+        self, problem: ThermalProblem, scheme: str = "sdirk2", estimate: bool = False
+    ) -> None:
+        self.problem, self.scheme, self.estimate = problem, scheme, estimate
+        self.comm = problem.section.comm
+        self._branch = Branch(problem)
+
+    def initial(self, temperature: float) -> ThermalState:
+        """The slice at one temperature (K) at the meniscus."""
+        curve, area = self.problem.curve, self.problem.area
+        enthalpy = np.broadcast_to(curve.enthalpy(temperature), area.shape).copy()
+        return self.state_from(0.0, enthalpy, np.zeros_like(area), 0.0)
+
+    def state_from(
+        self,
+        time: float,
+        enthalpy: Array,
+        rate: Array,
+        removed: float,
+        generated: float = 0.0,
+        next_rate: Array | None = None,
+        filled: Array | None = None,
+        fed: float = 0.0,
+    ) -> ThermalState:
+        """A state from its stored arrays (checkpoint); `next_rate` is its rate if it has none."""
+        point = self.problem.curve.at(enthalpy)
+        extremes = self._extremes(point)
+        next_rate = rate if next_rate is None else next_rate
+        if filled is None:
+            filled = np.zeros(0) if self.problem.shape is None else np.ones_like(enthalpy)
+        return ThermalState(
+            time,
+            enthalpy,
+            rate,
+            point,
+            removed,
+            extremes,
+            generated,
+            next_rate,
+            filled=filled,
+            fed=fed,
+        )
+
+    def feed(self, old: ThermalState) -> ThermalState:
+        """Let liquid flow to where the shape of the problem has room for it now (collective).
+
+        What comes is as warm as what is there, so that moving changes no temperature; the heat it
+        brings along is noted.
+        """
+        problem = self.problem
+        if problem.shape is None:
+            return old
+        filled = problem.shape.filled(old.filled, old.point.temperature)
+        problem.fill(filled)
+        heat = float((problem.area * (filled - old.filled)) @ old.enthalpy)
+        return replace(old, filled=filled, fed=old.fed + reductions.total(self.comm, heat))
+
+    def _extremes(self, point: CurvePoint) -> tuple[float, float]:
+        """Coldest and hottest vertex over all ranks, K."""
+        t = point.temperature
+        ends = [-t.min(initial=np.inf), t.max(initial=-np.inf)]
+        low, high = ends if self.comm.size == 1 else reductions.largest_of(self.comm, ends)
+        return -float(low), float(high)
+
+    def step(self, old: ThermalState, time: float) -> StepResult:
+        """Advance `old` to `time` (s); `old` is left untouched."""
+        dt = time - old.time
+        newton = self.problem.iterations
+        bounds = self._bounds(old, time)
+        second_order = self.scheme == "sdirk2"
+        tried = stages = (self._sdirk2 if second_order else self._euler)(old, dt, bounds)
+        limited, next_rate, error = False, None, 0.0
+        if self.estimate and tried[-1].result.converged:
+            error = self._error(old, tried, dt)
+        if second_order and tried[-1].result.converged:
+            coldest, hottest = self._extremes(tried[-1].point)
+            limited = coldest < bounds[0] - BOUND_SLACK or hottest > bounds[1] + BOUND_SLACK
+            if not limited and (error > CONTROLLED or not self.estimate):
+                limited, next_rate = self._look_ahead(old, tried, dt, bounds)
+            if limited:
+                stages, next_rate = self._euler(old, dt, bounds, DAMPED), None
+        newton = self.problem.iterations - newton
+        reason = stages[-1].result.reason
+        if not stages[-1].result.converged:
+            reason = stages[-1].result.describe()
+            return StepResult(False, old, np.inf, newton, limited, reason, 0.0)
+        state, balance = self._commit(old, stages, time, next_rate)
+        if limited and self.estimate:
+            apart = np.abs(tried[-1].point.temperature - state.point.temperature)
+            error = reductions.largest(self.comm, apart)
+        return StepResult(True, state, error, newton, limited, reason, balance, tuple(stages))
+
+    def _look_ahead(
+        self, old: ThermalState, stages: list[Stage], dt: float, bounds: tuple[float, float]
+    ) -> tuple[bool, Array | None]:
+        """Whether vertices would come back after a second-order step; the rate they go on with.
+
+        The rates at its end tell it of single vertices, but also of modes so fast that they weigh
+        nothing: where they turn, the first stage of an equal step is solved.  The next step finds
+        it done, if nothing changes until then.  (Collective.)
+        """
+        last, tau = stages[-1], GAMMA * dt
+        moved, kelvin = last.enthalpy - old.enthalpy, last.point.temperature_slope
+        rates = (old.rate, *(s.rate for s in stages))
+        error = dt * kelvin * sum(abs(d) * np.abs(r) for d, r in zip(DEFECT, rates, strict=True))
+        # No vertex comes back faster than the rate at its end, nor by more than its error.
+        most = np.minimum(tau * kelvin * np.abs(last.rate), COMES_BACK * error)
+        turning = (moved * last.rate < 0.0) & (most > REBOUND)
+        if not reductions.any_of(self.comm, bool(turning.any())):
+            return False, None
+        guess = self._guess(last.enthalpy, last.rate, tau, bounds)
+        after = self.problem.solve_stage(last.enthalpy, guess, tau, old.time + dt + tau)
+        if not after.result.converged:
+            return False, None
+        back = after.point.temperature - last.point.temperature
+        size = np.abs(back)
+        found = (back * moved < 0.0) & (size > REBOUND) & (size < COMES_BACK * error)
+        return reductions.any_of(self.comm, bool(found.any())), after.rate
+
+    def _taken_too_much(self, new: ThermalState) -> str:
+        """Say where more heat is taken than there is, and what to do about it (collective)."""
+        places = self.problem.section.vertex_space.tabulate_dof_coordinates()
+        owned = places[: len(new.point.temperature), :2]
+        _, x, y = reductions.peak(self.comm, -new.point.temperature, owned)
+        return (
+            "more heat is taken than there is: below absolute zero at "
+            f"x = {1e3 * x:.4g} mm, y = {1e3 * y:.4g} mm; a given flux does not fall as the steel "
+            'grows cold: let it be less there or end before (law = "flux", over position), or give '
+            "a law that knows the surroundings (contact, convection, spray)"
+        )
+
+    def stray(self, old: ThermalState, new: ThermalState) -> str:
+        """Why a new state is not what the data allow; "" if it is.
+
+        That is the range of all temperatures so far, of the surroundings and of the heat generated
+        inside, and above absolute zero.  A mesh that is not quite of the maximum principle may
+        leave a little of the range.
+        """
+        cooling, warmer = self.problem.cooling, WARMER * self.problem.warming
+        low, high = old.allowed if old.allowed is not None else old.extremes
+        ambient = cooling.ambient_range(new.time)
+        low, high = min(low, ambient[0]), max(high, ambient[1])
+        high += warmer * (new.time - old.time)
+        new.allowed = low, high
+        share = STRAY if self.problem.shape is None else STRAY_SHEARED
+        slack = BOUND_SLACK + (share * (high - low) if np.isfinite(high - low) else 0.0)
+        coldest, hottest = new.extremes
+        if coldest <= 0.0:
+            return self._taken_too_much(new)
+        kind, end = ("hotter", high) if hottest > high + slack else ("colder", low)
+        if coldest >= low - slack and hottest <= high + slack:
+            return ""
+        found = hottest if kind == "hotter" else coldest
+        return (
+            f"{found - ZERO_CELSIUS:.5g} degC, though there is nothing {kind} than "
+            f"{end - ZERO_CELSIUS:.5g} degC"
+        )
+
+    def longest(self, old: ThermalState, new: ThermalState) -> float:
+        """Longest step on the way from old to new whose stages have one solution each, s."""
+        share = GAMMA if self.scheme == "sdirk2" else 1.0
+        asked = share * (new.time - old.time)
+        return self._branch.longest_stage(old.point, new.point, new.time, asked) / share
+
+    def _bounds(self, old: ThermalState, time: float) -> tuple[float, float]:
+        """What old temperatures and surroundings allow the new ones to be, K.
+
+        L-stable second-order schemes keep no maximum principle at large steps; backward Euler does.
+        """
+        low, high = self.problem.cooling.ambient_range(time)
+        low, high = min(low, old.extremes[0]), max(high, old.extremes[1])
+        high += WARMER * self.problem.warming * (time - old.time)
+        if self.problem.shape is not None:
+            low, high = low - SHEARED * (high - low), high + SHEARED * (high - low)
+        return low, high
+
+    def _guess(self, old: Array, rate: Array, tau: float, bounds: tuple[float, float]) -> Array:
+        """Enthalpy extrapolated by its rate, within the bounds: where Newton's method starts."""
+        curve = self.problem.curve
+        low, high = (np.clip(b, curve.knots[0], curve.knots[-1]) for b in bounds)
+        return np.clip(old + tau * rate, curve.enthalpy(low, "left"), curve.enthalpy(high))
+
+    def _commit(
+        self, old: ThermalState, stages: list[Stage], time: float, next_rate: Array | None
+    ) -> tuple[ThermalState, float]:
+        """The new state and the error of its heat balance, from solved stages."""
+        last, dt = stages[-1], time - old.time
+        alike = (dt / len(stages),) * len(stages)
+        weights = ((1 - GAMMA) * dt, GAMMA * dt) if len(stages) == 2 else alike
+        gone, made = (
+            sum(w * getattr(s, name) for w, s in zip(weights, stages, strict=True))
+            for name in ("out", "generated")
+        )
+        change = float(self.problem.volume @ (last.enthalpy - old.enthalpy))
+        sums = reductions.totals(self.comm, [gone, change, made])
+        out, gained, generated = (float(value) for value in sums)
+        removed = old.removed + out
+        # A step in which next to nothing happens is measured against all heat so far.
+        size = max(abs(out), abs(gained), abs(generated), IDLE * abs(removed), 1e-300)
+        balance = (out + gained - generated) / size
+        generated += old.generated
+        state = self.state_from(
+            time, last.enthalpy, last.rate, removed, generated, next_rate, old.filled, old.fed
+        )
+        return state, balance
+
+    def _euler(
+        self, old: ThermalState, dt: float, bounds: tuple[float, float], parts: int = 1
+    ) -> list[Stage]:
+        stages: list[Stage] = []
+        enthalpy, rate, tau = old.enthalpy, old.next_rate, dt / parts
+        for part in range(1, parts + 1):
+            guess = self._guess(enthalpy, rate, tau, bounds)
+            stage = self.problem.solve_stage(enthalpy, guess, tau, old.time + part * tau)
+            stages.append(stage)
+            if not stage.result.converged:
+                break
+            enthalpy, rate = stage.enthalpy, stage.rate
+        return stages
+
+    def _sdirk2(self, old: ThermalState, dt: float, bounds: tuple[float, float]) -> list[Stage]:
+        tau = GAMMA * dt
+        guess = self._guess(old.enthalpy, old.next_rate, tau, bounds)
+        first = self.problem.solve_stage(old.enthalpy, guess, tau, old.time + tau)
+        if not first.result.converged:
+            return [first]
+        base = old.enthalpy + (1 - GAMMA) * dt * first.rate
+        guess = self._guess(base, first.rate, tau, bounds)
+        return [first, self.problem.solve_stage(base, guess, tau, old.time + dt)]
+
+    def _error(self, old: ThermalState, stages: list[Stage], dt: float) -> float:
+        """Estimated temperature error of the step at the worst vertex, K.
+
+        The rates at the start, the first stage and the end make a quadrature of third order; its
+        difference to the second-order step is the estimate.  For backward Euler the trapezoidal
+        rule takes its place.
+        """
+        if len(stages) == 2:
+            rates = (old.rate, *(s.rate for s in stages))
+            change = sum(d * rate for d, rate in zip(DEFECT, rates, strict=True))
+        else:
+            change = 0.5 * (stages[0].rate - old.rate)
+        kelvin = np.abs(dt * change * stages[-1].point.temperature_slope)
+        kelvin[self.problem.fixed] = 0.0  # a temperature that is given is exact, though it jumps
+        return reductions.largest(self.comm, kelvin)

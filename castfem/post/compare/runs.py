@@ -1,0 +1,157 @@
+"""The runs to compare, read from their folders."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from castfem.base.errors import InputError
+from castfem.post.report.derived import derived
+from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.run_record import RunRecord
+from castfem.runs.output.summary import Summary
+from castfem.studies.sweep.plan import brief
+from castfem.studies.sweep.record import SWEEP_NAME, Record
+
+if TYPE_CHECKING:
+    import pandas
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """A run that has ended.
+
+    Attributes:
+        folder: Of the run.
+        label: By which it is told from the others.
+        summary: Its results.
+    """
+
+    folder: Path
+    label: str
+    summary: Summary
+
+    def history(self) -> pandas.DataFrame | None:
+        """Its history, None if it has none with two rows."""
+        try:
+            table = read_history(self.folder / HISTORY_NAME)
+        except InputError:
+            return None
+        return table if len(table) > 1 else None
+
+    def speed_and_length(self) -> tuple[float, float] | None:
+        """Mean casting speed [m/s] and how far it came [m]; None without a history."""
+        table = self.history()
+        if table is None:
+            return None
+        time, position = (float(table[name].iloc[-1]) for name in ("time", "position"))
+        return position / time, position
+
+
+def read_runs(folders: Sequence[Path]) -> list[Run]:
+    """Return the runs in some folders; that of a sweep stands for all its runs that have ended.
+
+    Raises:
+        InputError: A folder holds no run, or one that has not ended; or there are fewer than two.
+    """
+    problems: list[str] = []
+    found: list[Run] = []
+    for folder in folders:
+        try:
+            found += _sweep(folder) if (folder / SWEEP_NAME).is_file() else [_run(folder)]
+        except InputError as error:
+            problems += error.problems
+    known: dict[Path, Run] = {}
+    for run in found:
+        known.setdefault(run.folder.resolve(), run)
+    if not problems and len(known) < 2:
+        problems.append("two runs are needed to compare")
+    if problems:
+        raise InputError(problems)
+    return _distinct(list(known.values()))
+
+
+def alone(folder: Path) -> Run | None:
+    """Return the run in a folder; None where that holds a sweep.
+
+    Raises:
+        InputError: There is no run, or it has not ended.
+    """
+    return None if (folder / SWEEP_NAME).is_file() else _run(folder)
+
+
+def _run(folder: Path, label: str = "") -> Run:
+    """Read one run.
+
+    Raises:
+        InputError: There is none, or it has not ended.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
+    status = RunRecord.load(folder).status
+    summary = Summary.load(folder)
+    if summary is None:
+        raise InputError(
+            f"{folder}: the run has not ended ({status}); wait for it, or leave it out"
+        )
+    summary = replace(summary, quantities={**summary.quantities, **derived(folder, summary)})
+    label = label or folder.resolve().name
+    return Run(folder, label if status == "finished" else f"{label} ({status})", summary)
+
+
+def _sweep(folder: Path) -> list[Run]:
+    """Read the finished runs of a sweep, labelled by what was varied.
+
+    Raises:
+        InputError: There is none.
+    """
+    found = []
+    for name, entry in Record(folder).entries.items():
+        if entry.physics:
+            found.append(_run(folder / name, entry.label or ", ".join(brief(entry.given)) or name))
+    if not found:
+        raise InputError(f"{folder}: none of the runs of this sweep has finished")
+    labels = [run.label for run in found]
+    return [
+        replace(run, label=run.folder.name) if labels.count(run.label) > 1 else run for run in found
+    ]
+
+
+def _distinct(runs: Sequence[Run]) -> list[Run]:
+    """Give runs with the same label those of their folders above, too."""
+    labels = [run.label for run in runs]
+    return [
+        replace(run, label=f"{run.folder.resolve().parent.name}/{run.label}")
+        if labels.count(run.label) > 1
+        else run
+        for run in runs
+    ]
+
+
+def heat_shared(runs: Sequence[Run]) -> list[str]:
+    """Return what is wrong in comparing runs of different speed, a line for each law of a mould."""
+    from castfem.model.shared_heat import shared_heat
+    from castfem.post.report.run_case import case_with
+
+    cases = [case_with(run.folder, "power", "water_rise", "position") for run in runs]
+    return shared_heat(case for case in cases if case is not None)
+
+
+def base_of(runs: Sequence[Run], named: str | None) -> Run:
+    """Return the run the others are measured by: the one named, or the idealised, or the first.
+
+    Raises:
+        InputError: No run of that label or folder.
+    """
+    if named is None:
+        return next((run for run in runs if run.label == "idealised"), runs[0])
+    for run in runs:
+        if named == run.label or Path(named).resolve() == run.folder.resolve():
+            return run
+    raise InputError(f"--base {named}: none of the runs ({_listed(run.label for run in runs)})")
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(names)

@@ -1,0 +1,364 @@
+"""The results of several runs side by side, with their references and ratios to a base run."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.base.atomic_files import write_text
+from castfem.base.shown_units import Scale, label_shown, scale_of
+from castfem.post.compare.runs import Run
+from castfem.post.report.remarks import mould_exit
+from castfem.runs.output.summary import SIGNS, Kind, Quantity, from_si, met, unit_of_difference
+from castfem.runs.results.headline import headline, plain_label
+from castfem.runs.results.labels import last_quantities
+from castfem.runs.results.numbers import is_gap, shown, small_gap, unit_shown, with_error
+
+if TYPE_CHECKING:
+    import pandas
+    from rich.table import Table
+
+CSV_NAME = "compare.csv"
+RATIOS = ("heat_removed", "heat_removed_slice")  # also shown as a share of the base run's
+SHARE = "% of base"
+_ALONG = "size_"  # quantities that are also shown on the way through the mould
+_WAY = (1 / 3, 2 / 3)  # where, of the mould
+_IDEAL = "idealised"  # label, or in the title, of a run whose mould has no gap
+_ALIKE = 1e-4  # relative; speeds and lengths that differ by less are the same
+_SAME = 1e-6  # relative; positions that differ by less are one
+_Column = tuple[str, list[str]]
+"""Header and cells."""
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A quantity of all runs.
+
+    Attributes:
+        label: What it is, and where.
+        unit: Of the values.
+        ours: Value of each run, NaN where it has none.
+        theirs: Its reference, NaN where it has none.
+        kinds: Whether that is a value or a bound.
+        gap: Small ones are printed in micrometres, which stand behind them.
+        errors: Of our values, NaN where none is known; empty where none is of any run.
+        name: Of the quantity.
+        at: Where, m below the meniscus; None at the end of the runs.
+        resolutions: How exactly our values are resolved, None where that is not known; empty where
+            it is of no run.
+    """
+
+    label: str
+    unit: str
+    ours: tuple[float, ...]
+    theirs: tuple[float, ...]
+    kinds: tuple[Kind, ...]
+    gap: bool = False
+    errors: tuple[float, ...] = ()
+    name: str = ""
+    at: float | None = None
+    resolutions: tuple[float | None, ...] = ()
+
+    @property
+    def scale(self) -> Scale:
+        """What turns its values into what is shown."""
+        return Scale(SHARE) if self.unit == SHARE else scale_of(self.unit, self.name)
+
+    def error(self, run: int) -> float | None:
+        """The error of a run's value, None where none is known."""
+        known = bool(self.errors) and math.isfinite(self.errors[run])
+        return self.errors[run] if known else None
+
+    def resolution(self, run: int) -> float | None:
+        """How exactly a run's value is resolved, as it is shown; None where that is not known."""
+        known = self.resolutions[run] if self.resolutions else None
+        return None if known is None else abs(self.scale.factor) * known
+
+    def verdict(self, run: int) -> bool | None:
+        """Whether a run keeps to the bound that is given for it; None where there is none."""
+        return met(self.ours[run], self.theirs[run], self.kinds[run])
+
+
+def lines(
+    runs: Sequence[Run], base: Run, *, everything: bool = False, at: Sequence[float] = ()
+) -> list[Line]:
+    """Return the headline quantities, those with references, and the ratios to the base run.
+
+    Sizes are shown on the way through the mould, too, from the histories.
+
+    Args:
+        runs: In the order of the columns.
+        base: By which the ratios are taken.
+        everything: All quantities instead of the headline ones.
+        at: Positions, m: the quantities there instead of those at the end.
+    """
+    all_of = [run.summary.quantities for run in runs]
+    references = [c for run in runs for c in run.summary.references if not c.missing]
+    names = list(dict.fromkeys(n for q in all_of for n in q)) if everything else headline(all_of)
+    referred = [c.reference.quantity for c in references]
+    names += [name for name in dict.fromkeys(referred) if name not in names]
+    histories = [run.history() for run in runs]
+    way = _way(histories, base, runs)
+    found: list[Line] = []
+    for name in names:
+        those = {c.reference.at for c in references if c.reference.quantity == name}
+        inner = [place for place in those if place is not None]
+        if name.startswith(_ALONG):
+            inner += [p for p in way if not any(math.isclose(p, i, rel_tol=_SAME) for i in inner)]
+        places: tuple[float | None, ...] = tuple(at) or (*sorted(inner), None)
+        for place in places:
+            line = _line(runs, histories, name, place)
+            if at and not any(map(math.isfinite, line.ours)):
+                continue  # it has no column in the history
+            found.append(line)
+            if name in RATIOS:
+                judged = tuple(_may_be_judged(run, base) for run in runs)
+                found.append(_ratio(line, runs.index(base), judged))
+    return found
+
+
+def _way(
+    histories: Sequence[pandas.DataFrame | None], base: Run, runs: Sequence[Run]
+) -> tuple[float, ...]:
+    """Positions [m] on the way through the base run's mould; its exit where a run goes beyond.
+
+    None above the place where the base run begins.
+    """
+    table = histories[runs.index(base)]
+    if table is None:
+        return ()
+    end, _ = mould_exit(table["position"].to_numpy(), base.summary)
+    ends = [float(t["position"].iloc[-1]) for t in histories if t is not None]
+    beyond = any(last > end * (1 + _SAME) for last in ends)
+    start = float(table["position"].iloc[0]) * (1 - _SAME)
+    return tuple(s * end for s in _WAY if s * end >= start) + ((end,) if beyond else ())
+
+
+def _line(
+    runs: Sequence[Run],
+    histories: Sequence[pandas.DataFrame | None],
+    name: str,
+    at: float | None,
+) -> Line:
+    """One quantity, at the end of the runs or on their way."""
+    quantity = next(r.summary.quantities[name] for r in runs if name in r.summary.quantities)
+    ours, theirs, errors, resolutions = [], [], [], []
+    kinds: list[Kind] = []
+    for run, history in zip(runs, histories, strict=True):
+        mine = run.summary.quantities.get(name)
+        error = None if mine is None else mine.shown_error
+        if at is not None:
+            stated = run.summary.errors_near(at).get(name)
+            unit = unit_of_difference(quantity.shown_unit)
+            error = None if stated is None else from_si(stated, unit)
+        errors.append(math.nan if error is None else error)
+        there = mine if at is None else _on_the_way(history, name, at)
+        value = math.nan if there is None else there.value
+        resolutions.append(None if there is None or error is not None else there.shown_resolution)
+        expected = math.nan
+        kind: Kind = "value"
+        for comparison in run.summary.references:
+            reference = comparison.reference
+            if reference.quantity == name and reference.at == at and not comparison.missing:
+                value = comparison.ours
+                if not reference.changed:
+                    expected, kind = reference.value, reference.kind
+        ours.append(from_si(value, quantity.shown_unit))
+        theirs.append(from_si(expected, quantity.shown_unit))
+        kinds.append(kind)
+    label = plain_label(quantity) + ("" if at is None else f", at {1e3 * at:.6g} mm")
+    known = tuple(errors) if any(map(math.isfinite, errors)) else ()
+    return Line(
+        label,
+        quantity.shown_unit,
+        tuple(ours),
+        tuple(theirs),
+        tuple(kinds),
+        is_gap(name),
+        known,
+        name,
+        at,
+        tuple(resolutions) if any(resolutions) else (),
+    )
+
+
+def _on_the_way(history: pandas.DataFrame | None, name: str, at: float) -> Quantity | None:
+    """A column of a history at a position [m]; None where the run has not been."""
+    if history is None or name not in history:
+        return None
+    wanted = (name, *(column for column in history if str(column).startswith("solidus_cell_")))
+    row = {
+        str(one): float(np.interp(at, history["position"], history[one], np.nan, np.nan))
+        for one in wanted
+    }
+    return last_quantities(row, history.attrs["units"]).get(name)
+
+
+def _may_be_judged(run: Run, base: Run) -> bool:
+    """Whether a bound on a share holds for this one: it is of an idealised mould, cast alike."""
+    ideal = base.label == _IDEAL or _IDEAL in base.summary.title.lower()
+    one, other = run.speed_and_length(), base.speed_and_length()
+    return ideal and (one == other or bool(one and other and np.allclose(one, other, rtol=_ALIKE)))
+
+
+def _ratio(line: Line, base: int, judged: Sequence[bool]) -> Line:
+    """A line as percentage of the base run's; bounds only for the runs that may be judged."""
+
+    def share(values: Sequence[float]) -> tuple[float, ...]:
+        whole = values[base]
+        return tuple(100.0 * v / whole if whole else math.nan for v in values)
+
+    theirs = share(line.theirs)
+    common = len({value for value in theirs if math.isfinite(value)}) < 2  # one for all
+    if common or line.kinds[base] != "value":
+        theirs = (math.nan,) * len(theirs)
+    theirs = tuple(
+        value if may or kind == "value" else math.nan
+        for value, may, kind in zip(theirs, judged, line.kinds, strict=True)
+    )
+    return Line(line.label, SHARE, share(line.ours), theirs, line.kinds, at=line.at)
+
+
+def printed(runs: Sequence[Run], table: Sequence[Line], width: int) -> list[Table]:
+    """Return the tables for the terminal: equally many runs in each, as they fit side by side.
+
+    References stand in a column of their own if all runs have the same ones, else in brackets
+    behind our values; those of an unchanged case are left out.
+
+    Args:
+        runs: As in `lines`.
+        table: From `lines`.
+        width: Of the terminal, characters.
+    """
+    labels = ["\n".join(textwrap.wrap(label_shown(line.label), 26)) for line in table]
+    first = [("quantity", labels), ("unit", [unit_shown(line.scale.unit) for line in table])]
+    changed = any(c.reference.changed for run in runs for c in run.summary.references)
+    alone = not changed and have_common_references(table)
+    if alone:
+        cells = []
+        for line in table:
+            having = [i for i, value in enumerate(line.theirs) if math.isfinite(value)]
+            cells.append(_reference(line, having[0]) if having else "")
+        first.append(("reference", cells))
+    room = width - sum(_width(*column) for column in first)
+    columns: list[_Column] = []
+    for number, run in enumerate(runs):
+        header = "\n".join(textwrap.wrap(run.label, 13))
+        if not alone and any(math.isfinite(line.theirs[number]) for line in table):
+            header += "\n(reference)"
+        columns.append((header, [_cell(line, number, bare=alone) for line in table]))
+    return [_block([*first, *block]) for block in _side_by_side(columns, room)]
+
+
+def _side_by_side(columns: Sequence[_Column], room: int) -> list[Sequence[_Column]]:
+    """Return the columns in as few blocks as fit, equally many in each, the last may have less."""
+    for number in range(1, len(columns)):
+        each = math.ceil(len(columns) / number)
+        blocks = [columns[i : i + each] for i in range(0, len(columns), each)]
+        if all(sum(_width(*column) for column in block) <= room for block in blocks):
+            return blocks
+    return [[column] for column in columns]
+
+
+def have_common_references(table: Sequence[Line]) -> bool:
+    """Return whether there are references, and those of a quantity are the same for all runs."""
+    different = [
+        {pair for pair in zip(line.theirs, line.kinds, strict=True) if math.isfinite(pair[0])}
+        for line in table
+    ]
+    return any(different) and all(len(values) < 2 for values in different)
+
+
+def _block(columns: Sequence[_Column]) -> Table:
+    from rich import box
+    from rich.table import Table
+
+    found = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
+    for number, (header, _) in enumerate(columns):
+        found.add_column(header, justify="left" if number < 2 else "right")
+    for cells in zip(*(cells for _, cells in columns), strict=True):
+        found.add_row(*cells)
+    return found
+
+
+def _width(header: str, cells: Sequence[str]) -> int:
+    """How wide a column is, with the two spaces behind it."""
+    return max(len(part) for text in (header, *cells) for part in text.split("\n")) + 2
+
+
+def _cell(line: Line, run: int, *, bare: bool) -> str:
+    """The value of a run with its reference in brackets, or without."""
+    scale, error = line.scale, line.error(run)
+    small = small_gap(line.ours[run], scale.unit) if line.gap else None
+    if small is None:
+        error = None if error is None else scale.factor * error
+        ours = with_error(_text(line.ours[run], scale, line.resolution(run)), error)
+    else:
+        ours = f"{with_error(small, None if error is None else 1e3 * error)} {unit_shown('um')}"
+    if bare or not math.isfinite(line.theirs[run]):
+        return ours
+    return f"{ours} ({_reference(line, run)})"
+
+
+def cells(line: Line) -> list[tuple[str, str]]:
+    """Return the value of each run as tables print it, and its reference, empty for none."""
+    return [
+        (_cell(line, i, bare=True), _reference(line, i) if math.isfinite(line.theirs[i]) else "")
+        for i in range(len(line.ours))
+    ]
+
+
+def _reference(line: Line, run: int) -> str:
+    """The reference of a run, a bound with its sign."""
+    return SIGNS[line.kinds[run]] + _text(line.theirs[run], line.scale)
+
+
+def _text(value: float, scale: Scale, resolution: float | None = None) -> str:
+    if scale.unit == SHARE and math.isfinite(value):
+        return f"{value:.1f}"
+    return shown(scale(value), scale.unit, resolution)
+
+
+def write_csv(folder: Path, runs: Sequence[Run], table: Sequence[Line]) -> Path:
+    """Write the table: a row a quantity, a column a run, and one for its references if it has any.
+
+    A run with errors has a column of them. Where some references are bounds one more column tells
+    which: `at_least` or `at_most`.
+
+    Raises:
+        RunFailure: It cannot be written.
+    """
+    expected = [any(math.isfinite(line.theirs[i]) for line in table) for i in range(len(runs))]
+    bounded = [any(line.kinds[i] != "value" for line in table) for i in range(len(runs))]
+    has_error = [any(line.error(i) is not None for line in table) for i in range(len(runs))]
+    head = ["quantity", "unit"]
+    for run, error, some, bounds in zip(runs, has_error, expected, bounded, strict=True):
+        head += [run.label, *([f"{run.label}: error"] if error else [])]
+        head += [*([f"{run.label}: reference"] if some else [])]
+        head += [f"{run.label}: bound"] if bounds else []
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(head)
+    for line in table:
+        cells = [line.label, line.unit]
+        for i, (some, bounds) in enumerate(zip(expected, bounded, strict=True)):
+            cells += [_number(line.ours[i])]
+            cells += [_number(line.errors[i] if line.errors else math.nan)] if has_error[i] else []
+            cells += [*([_number(line.theirs[i])] if some else [])]
+            bound = line.kinds[i] if math.isfinite(line.theirs[i]) else "value"
+            cells += ["" if bound == "value" else bound] if bounds else []
+        writer.writerow(cells)
+    write_text(folder / CSV_NAME, text.getvalue(), durable=False)
+    return folder / CSV_NAME
+
+
+def _number(value: float) -> str:
+    return f"{value:.12g}" if math.isfinite(value) else ""

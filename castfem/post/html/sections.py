@@ -1,0 +1,182 @@
+"""The section of a run at several places of the strand: its cells, and a colour each."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.own_style import own_matplotlib
+from castfem.base.shown_units import place_said, plain_unit, scale_of
+from castfem.runs.output.field_files import HDF5_NAME
+from castfem.runs.output.fields import Fields
+from castfem.runs.output.layout import UNITS
+from castfem.runs.output.summary import Summary
+
+STATES = 16  # places at most
+_CELLS = 6000  # beyond it the page would be slow
+_ROOM, _EACH = 1_200_000, 110  # bytes of all sections of a page, and of a cell
+_SHADES = 24  # of a scale of colours
+_PICTURE = 460.0  # width or height of the drawing
+_SHOWN = {"temperature": "inferno", "von_mises": "viridis", "solid_fraction": "cividis"}
+_SCALED = {"K": ("degC", 1.0, -ZERO_CELSIUS), "Pa": ("MPa", 1e-6, 0.0), "-": ("", 1.0, 0.0)}
+_CORNERS = {"triangle": 3, "quadrilateral": 4}
+_MIRRORS = {"quarter": ((1, 1), (-1, 1), (-1, -1), (1, -1)), "half": ((1, 1), (-1, 1))}
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """The cells of a section, and what they show at some places.
+
+    Attributes:
+        box: Width and height of the drawing.
+        mirrors: Signs of x and y of the parts that make the whole section.
+        polygons: Corners of each cell, as SVG has them.
+        places: Positions below the meniscus, in words.
+        start: Which of them is shown first: the mould's exit, of a run that ends there the end.
+        fields: Name, unit, limits, palette and the values of all cells and places (base64 of
+            16-bit numbers, 0 to 65535 between the limits).
+    """
+
+    box: tuple[float, float]
+    mirrors: tuple[tuple[int, int], ...]
+    polygons: tuple[str, ...]
+    places: tuple[str, ...]
+    start: int
+    fields: tuple[dict[str, Any], ...]
+
+
+def sections(folders: Sequence[Path]) -> list[Section | None]:
+    """The sections of runs that share a page, all in one scale of colours a field.
+
+    Args:
+        folders: Of the runs. The more, the fewer places each has, and the fewer cells.
+
+    Returns:
+        One for each run; None of one that has no fields, or too many cells for a page.
+    """
+    found = [_read(folder, len(folders)) for folder in folders]
+    limits: dict[str, tuple[float, float]] = {}
+    for one in found:
+        for name, part in one.fields.items() if one is not None else ():
+            low, high = limits.get(name, (np.inf, -np.inf))
+            low, high = min(low, float(part.min())), max(high, float(part.max()))
+            limits[name] = low, high
+    return [None if one is None else one.drawn(limits) for one in found]
+
+
+@dataclass(frozen=True, slots=True)
+class _Read:
+    """What is read of a run: as `Section`, each field as shown (places, cells)."""
+
+    box: tuple[float, float]
+    mirrors: tuple[tuple[int, int], ...]
+    polygons: tuple[str, ...]
+    places: tuple[str, ...]
+    start: int
+    fields: dict[str, NDArray[np.float64]]
+
+    def drawn(self, limits: Mapping[str, tuple[float, float]]) -> Section:
+        """The section in scales of colours between limits."""
+        fields = tuple(
+            _field(name, one, *limits[name], self.start) for name, one in self.fields.items()
+        )
+        return Section(self.box, self.mirrors, self.polygons, self.places, self.start, fields)
+
+
+def _read(folder: Path, runs: int) -> _Read | None:
+    """Read the section of a run; None if it has no fields, or too many cells for a page."""
+    if not (folder / HDF5_NAME).is_file():
+        return None
+    with Fields(folder) as fields:
+        names = [name for name in _SHOWN if name in fields.names and fields.centre(name) == "point"]
+        if not names or not 0 < len(fields.cells) <= min(_CELLS, _ROOM // (_EACH * runs)):
+            return None
+        corners = fields.cells[:, : _CORNERS[fields.cell]]
+        count = len(fields.times)
+        places = min(max(1, STATES // runs), count)
+        evenly = np.linspace(count - 1, 0, places).round().astype(int)
+        states = np.asarray(fields.positions, float)
+        marks = [int(np.argmin(np.abs(states - at))) for at in _marks(folder, float(states[-1]))]
+        chosen = np.unique([*evenly, *marks])
+        start = int(np.searchsorted(chosen, marks[0])) if marks else len(chosen) - 1
+        box, polygons = _polygons(fields.points[:, :2], corners, str(_part(fields)))
+        shown = {name: _values(fields, name, corners, chosen) for name in names}
+        positions = [float(fields.positions[i]) for i in chosen]
+        words = tuple(place_said(one, near=".0f", beyond=np.inf) for one in positions)
+        mirrors = _MIRRORS.get(_part(fields), ((1, 1),))
+        return _Read(box, mirrors, polygons, words, start, shown)
+
+
+def _marks(folder: Path, end: float) -> list[float]:
+    """Where a run that goes on to `end` (m) leaves its mould, and where it is solid, m."""
+    summary = Summary.load(folder)
+    if summary is None or summary.mould_exit is None or summary.mould_exit >= end:
+        return []
+    length = summary.quantities.get("metallurgical_length")
+    solid = [] if length is None or not np.isfinite(length.value) else [length.value]
+    return [summary.mould_exit, *solid]
+
+
+def _part(fields: Fields) -> str:
+    return str(fields.attributes.get("symmetry", "whole"))
+
+
+def _polygons(
+    points: NDArray[np.float64], corners: NDArray[np.int32], part: str
+) -> tuple[tuple[float, float], tuple[str, ...]]:
+    """Size of the whole section's drawing, and the cells about its middle, y upward."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle = np.array(
+        [
+            0.0 if part in ("quarter", "half") else 0.5 * (low[0] + high[0]),
+            0.0 if part == "quarter" else 0.5 * (low[1] + high[1]),
+        ]
+    )
+    half = np.abs(np.vstack([low, high]) - middle).max(axis=0)
+    scale = 0.5 * _PICTURE / half.max()
+    flat = (points - middle) * scale * np.array([1.0, -1.0])
+    width, height = (float(f"{2 * scale * h:.1f}") for h in half)
+    return (width, height), tuple(
+        " ".join(f"{x:.1f},{y:.1f}" for x, y in flat[cell]) for cell in corners
+    )
+
+
+def _values(
+    fields: Fields, name: str, corners: NDArray[np.int32], chosen: NDArray[np.int_]
+) -> NDArray[np.float64]:
+    """A field as it is shown, at the chosen places a mean a cell (places, cells)."""
+    unit, factor, offset = _SCALED[UNITS[name]]
+    values = np.stack([fields.values(name, int(i))[corners].mean(axis=1) for i in chosen])
+    found: NDArray[np.float64] = np.nan_to_num(scale_of(unit, name)(factor * values + offset))
+    return found
+
+
+def _field(
+    name: str, values: NDArray[np.float64], low: float, high: float, start: int
+) -> dict[str, Any]:
+    """A field (places, cells) in a scale of colours between two limits."""
+    colormaps = own_matplotlib().colormaps
+    from matplotlib.colors import to_hex
+
+    scale = scale_of(_SCALED[UNITS[name]][0], name)
+    if high - low < 1e-9 * max(1.0, abs(high)):
+        high = low + 1.0
+    levels = np.round(65535 * (values - low) / (high - low)).astype("<u2")
+    palette = colormaps[_SHOWN[name]]
+    return {
+        "name": name.replace("von_mises", "von Mises stress").replace("_", " "),
+        "unit": plain_unit(scale.unit),
+        "low": float(f"{low:.6g}"),
+        "high": float(f"{high:.6g}"),
+        "ends": [f"{low:.4g}", f"{high:.4g}"],
+        "palette": [to_hex(palette(i / (_SHADES - 1))) for i in range(_SHADES)],
+        "first": [min(_SHADES - 1, int(_SHADES * int(level) / 65536)) for level in levels[start]],
+        "values": base64.b64encode(levels.tobytes()).decode("ascii"),
+    }

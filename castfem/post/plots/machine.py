@@ -1,0 +1,189 @@
+"""Draw a caster from the side: strand, rolls, what they do to it, and where it is solid."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.base.types import Array
+from castfem.physics.machine.phases import phases
+from castfem.physics.machine.rolls import Rolls
+from castfem.physics.machine.side import Side
+from castfem.post.plots.style import look, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+_COLOURS = {
+    "vertical": "#d9d9d9",
+    "bending": "#e69f00",
+    "arc": "#f0d9b0",
+    "straightening": "#d55e00",
+    "straight": "#d9d9d9",
+}
+_COPPER, _ROLL, _DRIVEN, _WATER = "#b87333", "#9aa5b1", "#1f4e79", "#2f9bd8"
+_DEFECT = "#c1121f"
+_WIDTH = 11.0  # inches
+_EVERY, _BESIDE = 5, 11.0  # rolls of which one is numbered; its number off the roll, points
+_MARK = 0.6  # beyond the intrados, to which a mark goes, m
+
+
+@dataclass(frozen=True, slots=True)
+class Spray:
+    """A spray seen from the side.
+
+    Attributes:
+        start: Where it begins on the face, from the meniscus, m. end: Where it ends, m.
+        stand_off: Of its nozzle from the face, m.
+        inside: Whether it is that of the intrados.
+        defect: Whether its nozzles have another share of their water than they are meant to.
+    """
+
+    start: float
+    end: float
+    stand_off: float
+    inside: bool
+    defect: bool = False
+
+
+def draw(
+    rolls: Rolls,
+    thickness: float,
+    path: str | os.PathLike[str],
+    *,
+    mould_end: float | None = None,
+    marks: Sequence[tuple[float, str]] = (),
+    sprays: Sequence[Spray] = (),
+    title: str = "",
+) -> None:
+    """Draw a machine to a picture file.
+
+    Args:
+        rolls: Its rolls.
+        thickness: Of the section, m.
+        path: Picture; its ending gives the format (png, pdf, svg).
+        mould_end: From the meniscus, m; None without a mould.
+        marks: Positions that are marked, m, and with what words.
+        sprays: On its wide faces.
+        title: Above the picture.
+    """
+    side = Side(rolls, thickness, max((place for place, _ in marks), default=0.0))
+    with look():
+        span = np.ptp(side.extrados, axis=0) + 1.0
+        figure = new_figure(_WIDTH, float(np.clip(_WIDTH * span[1] / span[0], 4.0, 11.0)) + 0.6)
+        ax = figure.subplots()
+        _strand(ax, side, mould_end)
+        _rolls(ax, side)
+        _sprays(ax, side, sprays)
+        _numbers(ax, side)
+        _marks(ax, side, marks)
+        ax.set_aspect("equal")
+        ax.set_xlabel("from the mould [m]")
+        ax.set_ylabel("height above the meniscus [m]")
+        ax.legend(loc="upper right")
+        if title:
+            ax.set_title(title)
+        figure.savefig(path, dpi=130)
+
+
+def _strand(ax: Axes, side: Side, mould_end: float | None) -> None:
+    """The strand, coloured by what the rolls do to it, and the mould round its top."""
+    pairs, named = side.rolls.pairs, set[str]()
+    first, last = pairs[0].position, pairs[-1].position
+    parts = [
+        (phase.kind, pairs[phase.first].position, pairs[phase.last].position)
+        for phase in phases(side.rolls)
+    ]
+    ends = ((None, 0.0, first), *parts, (None, last, float(side.s[-1])))
+    for kind, start, end in ends:
+        colour = _COLOURS[kind or "vertical"]
+        label = kind if kind in ("bending", "arc", "straightening") and kind not in named else None
+        named |= {label} if label else set()
+        ax.fill(*side.part(start, end).T, color=colour, linewidth=0.0, label=label)
+    if mould_end is None:
+        return
+    for face, outward in ((side.extrados, -1.0), (side.intrados, 1.0)):
+        inside = side.s <= mould_end
+        wall = face[inside] + outward * 0.06 * side.inward[inside]
+        outline = np.concatenate([face[inside], wall[::-1]])
+        name = "mould" if outward < 0.0 else None
+        ax.fill(*outline.T, color=_COPPER, linewidth=0.0, label=name)
+
+
+def _rolls(ax: Axes, side: Side) -> None:
+    """Every roll, those that are driven darker."""
+    from matplotlib.collections import PatchCollection
+    from matplotlib.patches import Circle, Patch
+
+    drawn: dict[str, list[Patch]] = {"rolls": [], "driven rolls": [], "rolls with a defect": []}
+    for pair in side.rolls.pairs:
+        kind = "driven rolls" if pair.driven else "rolls"
+        for centre in side.across(pair.position, 0.5 * pair.diameter):
+            if not pair.lost:
+                circle = Circle(tuple(centre), 0.5 * pair.diameter)
+                drawn["rolls with a defect" if pair.defect else kind].append(circle)
+    colours = {"rolls": _ROLL, "driven rolls": _DRIVEN, "rolls with a defect": _DEFECT}
+    for label, circles in drawn.items():
+        if circles:
+            colour = colours[label]
+            ax.add_collection(PatchCollection(circles, facecolor=colour, edgecolor="none"))
+            ax.plot([], [], "o", color=colour, label=label)
+
+
+def _marks(ax: Axes, side: Side, marks: Sequence[tuple[float, str]]) -> None:
+    """A line across the strand at each marked position, with its words beyond the intrados."""
+    for after, (place, words) in enumerate(sorted(marks, reverse=True)):
+        beyond = (1.0 + 0.7 * after) * _MARK  # words stand one above the other
+        line = np.array([side.across(place, 0.0)[0], side.across(place, beyond)[1]])
+        ax.plot(*line.T, color="k", linewidth=2.0)
+        ax.annotate(words, line[1], (4, 2), textcoords="offset points", fontsize=8.5)
+
+
+def _numbers(ax: Axes, side: Side) -> None:
+    """Numbers of some rolls, beside those of the extrados."""
+    for i in numbered(side.rolls):
+        pair = side.rolls.pairs[i]
+        x, y = side.across(pair.position, pair.diameter)[0]
+        off = -_BESIDE * side.at(side.inward, pair.position)
+        ax.annotate(
+            f"#{i + 1}", (x, y), (off[0], off[1]), textcoords="offset points", fontsize=7.5,
+            color=_DEFECT if pair.defect else "k", ha="center", va="center",
+        )  # fmt: skip
+
+
+def numbered(rolls: Rolls) -> list[int]:
+    """Indices of pairs that get a number: with a defect, driven, first, last, every fifth.
+
+    Of two neighbours one does, of a defect both.
+    """
+    pairs = rolls.pairs
+    found = {i for i, pair in enumerate(pairs) if pair.defect}
+    for more in (
+        [i for i, pair in enumerate(pairs) if pair.driven],
+        [0, len(pairs) - 1],
+        range(_EVERY - 1, len(pairs), _EVERY),
+    ):
+        found |= {i for i in more if not {i - 1, i + 1} & found}
+    return sorted(found)
+
+
+def _sprays(ax: Axes, side: Side, sprays: Sequence[Spray]) -> None:
+    """Every spray, from its nozzle to what it reaches on the face."""
+    from matplotlib.collections import PolyCollection
+
+    fans: dict[str, list[Array]] = {"sprays": [], "sprays with a defect": []}
+    for spray in sprays:
+        middle, which = 0.5 * (spray.start + spray.end), 1 if spray.inside else 0
+        ends = [side.across(place, 0.0)[which] for place in (spray.start, spray.end)]
+        nozzle = side.across(middle, spray.stand_off)[which]
+        kind = "sprays with a defect" if spray.defect else "sprays"
+        fans[kind].append(np.array([nozzle, *ends]))
+    for (label, shapes), colour in zip(fans.items(), (_WATER, _DEFECT), strict=True):
+        if shapes:
+            ax.add_collection(PolyCollection(shapes, facecolor=colour, edgecolor="none"))
+            ax.plot([], [], "v", color=colour, label=label)

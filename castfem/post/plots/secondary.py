@@ -1,0 +1,139 @@
+"""Surface temperatures from roll to roll, above what each face meets on its way."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.physics.machine.phases import phases
+from castfem.physics.machine.rolls import Rolls
+from castfem.physics.machine.sprays import KINDS, Stretch
+from castfem.post.plots.history import axis_label, curves
+from castfem.post.plots.style import Abscissa, new_figure
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from castfem.model import Case
+
+_COLOURS = dict(zip(KINDS, ("#404040", "#f3dfb8", "#2f9bd8", "#a9d6f2"), strict=True))
+_NAMES = {
+    "run_off": "run-off water",
+    "contact": "contact with a roll",
+    "shade": "shade (radiation)",
+}
+_LANE = 0.16  # inches, of a face
+_PANEL, _WIDTH = 2.5, 9.0  # inches
+_PITCHES = 8  # that are shown close by
+_ABOVE, _BELOW = 0.02, 0.08  # of the range of temperatures: room in a panel
+
+
+def draw_roll_to_roll(table: pandas.DataFrame, abscissa: Abscissa, case: Case) -> Figure | None:
+    """Draw the surface temperatures of a case with [secondary], all of the way and close by.
+
+    Args:
+        table: History of the run.
+        abscissa: Where its slice has been.
+        case: The case.
+
+    Returns:
+        The figure; None of a run that has not come below its mould.
+    """
+    rolls = None if case.machine is None else case.machine.pairs()
+    start = case.cooling[-1].to
+    lines = curves(table, "surface_temperature")
+    if case.secondary is None or rolls is None or start is None or not lines:
+        return None
+    end = float(abscissa.position[-1])
+    if not abscissa.along or end <= start:
+        return None
+    faces = faces_met(case, rolls, end)
+    lanes = _LANE * len(faces)
+    figure = new_figure(_WIDTH, 2.0 * (_PANEL + lanes) + 1.2)
+    ratios = [_PANEL, lanes, _PANEL, lanes]
+    axes = figure.subplots(4, 1, gridspec_kw={"height_ratios": ratios})
+    for (panel, strip), ends in zip(
+        ((axes[0], axes[1]), (axes[2], axes[3])), ((start, end), close_by(rolls, start, end)),
+        strict=True,
+    ):  # fmt: skip
+        _temperatures(panel, table, abscissa, lines, ends)
+        _lanes(strip, faces, ends)
+        panel.sharex(strip)
+        panel.tick_params(labelbottom=False)
+    for number, pair in enumerate(rolls.pairs, 1):
+        low, high = axes[3].get_xlim()
+        if low < pair.position < high:
+            axes[2].axvline(pair.position, color="#bfbfbf", linewidth=0.6, zorder=0.5)
+            axes[2].annotate(
+                f"#{number}", (pair.position, 1.0), xycoords=("data", "axes fraction"),
+                xytext=(0, 2), textcoords="offset points", ha="center", fontsize=7.5,
+            )  # fmt: skip
+    axes[0].legend(ncols=3, loc="upper right", fontsize=8)
+    axes[0].set_ylabel(axis_label(table, lines[0][2]), gid=lines[0][2])
+    axes[2].set_ylabel(axis_label(table, lines[0][2]), gid=lines[0][2])
+    axes[3].set_xlabel("position below the meniscus [m]")
+    for kind in KINDS:
+        axes[3].plot([], [], "s", color=_COLOURS[kind], label=_NAMES.get(kind, kind))
+    axes[3].legend(ncols=4, loc="upper center", bbox_to_anchor=(0.5, -1.0), fontsize=8)
+    return figure
+
+
+def faces_met(case: Case, rolls: Rolls, end: float) -> dict[str, tuple[Stretch, ...]]:
+    """Return what each face meets down to a position, m, by its name for a reader."""
+    table, height = case.secondary, case.section.outline()[1]
+    assert table is not None and height is not None
+    line, rows = rolls.line(height), table.rows(rolls, height)
+    found: dict[str, tuple[Stretch, ...]] = {}
+    for group in case.section.outer_groups():
+        if not group.startswith("corner"):
+            met = table.on_face(group, rolls, rows, line.inclination, end)[1]
+            found[group.removeprefix("wide_face_").replace("_", " ")] = met
+    return found
+
+
+def close_by(rolls: Rolls, start: float, end: float) -> tuple[float, float]:
+    """Ends of what is shown close by: straightening, or else the last pitches that were met, m."""
+    places = [pair.position for pair in rolls.pairs]
+    for phase in phases(rolls):
+        if phase.kind == "straightening" and places[phase.last] <= end:
+            first, last = places[phase.first], places[phase.last]
+            return first - 0.5 * (last - first) / _PITCHES, last + 0.5 * (last - first) / _PITCHES
+    met = [place for place in places if start < place < end]
+    return (met[-_PITCHES] if len(met) >= _PITCHES else start), end
+
+
+def _temperatures(
+    axes: Axes,
+    table: pandas.DataFrame,
+    abscissa: Abscissa,
+    lines: list[tuple[str, str, str]],
+    ends: tuple[float, float],
+) -> None:
+    """The surface temperatures between two positions, m."""
+    within = (abscissa.position >= ends[0]) & (abscissa.position <= ends[1])
+    shown = []
+    for name, colour, column in lines:
+        values = table[column].to_numpy()
+        axes.plot(abscissa.position, values, color=colour, linewidth=1.1, label=name)
+        shown.append(values[within])
+    found = np.concatenate(shown)
+    found = found[np.isfinite(found)]
+    if found.size:
+        room = max(float(np.ptp(found)), 1.0)
+        axes.set_ylim(found.min() - _BELOW * room, found.max() + _ABOVE * room)
+    axes.set_xlim(*ends)
+
+
+def _lanes(axes: Axes, faces: dict[str, tuple[Stretch, ...]], ends: tuple[float, float]) -> None:
+    """What each face meets, one lane a face."""
+    for lane, met in enumerate(faces.values()):
+        for kind in KINDS:
+            spans = [(s.start, s.end - s.start) for s in met if s.kind == kind]
+            axes.broken_barh(spans, (lane - 0.42, 0.84), facecolor=_COLOURS[kind], linewidth=0.0)
+    axes.set_yticks(range(len(faces)), list(faces), fontsize=8)
+    axes.set_ylim(len(faces) - 0.5, -0.5)
+    axes.set_xlim(*ends)
+    axes.grid(False)

@@ -1,0 +1,160 @@
+"""The shape of a section: its outline, how it is distorted, and how much to magnify that."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from castfem.base.types import Array
+from castfem.post.plots.mould_wall import WallLine
+from castfem.runs.output.fields import Fields
+
+Indices = NDArray[np.intp]
+
+# Edges of a cell in VTK order as chains of nodes, anticlockwise.
+_EDGES = {
+    ("triangle", 1): ((0, 1), (1, 2), (2, 0)),
+    ("quadrilateral", 1): ((0, 1), (1, 2), (2, 3), (3, 0)),
+    ("triangle", 2): ((0, 3), (3, 1), (1, 4), (4, 2), (2, 5), (5, 0)),
+    ("quadrilateral", 2): ((0, 4), (4, 1), (1, 5), (5, 2), (2, 6), (6, 3), (3, 7), (7, 0)),
+}
+_PLANES = {"quarter": (0, 1), "half": (0,)}  # the axis that is 0 on each plane of symmetry
+_ROUND = (5.0, 2.0, 1.0)
+_SHARE = 0.05  # of the size of the section, by which its surface may seem to move
+
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """The boundary of the modelled part, in straight pieces between nodes.
+
+    Attributes:
+        surface: (s, 2) nodes of the pieces of the strand's surface, the steel on their left.
+        cuts: Plane of symmetry (the axis that is 0 on it) to the pieces (c, 2) on it.
+    """
+
+    surface: Indices
+    cuts: dict[int, Indices]
+
+    @classmethod
+    def of(cls, fields: Fields) -> Outline:
+        """Finds it: pieces that belong to one cell only."""
+        chains = np.array(_EDGES[fields.cell, fields.order])
+        pieces = fields.cells[:, chains].reshape(-1, 2).astype(np.intp)
+        _, first, count = np.unique(
+            np.sort(pieces, axis=1), axis=0, return_index=True, return_counts=True
+        )
+        pieces = pieces[np.sort(first[count == 1])]
+        ends = fields.points[pieces]
+        near = 1e-9 * float(np.ptp(fields.points[:, :2], axis=0).max())
+        free = np.ones(len(pieces), dtype=bool)
+        cuts = {}
+        for axis in _PLANES.get(str(fields.attributes.get("symmetry")), ()):
+            on_plane = (np.abs(ends[:, :, axis]) < near).all(axis=1)
+            cuts[axis] = pieces[on_plane]
+            free &= ~on_plane
+        return cls(pieces[free], cuts)
+
+    @property
+    def everything(self) -> Indices:
+        """All pieces."""
+        return np.vstack([self.surface, *self.cuts.values()])
+
+    def chains(self) -> list[Indices]:
+        """The nodes of the surface one behind the other; a closed surface ends where it begins."""
+        after = {int(start): int(end) for start, end in self.surface}
+        heads = list(after.keys() - set(after.values()))
+        found = []
+        while after:
+            chain = [heads.pop() if heads else next(iter(after))]
+            while chain[-1] in after:
+                chain.append(after.pop(chain[-1]))
+            found.append(np.array(chain, dtype=np.intp))
+        return found
+
+    def outward(self, points: Array) -> tuple[Indices, Array]:
+        """The nodes of the surface (n,) and unit normals out of the steel (n, 2) at them.
+
+        Args:
+            points: (m, 2) or (m, 3) of all nodes; a normal is the mean over the pieces that meet.
+        """
+        along = points[self.surface[:, 1], :2] - points[self.surface[:, 0], :2]
+        sums = np.zeros((len(points), 2))
+        for end in (0, 1):
+            np.add.at(sums, self.surface[:, end], np.column_stack([along[:, 1], -along[:, 0]]))
+        nodes = np.unique(self.surface)
+        normals = sums[nodes]
+        return nodes, normals / np.linalg.norm(normals, axis=1)[:, None]
+
+
+@dataclass(frozen=True, slots=True)
+class Distortion:
+    """How a section is distorted, and the wall of its mould.
+
+    Attributes:
+        points: (n, 2) nodes at the meniscus [m].
+        outline: The boundary.
+        moved: (n, 2) displacement of the nodes [m].
+        wall: Of the mould; None where there is none.
+    """
+
+    points: Array
+    outline: Outline
+    moved: Array
+    wall: WallLine | None
+
+    @classmethod
+    def of(cls, fields: Fields, index: int = -1) -> Distortion:
+        """Reads it; `index` of the time as in a list."""
+        wall = WallLine.of(fields, index)
+        return cls(fields.points[:, :2], Outline.of(fields), displacement(fields, index), wall)
+
+    def places(self, factor: float) -> Array:
+        """All places (m, 2) [mm] that are drawn, displacement and taper magnified by a factor."""
+        found = [self.points, self.points + factor * self.moved]
+        if self.wall is not None:
+            wall = self.wall.drawn(factor)
+            found.append(wall[np.isfinite(wall).all(axis=1)])
+        return 1e3 * np.vstack(found)
+
+    def factor(self, share: float = _SHARE) -> float:
+        """The `magnification` of the displacement of its surface."""
+        return magnification(self.moved[np.unique(self.outline.surface)], self.points, share)
+
+
+def displacement(fields: Fields, index: int = -1) -> Array:
+    """Displacement (n, 2) [m] of the nodes, 0 in a run without mechanics."""
+    if "displacement" not in fields.names:
+        return np.zeros((len(fields.points), 2))
+    return fields.values("displacement", index)[:, :2]
+
+
+def magnification(moved: Array, points: Array, share: float = _SHARE) -> float:
+    """A round factor, 1, 2, 5, 10 ..., that makes displacements plain to see.
+
+    Args:
+        moved: (..., 2) displacements [m] of the surface.
+        points: (n, 2) or (n, 3) of the section [m].
+        share: Of the shorter side, by which nothing may seem to move more.
+
+    Returns:
+        The largest such factor.
+    """
+    largest = float(np.linalg.norm(moved, axis=-1).max(initial=0.0))
+    room = share * float(np.ptp(points[:, :2], axis=0).min())
+    if largest <= 0.0 or not np.isfinite(largest) or room <= largest:
+        return 1.0
+    decade = 10.0 ** np.floor(np.log10(room / largest))
+    return next(float(f * decade) for f in _ROUND if f * decade * largest <= room * (1 + 1e-9))
+
+
+def von_mises(fields: Fields, index: int = -1) -> Array | None:
+    """Von Mises stress (n,) [Pa] at the nodes; None in a run without stress."""
+    if "von_mises" in fields.names:
+        return fields.values("von_mises", index)
+    if "stress" not in fields.names:
+        return None
+    stress = fields.values("stress", index).reshape(-1, 3, 3)
+    deviator = stress - np.trace(stress, axis1=1, axis2=2)[:, None, None] / 3.0 * np.eye(3)
+    return np.asarray(np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator)))

@@ -1,0 +1,125 @@
+"""What a run comes to, in a few sentences: shell, end of the pool, unbending, the worst place."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.errors import InputError
+from castfem.base.shown_units import said
+from castfem.post.plots.history import curves
+from castfem.post.report.crack_places import CrackPlaces, crack_places
+from castfem.post.report.remarks import Remark, remarks_of
+from castfem.post.report.reversals import REMELTED
+from castfem.post.report.run_case import case_with
+from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.summary import Summary
+from castfem.runs.results.numbers import cells, finely
+
+_TOLD = (REMELTED, "largest gap on the way", "largest bulge between rolls")
+
+
+def conclusions(
+    folder: Path, summary: Summary, base: tuple[str, Path, Summary] | None = None
+) -> list[tuple[str, str]]:
+    """Return what a run comes to: of what, and the sentence.
+
+    Args:
+        folder: Of the run.
+        summary: Of the run, with the results that its history tells (`castfem.post.report.derived`).
+        base: Label, folder and results of the run it is measured by, such as that of the machine in
+            order; None for none.
+    """
+    found = [*_shell(summary), *_pool(summary), *_unbending(folder)]
+    found += list(_worst(folder, summary, base))
+    remarks = {one.what: one for one in remarks_of(folder, summary)}
+    return found + [(name, _remark(remarks[name])) for name in _TOLD if name in remarks]
+
+
+def _remark(one: Remark) -> str:
+    return f"{finely(one.value, one.unit, one.name)}, {one.where}"
+
+
+def _shell(summary: Summary) -> Iterator[tuple[str, str]]:
+    """The thinnest shell where the mould ends."""
+    least = summary.quantities.get("shell_least")
+    if least is not None and math.isfinite(least.value):
+        yield least.label, " ".join(cells("shell_least", least))
+
+
+def _pool(summary: Summary) -> Iterator[tuple[str, str]]:
+    """Where all is solid, or how far the run came without that."""
+    length, end = (summary.quantities.get(n) for n in ("metallurgical_length", "position"))
+    if length is not None and math.isfinite(length.value):
+        yield length.label, " ".join(cells("metallurgical_length", length))
+    elif end is not None and ("solidus" in summary.quantities or length is not None):
+        yield (
+            "metallurgical length",
+            f"not reached: the run ends at {' '.join(cells('position', end))}",
+        )
+
+
+def _unbending(folder: Path) -> Iterator[tuple[str, str]]:
+    """Surface temperatures where the strand is straightened, and whether they are critical."""
+    case = case_with(folder, "[machine")
+    rolls = None if case is None or case.machine is None else case.machine.pairs()
+    try:
+        table = read_history(folder / HISTORY_NAME)
+    except InputError:
+        return
+    if case is None or rolls is None or len(table) < 2:
+        return
+    from castfem.physics.machine.phases import phases
+
+    position = table["position"].to_numpy()
+    band = None if case.quality is None else case.quality.band
+    for phase in phases(rolls):
+        start, end = (rolls.pairs[i].position for i in (phase.first, phase.last))
+        if phase.kind != "straightening" or end > position[-1]:
+            continue
+        rows = (position >= start) & (position <= end)
+        parts = []
+        for label, _, column in curves(table, "surface_temperature"):
+            ends = np.interp([start, end], position, table[column])
+            values = np.r_[ends, table[column].to_numpy()[rows]]
+            low, high = float(values.min()), float(values.max())
+            critical = band is not None and low < band[1] - ZERO_CELSIUS and (
+                high > band[0] - ZERO_CELSIUS
+            )  # fmt: skip
+            parts.append(
+                f"{label} {said(low, 'degC', '.0f')} to {said(high, 'degC', '.0f')}"
+                + (" (in the low-ductility band)" if critical else "")
+            )
+        where = f"between {start:.2f} and {end:.2f} m"
+        yield "surface temperature in straightening", f"{'; '.join(parts)}, {where}"
+
+
+def _worst(
+    folder: Path, summary: Summary, base: tuple[str, Path, Summary] | None
+) -> Iterator[tuple[str, str]]:
+    """The worst places of the crack indexes, beside those of the base."""
+    found = crack_places(folder, summary)
+    if found is None:
+        return
+    theirs = None if base is None else crack_places(base[1], base[2])
+    for name, value, _, where in found.ranking:
+        if name not in ("I1", "I2"):
+            continue
+        ratio = "no limit is known of it: compare with the run of the machine in order"
+        if base is not None and theirs is not None:
+            ratio = _ratio(found, theirs, name, base[0])
+        yield f"worst place by {name}", f"{where}: {value}; {ratio}"
+    if found.nowhere:
+        yield "worst place", found.nowhere
+
+
+def _ratio(found: CrackPlaces, theirs: CrackPlaces, name: str, label: str) -> str:
+    """How many times the largest value of an index is that of the base."""
+    mine, other = found.largest.get(name, 0.0), theirs.largest.get(name, 0.0)
+    if not other > 0.0:
+        return f"nowhere above 0 in {label}"
+    return f"{mine / other:.2f} times that of {label}"

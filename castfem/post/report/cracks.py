@@ -1,0 +1,196 @@
+"""Where the strand may crack, from the maps of its surface: the worst places, and what reheats."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from castfem.base.types import Array
+from castfem.physics.machine.stations import Stations
+from castfem.runs.output.summary import Summary, from_si
+from castfem.runs.output.surface_maps import SurfaceMaps
+from castfem.runs.results.numbers import small_rate
+
+_SMALL = 1e-2
+_EQUAL = 1e-6  # relative: the maps have single precision
+_LITTLE = 0.05  # of the largest value; what is less is not told
+_ALONG = 0.5  # m: places closer than that are one where no rolls are known
+_RANKS = 4  # of an index: the worst places, so many
+_WARMED = 5.0  # K; less is no reheat
+_NOT_RANKED = ("temperature", "band_time")
+
+
+@dataclass(frozen=True, slots=True)
+class Maximum:
+    """The largest value of an index on one face, within one stretch of a phase.
+
+    Attributes:
+        value: In SI. row, vertex: Of the maps. phase: Bending, straightening ...
+        face: Intrados, extrados ...
+    """
+
+    value: float
+    row: int
+    vertex: int
+    phase: str
+    face: str
+
+
+@dataclass(frozen=True, slots=True)
+class Reheat:
+    """The largest rise of temperature of a place of the surface on its way down.
+
+    Attributes:
+        rise: K. vertex: Of the maps. coldest, warmest: Rows between which it rose.
+    """
+
+    rise: float
+    vertex: int
+    coldest: int
+    warmest: int
+
+
+@dataclass(frozen=True)
+class CrackReport:
+    """What the maps of a run say.
+
+    Attributes:
+        maps: The maps. stations: Its rolls.
+    """
+
+    maps: SurfaceMaps
+    stations: Stations
+
+    @classmethod
+    def of(cls, maps: SurfaceMaps) -> CrackReport:
+        """The report on maps, with the rolls they know."""
+        return cls(maps, Stations.of_columns(**maps.heading.caster()))
+
+    def indexes(self) -> tuple[str, ...]:
+        """Names of the indexes that have a worst place."""
+        return tuple(name for name in self.maps.names() if name not in _NOT_RANKED)
+
+    @cached_property
+    def phases(self) -> list[str]:
+        """What is done to the strand at each row."""
+        return [self.stations.phase(float(position)) for position in self.maps.position]
+
+    def maxima(self, name: str) -> list[Maximum]:
+        """The worst of each face within each stretch of a phase, the largest first.
+
+        None where it is zero. A roll that is off bends and straightens as well, by itself: its
+        stretches are not those of the bender and the straightener. What lies beside a worse place
+        of another face or stretch is left out: it is the same place.
+        """
+        values, line = self.maps[name], self.maps.heading.line
+        phases = np.array(self.phases)
+        ends = np.flatnonzero(phases[1:] != phases[:-1]) + 1
+        found = []
+        for rows in np.split(np.arange(len(phases)), ends):
+            for face, label in enumerate(line.faces):
+                vertices = np.flatnonzero(line.face == face)
+                part = values[np.ix_(rows, vertices)]
+                if part.size and part.max() > 0.0:
+                    i, j = _peak(part, line.place[vertices])
+                    place = int(rows[i]), int(vertices[j])
+                    found.append(Maximum(float(part.max()), *place, str(phases[rows[0]]), label))
+        found.sort(key=lambda one: -one.value)
+        kept: list[Maximum] = []
+        for one in found:
+            if one.value >= _LITTLE * found[0].value and not any(
+                self._beside(one, worse) for worse in kept
+            ):
+                kept.append(one)
+        return kept
+
+    def _beside(self, one: Maximum, other: Maximum) -> bool:
+        """Whether two places are one: less than two pitches and half a thickness apart."""
+        line, position = self.maps.heading.line, self.maps.position
+        along = abs(float(position[one.row] - position[other.row]))
+        around = abs(float(line.way[one.vertex] - line.way[other.vertex]))
+        pitches = 2.0 * self.stations.longest_pitch or _ALONG
+        return along < pitches and around < 0.5 * (self.stations.thickness or _ALONG)
+
+    def reheat(self, start: float = 0.0) -> Reheat | None:
+        """The largest reheat below a position (m); None where nothing warms up by 5 K."""
+        rows = np.flatnonzero(self.maps.position >= start)
+        if not rows.size:
+            return None
+        kelvin = self.maps["temperature"][rows]
+        rise = kelvin - np.minimum.accumulate(kelvin, axis=0)
+        end, vertex = (int(i) for i in np.unravel_index(int(np.argmax(rise)), rise.shape))
+        if rise[end, vertex] < _WARMED:
+            return None
+        begin = int(np.argmin(kelvin[: end + 1, vertex]))
+        return Reheat(float(rise[end, vertex]), vertex, int(rows[begin]), int(rows[end]))
+
+    def words(self, one: Maximum) -> str:
+        """Where a maximum is: place, position, roll and phase."""
+        place = self.maps.heading.line.words(one.vertex)
+        when, where = (float(v[one.row]) for v in (self.maps.time, self.maps.position))
+        return f"{place}, {self.stations.words(where, when)}"
+
+    def reheats(self) -> Iterator[tuple[str, str]]:
+        """What warms up most on the whole way and below the mould's first roll, and where."""
+        places, line = self.maps.position, self.maps.heading.line
+        seen = None
+        first = None if self.stations.rolls is None else self.stations.rolls.pairs[0].position
+        for start, name in ((0.0, "largest reheat"), (first, "largest reheat below roll 1")):
+            found = None if start is None else self.reheat(start)
+            if found is None or found == seen:
+                continue
+            seen = found
+            way = f"from {places[found.coldest]:.2f} to {places[found.warmest]:.2f} m"
+            yield f"{name}, {found.rise:.0f} K", f"{line.words(found.vertex)}, {way}"
+
+    def ranking(self) -> Iterator[tuple[str, str, str, str]]:
+        """Index, value with unit, how far below the worst, and where: the worst first."""
+        for one in self.maps.heading.maps:
+            ranked = self.maxima(one.name)[:_RANKS] if one.name in self.indexes() else []
+            for rank, found in enumerate(ranked):
+                less = f"{100.0 * (found.value / ranked[0].value - 1.0):.0f} %" if rank else "worst"
+                value = f"{_rounded(from_si(found.value, one.shown))} {one.shown}"
+                yield one.name if not rank else "", value, less, self.words(found)
+
+
+def _peak(values: Array, places: Array) -> tuple[int, int]:
+    """Row and column of the largest of values (rows, places), which are not negative.
+
+    Of equal ones, as on a face that is strained alike all over, it is the earliest and there the
+    place (x, y) of largest x, then y, which the summary names, too.
+    """
+    equal = values >= (1.0 - _EQUAL) * values.max()
+    row = int(np.argmax(equal.any(axis=1)))
+    columns = np.flatnonzero(equal[row])
+    x, y = places[columns].T
+    return row, int(columns[np.lexsort((y, x))[-1]])
+
+
+def _rounded(value: float) -> str:
+    """A number to three digits; a small one in parts of 1e-5, as rates of strain are told."""
+    return f"{value:.3g}" if abs(value) >= _SMALL else small_rate(value, ".3g")
+
+
+def pool_end(summary: Summary, stations: Stations) -> Iterator[tuple[str, str]]:
+    """How much is solid on the centre line where, and where soft reduction belongs."""
+    for name, quantity in summary.quantities.items():
+        if name.startswith("pool_end_fs"):
+            where = stations.words(quantity.value) if quantity.value > 0.0 else "at the meniscus"
+            yield quantity.label, where
+    solid, end = (summary.quantities.get(name) for name in ("centre_solid_fraction", "position"))
+    if "pool_end_fs100" not in summary.quantities and solid is not None and end is not None:
+        yield (
+            "end of the pool",
+            f"not before the end of the run, {end.value:.2f} m: there the solid fraction is "
+            f"{solid.value:.2g} on the centre line",
+        )
+    reduced = summary.quantities.get("soft_reduction")
+    length = summary.quantities.get("soft_reduction_length")
+    if length is not None and length.value > 0.0:
+        words = f"{length.value:.2f} m, {length.label.partition(', ')[2]}"
+        if reduced is not None:
+            words += f"; the rolls take {1e3 * reduced.value:.2f} mm off there"
+        yield "soft reduction", words

@@ -1,0 +1,57 @@
+"""Where the errors of a run's numbers are tabulated: of shipped cases that ran as shipped."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from castfem.model import Case, load_case, read_case, shipped_cases
+from castfem.runs.output.folder import CASE_NAME
+
+_BILLET = 'docs/billet.md, "Error of the shipped default"'
+# Beginnings of the names of shipped cases, and the page on their errors; the first one counts.
+_PAGES = (
+    ("billet125/thermal", "docs/benchmarks.md"),
+    ("billet125/idealised", _BILLET),
+    ("billet125/taper_", _BILLET),
+)
+
+
+def page(folder: Path) -> str:
+    """Return which page of the documentation tabulates the errors of a run's numbers.
+
+    Mesh, windows and all else must be as shipped; otherwise, and for cases whose errors have not
+    been measured, it is empty.
+    """
+    file = folder / CASE_NAME
+    case = read_case(file).case if file.is_file() else None
+    if not isinstance(case, Case):
+        return ""
+    for name, path in shipped_cases.shipped().items():
+        page = next((page for start, page in _PAGES if name.startswith(start)), "")
+        if page and shipped_cases.title_of(path) == case.title:
+            shipped = load_case(path)
+            same = (
+                case.casting.length == shipped.casting.length
+                and case.physics_hash() == shipped.physics_hash()
+            )
+            return page if same else ""
+    return ""
+
+
+def lines(folders: Mapping[str, Path]) -> list[str]:
+    """Return a line for each page that tabulates errors of runs in some folders.
+
+    Args:
+        folders: By what a reader calls the run.
+    """
+    runs: dict[str, list[str]] = {}
+    for name, folder in folders.items():
+        runs.setdefault(page(folder), []).append(name)
+    return [
+        "errors of these numbers"
+        + ("" if len(names) == len(folders) else f", of {', '.join(names)}")
+        + f": {path}"
+        for path, names in runs.items()
+        if path
+    ]

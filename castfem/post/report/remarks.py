@@ -1,0 +1,344 @@
+"""What to look at in a run: where the shell is thin, hot, stressed, or off the mould.
+
+It is read off the columns of history.csv, with the mould's exit from the summary, and
+off the fields where the surface is worse off than at the probes; what a run has not is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.errors import InputError
+from castfem.base.shown_units import documented, plain_unit, said, scale_of
+from castfem.base.tolerances import ROUNDING
+from castfem.base.types import Array
+from castfem.post.plots.history import curves, has_values, unit_of
+from castfem.post.plots.section import Steel
+from castfem.post.report.hot_spots import HotSpot, hottest, thinnest
+from castfem.post.report.remark import Remark, at_place, in_mm
+from castfem.post.report.reversals import reheating, remelting
+from castfem.post.report.roll_load import RollLoads
+from castfem.runs.output.field_files import HDF5_NAME
+from castfem.runs.output.fields import Fields
+from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.summary import Summary
+from castfem.runs.results.resolution import STAIR
+
+if TYPE_CHECKING:
+    import pandas
+
+
+NOT_CONVERGED = "coupling windows not converged"
+OPEN = 1e-3  # mm; a gap beyond counts as lost contact
+_THINNEST, _HOTTEST = "thinnest shell", "hottest surface"
+_THINNER, _HOTTER = 0.03, 3.0  # of the shell, K; less beside the probes is not named
+_COARSE = 0.2  # mm; what the shell is off by less is not told
+_MORE = 1.0  # % of the surface; if less of it touches again, only the least is named
+_BULGED = 0.01  # of the section
+
+
+@dataclass(frozen=True, slots=True)
+class Spell:
+    """A stretch without contact, between two positions [m].
+
+    Attributes:
+        start: Where contact was lost.
+        end: Where it was found again, or where the history ends.
+        regained: Whether it was found again.
+    """
+
+    start: float
+    end: float
+    regained: bool
+
+    @property
+    def length(self) -> float:
+        """From start to end [m]."""
+        return self.end - self.start
+
+
+def remarks_of(folder: Path, summary: Summary | None) -> list[Remark]:
+    """What is worth a look in the run in a folder, with its fields if it has written some.
+
+    Nothing without a history, or of a damaged one: that is told of where its figures are drawn.
+    """
+    try:
+        table, loads = read_history(folder / HISTORY_NAME), RollLoads.of(folder)
+        bulge = [] if loads is None else list(loads.bulge())
+        if not (folder / HDF5_NAME).is_file():
+            return [*remarks(table, summary), *bulge]
+        with Fields(folder) as fields:
+            return [*remarks(table, summary, fields), *bulge]
+    except InputError:
+        return []
+
+
+def remarks(
+    table: pandas.DataFrame, summary: Summary | None, fields: Fields | None = None
+) -> list[Remark]:
+    """What is worth a look in a run.
+
+    Args:
+        table: Of `castfem.runs.output.history.read_history`.
+        summary: Tells where the mould ends; None of a run that has not finished.
+        fields: Tell of hot spots between the probes.
+    """
+    if len(table) < 2 or not has_values(table, "position"):
+        return []
+    position = table["position"].to_numpy()
+    if (np.diff(position) < 0).any() or position[-1] <= position[0]:
+        return []
+    at, name = mould_exit(position, summary)
+    where = f"{name} at {in_mm(at)}"
+    weakest = _at_exit(table, position, at, where)
+    if fields is not None:
+        weakest |= _between_probes(fields, at, where, weakest)
+    if _THINNEST in weakest and weakest[_THINNEST].value <= 0.0:
+        bare = weakest[_THINNEST]
+        weakest[_THINNEST] = replace(bare, where=f"no shell at all; {bare.where}")
+    return [
+        *_contact(table, position),
+        *_bulging(table, position),
+        *weakest.values(),
+        *_stairs(table, position),
+        *remelting(table, position),
+        *reheating(table, position),
+        *_stress(table, position),
+        *_coupling(summary),
+    ]
+
+
+def spells(gap: Array, position: Array, threshold: float) -> list[Spell]:
+    """Where contact was lost after there had been contact, and until where.
+
+    Args:
+        gap: (n,) between surface and wall; what is unknown (NaN) goes on as before.
+        position: (n,) growing.
+        threshold: The gap beyond which there is no contact; its place is found by straight lines.
+    """
+    known = np.isfinite(gap)
+    gap, position = gap[known], position[known]
+    apart = gap > threshold
+    changes = np.flatnonzero(apart[1:] != apart[:-1])
+    found: list[Spell] = []
+    lost: float | None = None
+    for i in changes:
+        share = (threshold - gap[i]) / (gap[i + 1] - gap[i])
+        at = float(position[i] + share * (position[i + 1] - position[i]))
+        if apart[i + 1]:
+            lost = at
+        elif lost is not None:
+            found.append(Spell(lost, at, True))
+            lost = None
+    if lost is not None:
+        found.append(Spell(lost, float(position[-1]), False))
+    return found
+
+
+def _contact(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+    """Loss of contact at the probes, the largest gap, the highest pressure."""
+    for label, _, column in curves(table, "gap"):
+        gap, unit = table[column].to_numpy(), unit_of(table, column)
+        stretches = spells(gap, position, OPEN)
+        if not stretches:
+            continue
+        longest = max(stretches, key=lambda spell: spell.length)
+        first = stretches[0]
+        where = f"lost at {at_place(first.start, table)}, "
+        where += f"regained at {in_mm(first.end)}" if first.regained else "not regained"
+        if len(stretches) > 1:
+            where += (
+                f"; {len(stretches)} times, longest {in_mm(longest.start)} to {in_mm(longest.end)}"
+            )
+        yield Remark(f"contact lost, {label}", float(np.nanmax(_finite(gap))), unit, where, column)
+    yield from _share(table, position)
+    yield from _largest(table, position, "gap", "largest gap on the way", least=OPEN)
+    what = "highest contact pressure"
+    if has_values(table, "mean_contact_pressure_max"):
+        what += ", mean over 5 mm"
+        yield from _largest(table, position, "contact_pressure", what, of="mean_contact_pressure")
+    else:
+        yield from _largest(table, position, "contact_pressure", what)
+
+
+def _share(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+    """The least part of the surface that touches, unless all of it always does."""
+    if not has_values(table, "contact_share"):
+        return
+    walls = [table[column].notna().to_numpy() for _, _, column in curves(table, "gap")]
+    beside = np.any(walls, axis=0) if walls else np.ones(len(table), dtype=bool)
+    scale = 1.0 if unit_of(table, "contact_share") == "%" else 100.0  # older runs have fractions
+    percent = scale * table["contact_share"].to_numpy()
+    share = np.where(beside, percent, np.nan)  # below the mould: nothing
+    if np.isnan(share).all():
+        return
+    row = int(np.nanargmin(share))
+    if share[row] < 100.0:
+        where = f"of the surface, at {at_place(float(position[row]), table)}"
+        if share[-1] > share[row] + _MORE:
+            where += f"; {share[-1]:.3g} % at the end of the run"
+        yield Remark("least contact", float(share[row]), "%", where)
+
+
+def _stairs(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+    """The shell where its cells resolve it worst, if one would see it."""
+    worst: tuple[float, str, int, str] | None = None
+    for label, _, column in curves(table, "shell"):
+        name = column.replace("shell_", "solidus_cell_", 1)
+        if not has_values(table, name):
+            continue
+        off = _finite(STAIR * table[name].to_numpy())
+        row = int(np.nanargmax(off))
+        if worst is None or off[row] > worst[0]:
+            worst = float(off[row]), label, row, name
+    if worst is None or worst[0] < _COARSE:
+        return
+    off_, label, row, name = worst
+    where = (
+        f"{label}, at {at_place(float(position[row]), table)}: its curve has steps, for the solidus"
+    )
+    where += f" lies in cells of {said(float(table[name].iloc[row]), 'mm', '.2g', name)} there"
+    yield Remark("resolution of the shell, ±", off_, unit_of(table, name), where, name)
+
+
+def _bulging(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+    """A face that the liquid has pushed out further than any caster would let it."""
+    for label, _, column in curves(table, "displacement"):
+        size = column.replace("displacement", "size", 1)
+        if not has_values(table, size):
+            continue
+        moved, across = table[column].to_numpy(), table[size].to_numpy()
+        row = int(np.nanargmax(moved))
+        if moved[row] > _BULGED * across[0]:
+            where = (
+                f"at {at_place(float(position[row]), table)}; nothing holds the shell there, see "
+            )
+            where += "mechanics.liquid in docs/case_files.md"
+            yield Remark(
+                f"bulge, {label}", float(moved[row]), unit_of(table, column), where, column
+            )
+
+
+def _stress(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+    """The largest stress."""
+    yield from _largest(table, position, "von_mises", "largest von Mises stress")
+
+
+def _coupling(summary: Summary | None) -> Iterator[Remark]:
+    """Coupling windows whose gap has not converged: their results are not to be relied on."""
+    steps = {} if summary is None else summary.steps
+    missed, of = (steps.get(f"coupling windows{name}", 0.0) for name in (" not converged", ""))
+    if missed and of:
+        where = f"{missed:.0f} of {of:.0f}: heat and gap differ by more than coupling.settled; "
+        where += "shorten coupling.interval or allow more coupling.passes"
+        yield Remark(NOT_CONVERGED, 100.0 * missed / of, "%", where)
+
+
+def _largest(
+    table: pandas.DataFrame,
+    position: Array,
+    prefix: str,
+    what: str,
+    least: float = 0.0,
+    of: str = "",
+) -> Iterator[Remark]:
+    """The largest value of the columns `prefix_max`, and of the probes the one that has most there.
+
+    What is not above `least` is not told; `of` is the prefix of the largest where it is another.
+    """
+    whole = f"{of or prefix}_max"
+    probes = [(label, column) for label, _, column in curves(table, prefix)]
+    columns = [whole] if has_values(table, whole) else [column for _, column in probes]
+    finite = {column: _finite(table[column].to_numpy()) for column in columns}
+    peaks = [(float(np.nanmax(v)), column) for column, v in finite.items() if not np.isnan(v).all()]
+    if not peaks or max(peaks)[0] <= least:
+        return
+    value, column = max(peaks)
+    row = int(np.nanargmax(finite[column]))
+    where = f"at {at_place(float(position[row]), table)}"
+    there = [(float(table[column].iloc[row]), label) for label, column in probes]
+    there = [entry for entry in there if np.isfinite(entry[0])]
+    unit = unit_of(table, column)
+    if there and max(there)[0] > least:
+        most, label = max(there)
+        if most > value and not of:  # at the point itself; the largest is that of points beside it
+            yield Remark(what, most, unit, f"{label}, {where}", column)
+            return
+        scale = scale_of(documented(unit), column)
+        where += f"; {label}: {scale(most):.3g}"
+        where += f" {plain_unit(scale.unit)}" if unit == "mm" else ""  # a small gap is told in µm
+    yield Remark(what, value, unit, where, column)
+
+
+def _at_exit(table: pandas.DataFrame, position: Array, at: float, where: str) -> dict[str, Remark]:
+    """The thinnest shell and the hottest place of the surface among the probes at the exit."""
+    found = {}
+    for prefix, what, pick in (
+        ("shell", _THINNEST, min),
+        ("surface_temperature", _HOTTEST, max),
+    ):
+        values = {
+            label: (float(np.interp(at, position, table[column].to_numpy())), column)
+            for label, _, column in curves(table, prefix)
+        }
+        values = {label: entry for label, entry in values.items() if np.isfinite(entry[0])}
+        if values:
+            label = pick(values, key=lambda label: values[label][0])
+            value, column = values[label]
+            unit, cell = unit_of(table, column), column.replace("shell_", "solidus_cell_", 1)
+            off = None
+            if cell != column and has_values(table, cell):
+                off = float(STAIR * np.interp(at, position, table[cell].to_numpy()))
+            found[what] = Remark(what, value, unit, f"{label}, {where}", column, off)
+    return found
+
+
+def _between_probes(
+    fields: Fields, at: float, where: str, probes: dict[str, Remark]
+) -> dict[str, Remark]:
+    """Places of the surface at the exit that are worse off than every probe, in their stead."""
+    steel = Steel.of(fields.attributes)
+    times = np.flatnonzero(np.isclose(fields.positions, at, rtol=1e-6, atol=0.0))
+    if "temperature" not in fields.names or "symmetry" not in fields.attributes or not len(times):
+        return {}  # a strip has sides, but no surface beside its probe
+    index, found = int(times[0]), {}
+    thin = None if steel is None else thinnest(fields, steel.solidus, index)
+    known = probes.get(_THINNEST)
+    if thin and known and 1e3 * thin.value < (1 - _THINNER) * known.value:
+        found[_THINNEST] = _instead(known, 1e3 * thin.value, thin, where)
+    hot, known = hottest(fields, index), probes.get(_HOTTEST)
+    if known and hot.value - ZERO_CELSIUS > known.value + _HOTTER:
+        found[_HOTTEST] = _instead(known, hot.value - ZERO_CELSIUS, hot, where)
+    return found
+
+
+def _instead(probe: Remark, value: float, hot_spot: HotSpot, where: str) -> Remark:
+    """What holds at a hot spot, and what is worst among the probes."""
+    label = probe.where.removesuffix(f", {where}")
+    digits = ".4g" if probe.unit == "°C" else ".3g"
+    beside = scale_of(documented(probe.unit), probe.name)(probe.value)
+    across = scale_of("mm")
+    far = ".1f" if across.unit == "mm" else ".4g"
+    x, y = (across(1e3 * place) for place in (hot_spot.x, hot_spot.y))
+    place = f"x = {x:{far}}, y = {y:{far}} {plain_unit(across.unit)}, {where}"
+    said_ = f"{place}; {label}: {beside:{digits}}"
+    return Remark(probe.what, value, probe.unit, said_, probe.name, probe.resolution)
+
+
+def mould_exit(position: Array, summary: Summary | None) -> tuple[float, str]:
+    """Where the mould ends [m], and what to call it: the end of the run when it ends before."""
+    ends = None if summary is None else summary.mould_exit
+    if ends is not None and ends <= position[-1] * (1 + ROUNDING):
+        return ends, "mould exit"
+    return float(position[-1]), "end of the run"
+
+
+def _finite(values: Array) -> Array:
+    """Values with NaN for what is infinite, as a gap where there is no wall."""
+    return np.where(np.isfinite(values), values, np.nan)

@@ -1,0 +1,149 @@
+"""What the rolls bear, and how far the shell bulges between them, from the history of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from castfem.base.errors import InputError
+from castfem.base.shown_units import documented, said
+from castfem.base.tolerances import ROUNDING
+from castfem.model.machine import thickness_of
+from castfem.physics.machine.stations import Stations
+from castfem.post.plots.history import has_values, unit_of
+from castfem.post.report.remark import Remark
+from castfem.post.report.run_case import case_with
+from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.summary import Quantity, to_si
+
+_FORCE, _BULGE = "roll_force", "bulge_pitch"
+_LITTLE = 0.05  # of the larger one; a change that is less is not told
+_NAMES = {_FORCE: "force on roll {}, a metre of width", _BULGE: "bulge below roll {}"}
+
+
+@dataclass(frozen=True, slots=True)
+class RollLoads:
+    """What each pair of rolls bears, and the largest bulge of the pitch below it.
+
+    Attributes:
+        stations: The rolls.
+        values: By the name of the column the number of each pair, from 1 on, to its value.
+        units: Of the columns.
+    """
+
+    stations: Stations
+    values: Mapping[str, Mapping[int, float]]
+    units: Mapping[str, str]
+
+    @classmethod
+    def of(cls, folder: Path) -> RollLoads | None:
+        """Those of a run; None of one without rolls, or without bulging.
+
+        Args:
+            folder: Of the run, with its case.
+        """
+        case = case_with(folder, "bulging")
+        rolls = None if case is None or case.machine is None else case.machine.pairs()
+        if case is None or rolls is None:
+            return None
+        thickness = thickness_of(case.section) or 0.0
+        return cls.read(folder, Stations(rolls, thickness, case.mould_exit()))
+
+    @classmethod
+    def read(cls, folder: Path, stations: Stations) -> RollLoads | None:
+        """Those of a run between rolls that are known; None of one without any, or without bulging.
+
+        The history has the force on a pair in the rows of the pitch below it, the one at the next
+        pair included.
+
+        Args:
+            folder: Of the run.
+            stations: Its rolls.
+        """
+        if stations.rolls is None:
+            return None
+        try:
+            table = read_history(folder / HISTORY_NAME)
+        except InputError:  # told where its figures are drawn
+            return None
+        having = [name for name in (_FORCE, _BULGE) if has_values(table, name)]
+        if not having:
+            return None
+        position, places = table["position"].to_numpy(), [p.position for p in stations.rolls.pairs]
+        values: dict[str, dict[int, float]] = {name: {} for name in having}
+        for number, (start, end) in enumerate(pairwise([*places, np.inf]), start=1):
+            rows = (position > start + ROUNDING) & (position <= end + ROUNDING)
+            for name in having:
+                part = table[name].to_numpy()[rows]
+                if np.isfinite(part).any():
+                    values[name][number] = float(np.nanmax(part))
+        return cls(stations, values, {name: unit_of(table, name) for name in having})
+
+    def largest(self, name: str) -> tuple[int, float] | None:
+        """Number and value of the pair with the largest; None if there is nothing above 0."""
+        found = self.values.get(name, {})
+        number = max(found, key=lambda one: found[one], default=0)
+        return (number, found[number]) if number and found[number] > 0.0 else None
+
+    def quantities(self) -> dict[str, Quantity]:
+        """The largest bulge and force, for tables of many runs."""
+        labels = {
+            _BULGE: ("bulge_largest", "largest bulge between rolls"),
+            _FORCE: ("roll_force_largest", "largest force on a roll, a metre of width"),
+        }
+        found = {}
+        for column, (name, label) in labels.items():
+            if (one := self.largest(column)) is not None:
+                unit = documented(self.units[column])
+                found[name] = Quantity(to_si(one[1], unit), unit, label)
+        return found
+
+    def bulge(self) -> Iterator[Remark]:
+        """The largest bulge, and where."""
+        if (one := self.largest(_BULGE)) is not None:
+            number, value = one
+            where = f"below {self.stations.words(self._place(number))}"
+            yield Remark("largest bulge between rolls", value, self.units[_BULGE], where, _BULGE)
+
+    def changes(self, base: RollLoads) -> Iterator[str]:
+        """Where force and bulge differ most from those of another run of the same rolls."""
+        for name, words in _NAMES.items():
+            ours, theirs = self.values.get(name, {}), base.values.get(name, {})
+            both = [number for number in ours if number in theirs]
+            number = max(both, key=lambda one: abs(ours[one] - theirs[one]), default=0)
+            if not number:
+                continue
+            before, now = theirs[number], ours[number]
+            if abs(now - before) > _LITTLE * max(now, before):
+                unit = documented(self.units[name])
+                values = (said(value, unit, ".3g", name) for value in (before, now))
+                where = self.where(number)
+                yield f"{words.format(number)}: {' -> '.join(values)}, at {where}"
+
+    def where(self, number: int) -> str:
+        """Words for the place of a pair."""
+        return self.stations.words(self._place(number))
+
+    def _place(self, number: int) -> float:
+        assert self.stations.rolls is not None, "it has forces"
+        return self.stations.rolls.pairs[number - 1].position
+
+
+def heaviest_roll(folder: Path, stations: Stations) -> Iterator[tuple[str, str]]:
+    """The largest force on a pair of rolls, and which pair it is; nothing without bulging.
+
+    Args:
+        folder: Of the run.
+        stations: Its rolls.
+    """
+    loads = RollLoads.read(folder, stations)
+    found = None if loads is None else loads.largest(_FORCE)
+    if loads is None or found is None:
+        return
+    number, force = found
+    most = said(force, documented(loads.units[_FORCE]), ".3g", _FORCE)
+    yield f"largest force on a roll, {most} of width", loads.where(number)

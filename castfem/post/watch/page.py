@@ -1,0 +1,112 @@
+"""The page of runs at work: the report, written anew at intervals, that a browser reads again."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+
+from castfem.base.atomic_files import write_text
+from castfem.base.errors import InputError
+from castfem.post.compare.runs import Run, read_runs
+from castfem.post.html.page import AtWork, Progress, rendered
+from castfem.post.report.derived import derived
+from castfem.post.watch.many import FINISHED, Overview
+from castfem.post.watch.run_status import RUNNING, Look
+from castfem.post.watch.words import brief, ending, left, where
+from castfem.runs.output.summary import Summary
+
+_SHARE = 10.0  # times as long as a page takes to write is waited before the next
+
+
+class Page:
+    """A file that is written anew until the runs have ended.
+
+    Args:
+        folder: Of the run, or of the sweep.
+        target: The file.
+        every: Time between two versions, s; longer where one takes long to make.
+        clock: Seconds that only grow.
+        wait: A run that was killed or interrupted is expected to be taken up again.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        target: Path,
+        every: float,
+        clock: Callable[[], float] = time.monotonic,
+        wait: bool = False,
+    ) -> None:
+        self.folder, self.target, self._every, self._wait = folder, target, every, wait
+        self._clock, self._next = clock, -math.inf
+
+    def write_run(self, look: Look) -> None:
+        """Write the page of one run if it is due, or if the run has ended.
+
+        Raises:
+            RunFailure: It cannot be written.
+        """
+        ended = look.has_ended(self._wait)
+        if not ended and self._clock() < self._next:
+            return
+        status = RUNNING if look.state == RUNNING else ending(self.folder, look)
+        run = Run(self.folder, self.folder.resolve().name, self._summary(look))
+        head = self._head(look.title, status, ended, (_progress("", look),), look.messages)
+        self._write([run], None if look.state == FINISHED else head)
+
+    def write_sweep(self, found: Overview) -> None:
+        """Write the page of a sweep: all its runs at its head, below it those that have finished.
+
+        Raises:
+            RunFailure: It cannot be written.
+        """
+        if not found.ended and self._clock() < self._next:
+            return
+        try:
+            runs = read_runs([self.folder])
+        except InputError:  # fewer than two have finished
+            runs = []
+        title = f"{self.folder.resolve().name}: {len(found.rows)} runs"
+        states = dict.fromkeys(row.look.state for row in found.rows)
+        status = ", ".join(f"{found.count(state)} {state}" for state in states)
+        progress = tuple(_progress(row.label, row.look) for row in found.rows)
+        head = self._head(title, status, found.ended, progress)
+        self._write(runs, None if runs and found.count(FINISHED) == len(found.rows) else head)
+
+    def _summary(self, look: Look) -> Summary:
+        """The results of a run that has ended; those of the last row before."""
+        summary = None if look.state == RUNNING else Summary.load(self.folder)
+        found = summary or Summary(look.title, look.state, look.quantities)
+        more = derived(self.folder, found)
+        return replace(found, quantities={**found.quantities, **more})
+
+    def _head(
+        self,
+        title: str,
+        status: str,
+        ended: bool,
+        runs: tuple[Progress, ...],
+        messages: tuple[str, ...] = (),
+    ) -> AtWork:
+        """What stands at the head of the page."""
+        now = datetime.now().isoformat(sep=" ", timespec="seconds")
+        again = 0 if ended else max(1, round(self._every))
+        return AtWork(title, status, now, again, runs, messages)
+
+    def _write(self, runs: list[Run], head: AtWork | None) -> None:
+        """Write the page, and note when the next one is due."""
+        begun = self._clock()
+        write_text(self.target, rendered(runs, head), durable=False)
+        now = self._clock()
+        self._next = now + max(self._every, _SHARE * (now - begun))
+
+
+def _progress(label: str, look: Look) -> Progress:
+    """How far a run has come, as the page has it."""
+    told = ", ".join(f"{word} {text}" for word, text in brief(look).items())
+    share = None if math.isnan(look.share) else look.share
+    return Progress(label, look.state, share, where(look), told, left(look))

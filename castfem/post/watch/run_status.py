@@ -1,0 +1,178 @@
+"""A look at a run: how it stands, its last row, and how long it will still take."""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from castfem.base.errors import InputError
+from castfem.base.progress import time_left
+from castfem.model import Case, read_case
+from castfem.runs.output.folder import CASE_NAME, LOG_NAME, OutputFolder
+from castfem.runs.output.history import HISTORY_NAME, last_row
+from castfem.runs.output.run_record import RUN_NAME, RunRecord
+from castfem.runs.output.summary import Quantity
+from castfem.runs.results.labels import last_quantities
+
+RUNNING, KILLED, FINISHED, FAILED = "running", "killed", "finished", "failed"
+_TAIL = 8192  # bytes of a log that hold its last messages
+_MESSAGES = 5
+_STAMP = re.compile(r"\d{4}-\d\d-\d\d [\d:,]+ ([A-Z]+) +(.*)")
+_WINDOW = 60.0  # s over which the pace is taken
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """A run as it stands.
+
+    Attributes:
+        state: "running", "finished", "failed", "interrupted", or "killed": it is not at work any
+            more and has not said why.
+        title: Of its case.
+        record: What run.json holds.
+        position: How far it has come, m; NaN before its first row, or if it follows no strand.
+        length: Where it ends, m; NaN where that is not known.
+        quantities: Results of its last row.
+        left: Time it will still take, s; NaN while that is not known.
+        messages: The last of its log, those of its progress left out.
+    """
+
+    state: str
+    title: str
+    record: RunRecord
+    position: float = math.nan
+    length: float = math.nan
+    quantities: Mapping[str, Quantity] = field(default_factory=dict)
+    left: float = math.nan
+    messages: tuple[str, ...] = ()
+
+    def has_ended(self, wait: bool = False) -> bool:
+        """Whether nothing more is to be seen of the run.
+
+        Args:
+            wait: One that was killed or interrupted is expected to be taken up again.
+        """
+        return self.state in (FINISHED, FAILED) if wait else self.state != RUNNING
+
+    @property
+    def share(self) -> float:
+        """Of the way that it has come, 0 to 1; NaN where that is not known."""
+        known = self.length > 0.0 and not math.isnan(self.position)
+        return min(1.0, self.position / self.length) if known else math.nan
+
+
+class Watcher:
+    """Looks at a run again and again; nothing is written, nothing asked of the run.
+
+    Args:
+        folder: Of the run.
+        clock: Seconds that only grow.
+    """
+
+    def __init__(self, folder: Path, clock: Callable[[], float] = time.monotonic) -> None:
+        self.folder, self._clock = folder, clock
+        self._way: deque[tuple[float, float]] = deque()
+        self._started = ""
+        self._title, self._length = "", math.nan
+        self._seen: tuple[float, ...] = ()
+        self._dead = False
+
+    def look(self) -> Look:
+        """How the run stands now.
+
+        Raises:
+            InputError: The folder holds no run, or a file of it is damaged.
+        """
+        if not self.folder.is_dir():
+            raise InputError(
+                f"{self.folder}: {'is no' if self.folder.exists() else 'no such'} folder"
+            )
+        record = RunRecord.load(self.folder)
+        if record.started + str(record.resumed) != self._started:
+            self._begin(record)
+        quantities, position = self._last()
+        if position == position:
+            self._note(position)
+        state = record.status
+        if state == RUNNING and not self._at_work():
+            record = RunRecord.load(self.folder)  # it may have ended since
+            state = KILLED if record.status == RUNNING else record.status
+        messages, told = self._log()
+        left = self._left(position, told) if state == RUNNING else math.nan
+        return Look(state, self._title, record, position, self._length, quantities, left, messages)
+
+    def _begin(self, record: RunRecord) -> None:
+        """Take in the case of a run that is seen for the first time, or was taken up again."""
+        self._started = record.started + str(record.resumed)
+        self._way.clear()
+        reading = read_case(self.folder / CASE_NAME)
+        case = None if reading.problems else reading.case  # of another version, say
+        self._title = "" if case is None else case.title
+        self._length = case.casting.length if isinstance(case, Case) else math.nan
+
+    def _last(self) -> tuple[dict[str, Quantity], float]:
+        """Results of the last row, and its position."""
+        path = self.folder / HISTORY_NAME
+        found = last_row(path) if path.is_file() else None
+        if found is None:
+            return {}, math.nan
+        row, names = found
+        return last_quantities(row, names), row.get("position", math.nan)
+
+    def _note(self, position: float) -> None:
+        """Keep the way of the last minute."""
+        now = self._clock()
+        if self._way and position < self._way[-1][1]:
+            self._way.clear()
+        if not self._way or position > self._way[-1][1]:
+            self._way.append((now, position))
+        while self._way[-1][0] - self._way[0][0] > _WINDOW:
+            self._way.popleft()
+
+    def _at_work(self) -> bool:
+        """Whether the run is at work.
+
+        Its lock is tried only when its files have not changed since the look before, and no more
+        once it was found free: whoever takes the run up again must find it so.
+        """
+        paths = (self.folder / name for name in (RUN_NAME, HISTORY_NAME, LOG_NAME))
+        seen = tuple(path.stat().st_mtime_ns for path in paths if path.is_file())
+        changed, self._seen = seen != self._seen and bool(self._seen), seen
+        if changed:
+            self._dead = False
+        elif not self._dead:
+            self._dead = not OutputFolder(self.folder).is_running()
+        return not self._dead
+
+    def _log(self) -> tuple[tuple[str, ...], float]:
+        """The last messages, and what is left of the time by the last line of the progress."""
+        path = self.folder / LOG_NAME
+        try:
+            with path.open("rb") as file:
+                file.seek(max(0, path.stat().st_size - _TAIL))
+                lines = file.read().decode(errors="replace").splitlines()
+            since = time.time() - path.stat().st_mtime
+        except OSError:
+            return (), math.nan
+        messages, left = [], math.nan
+        for found in filter(None, map(_STAMP.fullmatch, lines)):
+            progress = time_left(found[2])
+            if progress is None:
+                word = "" if found[1] == "INFO" else f"{found[1].lower()}: "
+                messages.append(word + found[2])
+            else:
+                left = max(0.0, progress - since)
+        return tuple(messages[-_MESSAGES:]), left
+
+    def _left(self, position: float, told: float) -> float:
+        """Time left by the pace of the last minute; by the log before that has been seen."""
+        if len(self._way) < 2 or math.isnan(self._length):
+            return told
+        (since, start), (last, _) = self._way[0], self._way[-1]
+        pace = (position - start) / max(last - since, 1e-9)
+        return max(0.0, (self._length - position) / pace - (self._clock() - last))

@@ -1,0 +1,251 @@
+"""Runs at work in a terminal: a picture that is drawn anew, or a line at intervals elsewhere."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from castfem.base.errors import InputError
+from castfem.base.progress import clock
+from castfem.base.shown_units import shown_in
+from castfem.post.watch.many import PATIENCE, WAITING, Overview, SweepWatcher
+from castfem.post.watch.run_status import FAILED, FINISHED, RUNNING, Look, Watcher
+from castfem.post.watch.words import (
+    COLUMNS,
+    brief,
+    ending,
+    left,
+    line,
+    percent,
+    results,
+    unfinished,
+    where,
+)
+from castfem.runs.output.chosen_units import units_of_run
+from castfem.runs.output.run_record import RUN_NAME
+from castfem.studies.sweep.record import SWEEP_NAME
+
+if TYPE_CHECKING:
+    from rich.console import Console, RenderableType
+    from rich.live import Live
+
+    from castfem.post.watch.page import Page
+
+_STYLES = {FAILED: "red", "killed": "red", "interrupted": "yellow", WAITING: "dim", RUNNING: "bold"}
+_FEWEST = 5  # rows of a sweep that are shown, however low the terminal is
+_AROUND = 8  # lines about them
+_IDLE = 5.0  # s without a run at work that are told; between two runs there are fewer
+
+
+@dataclass(frozen=True, slots=True)
+class Viewing:
+    """How runs are watched.
+
+    Attributes:
+        console: Where to show them: a picture on a terminal, a line at intervals elsewhere.
+        every: Time between two looks, s.
+        page: Written anew at each look that is due for it.
+        wait: Wait for runs that have not begun, or are to be taken up again.
+        sleep: Waits so many seconds.
+    """
+
+    console: Console
+    every: float
+    page: Page | None = None
+    wait: bool = False
+    sleep: Callable[[float], None] = time.sleep
+
+    def say(self, text: str) -> None:
+        """A line, as it is."""
+        self.console.print(text, highlight=False, soft_wrap=True, markup=False)
+
+
+def watch(folder: Path, viewing: Viewing) -> bool:
+    """Show a run, or the runs of a sweep, until they have ended.
+
+    Args:
+        folder: Of the run, or of the sweep.
+        viewing: Where and how.
+
+    Returns:
+        Whether the run, or all runs of the sweep, have ended well.
+
+    Raises:
+        InputError: The folder holds no run, or a file of it is damaged.
+        RunFailure: The page cannot be written.
+    """
+    _until_begun(folder, viewing)
+    show = _watch_sweep if (folder / SWEEP_NAME).is_file() else _watch_run
+    return show(folder, viewing)
+
+
+def _until_begun(folder: Path, viewing: Viewing) -> None:
+    """Wait for a run or a sweep in a folder, if that is wanted.
+
+    Raises:
+        InputError: There is none, and none is waited for.
+    """
+    told = False
+    while not any((folder / name).is_file() for name in (SWEEP_NAME, RUN_NAME)):
+        if folder.exists() and not folder.is_dir():
+            raise InputError(f"{folder}: is no folder")
+        if not viewing.wait:
+            what = "holds no run of castfem" if folder.is_dir() else "no such folder"
+            raise InputError(f"{folder}: {what}; --wait waits for one to begin")
+        if not told:
+            viewing.say(f"{folder}: no run has begun there; waiting for one")
+        told = True
+        viewing.sleep(viewing.every)
+
+
+def _watch_run(folder: Path, viewing: Viewing) -> bool:
+    """Show one run."""
+    watcher, name, console = Watcher(folder), folder.resolve().name, viewing.console
+    look = watcher.look()
+    stopped = False  # whether it has been told that the run is no more at work
+    with _Screen(console) as screen, shown_in(units_of_run(folder)):
+        while True:
+            if viewing.page is not None:
+                viewing.page.write_run(look)
+            if look.has_ended(viewing.wait):
+                break
+            if look.state == RUNNING or not stopped:
+                screen.show(partial(picture, look), line(name, look))
+            stopped = _told_stopped(folder, look, stopped, viewing)
+            viewing.sleep(viewing.every)
+            look = watcher.look()
+        screen.show(partial(picture, look), line(name, look))
+    viewing.say(ending(folder, look))
+    return look.state == FINISHED
+
+
+def _told_stopped(folder: Path, look: Look, before: bool, viewing: Viewing) -> bool:
+    """Say once of a run that is waited for that it is not at work; return whether it is not."""
+    if look.state != RUNNING and not before:
+        viewing.say(f"{ending(folder, look)}; waiting for it to be taken up again")
+    return look.state != RUNNING
+
+
+def _watch_sweep(folder: Path, viewing: Viewing) -> bool:
+    """Show all runs of a sweep."""
+    watcher = SweepWatcher(folder, patience=math.inf if viewing.wait else PATIENCE)
+    console = viewing.console
+    with _Screen(console) as screen:
+        while True:
+            found = watcher.look()
+            first = next((r.name for r in found.rows if r.look.quantities), "")
+            with shown_in(units_of_run(folder / first)):
+                if viewing.page is not None:
+                    viewing.page.write_sweep(found)
+                screen.show(
+                    partial(overview, found, max(_FEWEST, console.height - _AROUND)),
+                    f"{folder.resolve().name}: {counts(found)}",
+                    [line(r.name, r.look) for r in found.rows if r.look.state == RUNNING],
+                )
+            if found.ended:
+                break
+            viewing.sleep(viewing.every)
+    for text in unfinished(found):
+        viewing.say(text)
+    return found.count(FINISHED) == len(found.rows)
+
+
+class _Screen:
+    """A picture that replaces the one before on a terminal; lines elsewhere."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._live: Live | None = None
+
+    def __enter__(self) -> _Screen:
+        if self._console.is_terminal:
+            from rich.live import Live
+
+            self._live = Live(console=self._console, auto_refresh=False)
+            self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def show(
+        self, drawn: Callable[[], RenderableType], text: str, further: list[str] | None = None
+    ) -> None:
+        """Show the picture, or the lines where there is no terminal."""
+        if self._live is not None:
+            self._live.update(drawn(), refresh=True)
+            return
+        for one in (text, *(further or ())):
+            self._console.print(one, highlight=False, soft_wrap=True, markup=False)
+        self._console.file.flush()
+
+
+def picture(look: Look) -> RenderableType:
+    """One run: its way, results of its last row, and the last messages of its log."""
+    from rich.console import Group
+    from rich.progress_bar import ProgressBar
+    from rich.table import Table
+    from rich.text import Text
+
+    head = Table.grid(padding=(0, 2, 0, 0))
+    way = f"{where(look)}  {percent(look)}" + (f"  left {left(look)}" if left(look) else "")
+    share = 0.0 if look.share != look.share else look.share
+    head.add_row(look.state, ProgressBar(1.0, share, width=30), way)
+    body = Table.grid(padding=(0, 2, 0, 0))
+    body.add_column()
+    body.add_column(justify="right")
+    for label, value, unit in results(look):
+        body.add_row(Text(label), value, unit)
+    return Group(
+        Text(look.title, style="bold"),
+        head,
+        body,
+        *(
+            Text(message, style="dim", overflow="ellipsis", no_wrap=True)
+            for message in look.messages
+        ),
+    )
+
+
+def counts(found: Overview) -> str:
+    """How many runs of a sweep have finished, are at work, wait, have failed."""
+    states = dict.fromkeys((FINISHED, RUNNING, WAITING, *(r.look.state for r in found.rows)))
+    parts = [f"{found.count(state)} {state}" for state in states]
+    end = "" if found.left != found.left else f", left {clock(found.left)}"
+    if found.idle >= _IDLE and not found.complete:
+        end = f"; none at work for {clock(found.idle)}"
+    return f"{len(found.rows)} runs: {', '.join(parts)}{end}"
+
+
+def overview(found: Overview, most: int) -> RenderableType:
+    """The runs of a sweep, a line each; where they are too many, those first that are at work."""
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    order = {RUNNING: 0, "killed": 1, "interrupted": 1, FAILED: 2, FINISHED: 3, WAITING: 4}
+    shown = found.rows
+    if len(shown) > most:
+        shown = tuple(sorted(shown, key=lambda row: order[row.look.state])[:most])
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    table.add_column("run", overflow="ellipsis", no_wrap=True)
+    table.add_column("")
+    for name in ("way", *COLUMNS.values(), "left"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for row in shown:
+        look, told = row.look, brief(row.look)
+        table.add_row(
+            Text(row.label),
+            Text(look.state, style=_STYLES.get(look.state, "")),
+            percent(look),
+            *(told.get(word, "") for word in COLUMNS.values()),
+            left(look),
+        )
+    rest = [Text(f"... and {len(found.rows) - len(shown)} more")] * (len(shown) < len(found.rows))
+    return Group(table, *rest, Text(counts(found), style="bold"))

@@ -1,0 +1,107 @@
+"""Whether a case may be run in a folder that holds a run already.
+
+A new run into the folder of a run of the same physics replaces it, and a resumed run goes on with
+it. A run of other physics, or one that has come further down than the new one is to go, is kept,
+unless the user says --overwrite. Which files are castfem's, and that no others are touched, is the
+business of `castfem.runs.output.folder`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from castfem.base import log
+from castfem.base.errors import InputError
+from castfem.base.messages import differences
+from castfem.base.tolerances import same_or_before
+from castfem.model import AnyCase, Case, read_case
+from castfem.model.document import PROPERTY_FILES
+from castfem.runs.output.folder import CASE_NAME
+from castfem.runs.output.run_record import RUN_NAME, RunRecord
+
+_NOT_PHYSICS = ("title", "output", "reference", "verification", "optimise", "casting.length")
+
+
+_COMMAND = (
+    "choose another with -o",
+    "run without --resume into another folder (-o)",
+    "choose another folder with -o, or --overwrite it",
+)
+_SCRIPT = (
+    "choose another",
+    "run without resume=True, into another folder",
+    "choose another folder, or give overwrite=True",
+)
+
+
+def check(
+    folder: Path,
+    case: AnyCase,
+    *,
+    resume: bool,
+    overwrite: bool,
+    script: bool = False,
+    goes_on: bool = False,
+) -> None:
+    """Refuse a folder whose run is of other physics than the case, or has come further down.
+
+    Args:
+        folder: Where the run shall go.
+        case: What is to be run.
+        resume: Whether it goes on with the run there.
+        overwrite: Whether any run there may be replaced.
+        script: Whether messages speak to a script; otherwise to the command line.
+        goes_on: Whether a run that was cut short there is taken up all the same: one of several.
+
+    Raises:
+        InputError: It is, or has, or it cannot be told; or the folder is a file.
+    """
+    other, fresh, replace = _SCRIPT if script else _COMMAND
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: is a file, a folder is needed; {other}")
+    file = folder / CASE_NAME
+    if overwrite or not file.is_file():
+        return
+    mend = fresh if resume else replace
+    existing = read_case(file)
+    if existing.problems or existing.case is None:
+        raise InputError(f"{file}: is not a case of this version of castfem; {mend}")
+    if existing.case.physics_hash() != case.physics_hash():
+        changes = _changes(existing.case, case)
+        raise InputError(f"{folder}: holds a run of another case ({changes}); {mend}")
+    if isinstance(case, Case) and (folder / RUN_NAME).is_file():
+        _check_length(folder, case, resume, mend, goes_on)
+
+
+def _changes(there: AnyCase, here: AnyCase) -> str:
+    """In which keys two cases differ; property files by content, for a run has copies of them."""
+    one, other = there.document(), here.document()
+    if isinstance(there, Case) and isinstance(here, Case):
+        before, now = there.physics(), here.physics()
+        for table, key in PROPERTY_FILES:
+            if key not in one.get(table, {}) or key not in other.get(table, {}):
+                continue
+            names = [Path(document[table][key]).name for document in (one, other)]
+            alike = before[table][key] == now[table][key]
+            one[table][key], other[table][key] = names[1] if alike else names[0], names[1]
+            if not alike and names[0] == names[1]:
+                one[table][key] = "other contents"
+    return differences(one, other, _NOT_PHYSICS) or "a file that it names has changed"
+
+
+def _check_length(folder: Path, case: Case, resume: bool, mend: str, goes_on: bool) -> None:
+    """Refuse to replace a run by a shorter one, or to resume one to above where it has come."""
+    record, end = RunRecord.load(folder), case.casting.length
+    reached = record.reached.get("position", 0.0)
+    if not same_or_before(reached, end):
+        if resume:
+            mend = f"a resumed run goes further down: give at least {reached:g} m, or {mend}"
+        raise InputError(
+            f"{folder}: casting.length: {end:g} m is asked for, and the run there has come to "
+            f"{reached:g} m; {mend}"
+        )
+    if not (resume or goes_on) and record.status != "finished" and reached > 0.0:
+        log.logger.warning(
+            "%s: the run there had come to %g m (%s) and is replaced; --resume goes on with one",
+            folder, reached, record.status,
+        )  # fmt: skip

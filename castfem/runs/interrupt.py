@@ -1,0 +1,76 @@
+"""A wish to stop a run: heeded between two steps, for within PETSc an exception would be lost.
+
+The signals are Ctrl-C, SIGTERM, which mpirun and batch systems send before they kill, and SIGHUP.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from types import FrameType
+from typing import Any, Self
+
+from mpi4py import MPI
+
+from castfem.base import log, signals
+from castfem.base.closing import Closing
+
+ONE = 1.0  # s: `timeout`, for one, sends its signal to the program and then to its group
+
+
+class Stopped(KeyboardInterrupt):
+    """A run was stopped after a step that is kept, the same one on all ranks; it may be resumed."""
+
+
+class Interrupt(Closing):
+    """While it is entered, the first signal to stop is only noted; a later one acts at once.
+
+    It leaves signals alone that somebody else handles, and off the main thread, where Python
+    delivers none.
+
+    Args:
+        comm: Ranks that run together: a signal to any of them stops all.
+
+    Attributes:
+        wanted: Number of the signal by which this rank was asked to stop, 0 for none.
+    """
+
+    def __init__(self, comm: MPI.Comm) -> None:
+        self.wanted = 0
+        self._comm, self._since = comm, 0.0
+        self._previous: dict[signal.Signals, Any] = {}
+
+    def heed(self) -> None:
+        """Stop here if that is wanted (collective).
+
+        Raises:
+            Stopped: It is.
+        """
+        comm = self._comm
+        number = self.wanted if comm.size == 1 else comm.allreduce(self.wanted, op=MPI.MAX)
+        if number:
+            stop = Stopped(signals.STOPS[signal.Signals(number)])
+            stop.add_note("The last step is kept; resume=True goes on from it.")
+            raise stop
+
+    def __enter__(self) -> Self:
+        if threading.current_thread() is threading.main_thread():
+            for number in signals.STOPS:
+                if signals.is_ours(number):
+                    self._previous[number] = signal.signal(number, self._note)
+        return self
+
+    def close(self) -> None:
+        """Let the signals do what they did before."""
+        while self._previous:
+            signal.signal(*self._previous.popitem())
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        if self.wanted:
+            if time.monotonic() - self._since >= ONE:
+                self.close()
+                signal.raise_signal(number)
+            return
+        self.wanted, self._since = number, time.monotonic()
+        log.logger.warning("stopping after this step; a second signal stops at once")

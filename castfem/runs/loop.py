@@ -1,0 +1,364 @@
+"""The time loop: from the meniscus to the end of the followed length, and the run around it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from mpi4py import MPI
+
+from castfem.base import log
+from castfem.base.errors import CastfemError, RunFailure
+from castfem.base.one_at_a_time import one_at_a_time
+from castfem.base.shown_units import below_meniscus
+from castfem.base.signals import reason_of
+from castfem.base.stopwatch import peak_memory, profile_table
+from castfem.base.tolerances import same_instant
+from castfem.fem import reductions
+from castfem.fem.root import Together, on_root
+from castfem.model.build.simulation import Simulation, build
+from castfem.model.portable import portable
+from castfem.physics.coupling.staggered import CouplingWindow, take_window
+from castfem.physics.coupling.subcycling import SubSteps
+from castfem.runs import restart
+from castfem.runs.interrupt import Interrupt, Stopped
+from castfem.runs.output.folder import PROPERTIES_NAME, OutputFolder
+from castfem.runs.output.summary import Quantity
+from castfem.runs.recorder import Recorder
+from castfem.runs.results.run_state import RunState
+from castfem.runs.results.run_warnings import run_warnings
+from castfem.runs.results.sample import Sample
+from castfem.runs.results.summary import quantities, summarise
+
+if TYPE_CHECKING:
+    from castfem.base.progress import Progress
+    from castfem.model import Case
+    from castfem.physics.mechanics.state import MechanicalResult
+    from castfem.runs.output.summary import Summary
+
+Named = dict[str, Quantity]
+
+LEAST_VERTICES = 1000  # a rank; with fewer, several take longer than one (docs/benchmarks.md)
+
+
+class StepRecord(Protocol):
+    """What keeps the committed steps."""
+
+    def step(self, run: RunState, sample: Sample) -> None:
+        """Take in one committed step (collective)."""
+
+
+class Companion(StepRecord, Protocol):
+    """What goes along with a run and its files, such as its derivatives."""
+
+    def finish(self, run: RunState) -> None:
+        """Write what it has found, before the run is said to have finished (collective)."""
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+
+
+class _Both:
+    """Two that keep the committed steps, one after the other."""
+
+    def __init__(self, first: StepRecord, second: StepRecord) -> None:
+        self._each = first, second
+
+    def step(self, run: RunState, sample: Sample) -> None:
+        """Take in one committed step (collective)."""
+        for one in self._each:
+            one.step(run, sample)
+
+
+class TimeLoop:
+    """Takes a simulation from the meniscus to the end of the followed length, step by step.
+
+    Args:
+        simulation: What to run.
+        recorder: Where committed steps are written; None for a run in memory.
+        progress: What is told after each step; None for silence.
+        interrupt: Asked after each step whether to stop there.
+
+    Attributes:
+        run_state: Where the run stands.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        recorder: StepRecord | None = None,
+        progress: Progress | None = None,
+        interrupt: Interrupt | None = None,
+    ) -> None:
+        self.simulation, self.recorder, self.progress = simulation, recorder, progress
+        self.interrupt = interrupt
+        self.run_state = RunState.at_start(simulation)
+
+    def run(self) -> Sample:
+        """Go to the end of the followed length.
+
+        Raises:
+            RunFailure: If a step cannot be saved; the committed state stays as it was.
+        """
+        run, control = self.run_state, self.simulation.control
+        if run.sample is None:
+            self._enter_zone()
+            self._record(None, None)
+        while run.state.time < control.end:
+            self._enter_zone()
+            self.advance()
+        assert run.sample is not None
+        return run.sample
+
+    def _enter_zone(self) -> None:
+        """Change the cooling if the slice has come to the next zone."""
+        run, simulation = self.run_state, self.simulation
+        zone = simulation.zones.index(run.state.time)
+        if zone != run.zone:
+            simulation.problem.set_cooling(simulation.zones.cooling(zone))
+            if run.zone >= 0:
+                simulation.steps.control.restart()
+            run.zone = zone
+
+    def advance(self) -> None:
+        """Take one step, or with mechanics one coupling window: try, cut back if need be, commit.
+
+        Raises:
+            RunFailure: At the smallest step.
+        """
+        run, before = self.run_state, self._iterations()
+        counts = run.counts
+        try:
+            found, failed = self._attempt()
+        except RunFailure as error:
+            raise RunFailure(f"{self._whereabouts()}: {error}") from None
+        after = self._iterations()
+        counts.newton += after[0] - before[0]
+        counts.newton_mechanics += after[1] - before[1]
+        if isinstance(found, CouplingWindow):
+            substeps, result, run.state = found.substeps, found.mechanical, found.state
+            counts.windows += 1
+            counts.cut_back += failed
+            counts.cut_for_error += found.cut_for_error
+            counts.coupling_iterations += found.iterations
+            counts.gap_not_converged += not found.gap_converged
+        else:
+            substeps, result = found, None
+            run.state = replace(run.state, thermal=substeps.state)
+        counts.steps += substeps.steps
+        counts.rejected += substeps.rejected
+        counts.limited += substeps.limited
+        self._record(substeps, result)
+
+    def _attempt(self) -> tuple[SubSteps | CouplingWindow, int]:
+        """A thermal step or a coupling window that can be kept, and how many windows could not."""
+        simulation = self.simulation
+        if simulation.coupling is None:
+            return simulation.steps.one(self.run_state.state.thermal), 0
+        return take_window(simulation.coupling, self.run_state.state, simulation.control)
+
+    def _iterations(self) -> tuple[int, int]:
+        """Newton iterations in this process, of temperature and mechanics."""
+        mechanics = self.simulation.mechanics
+        return self.simulation.problem.iterations, mechanics.problem.iterations if mechanics else 0
+
+    def _whereabouts(self) -> str:
+        """Where the slice is, for messages."""
+        run = self.run_state
+        return f"{below_meniscus(run.position, '.4g')} ({run.state.time:.4g} s)"
+
+    def _record(self, substeps: SubSteps | None, mechanical: MechanicalResult | None) -> None:
+        run = self.run_state
+        with self.simulation.watch.section("results"):
+            sample = run.take_sample(substeps, mechanical)
+            self._keep_snapshot(sample)
+        if self.recorder is not None:
+            with self.simulation.watch.section("output"):
+                self.recorder.step(run, sample)
+        run.remember()
+        self._tell(substeps, mechanical)
+
+    def _tell(self, substeps: SubSteps | None, mechanical: MechanicalResult | None) -> None:
+        """Tell of a committed step, and stop there if that is asked."""
+        run = self.run_state
+        if self.progress is not None:
+            newton = sum(step.newton for step in (substeps, mechanical) if step is not None)
+            length = 0.0 if substeps is None else substeps.step
+            self.progress.update(run.position, run.state.time, newton, length, self._note())
+        if self.interrupt is not None:
+            self.interrupt.heed()
+
+    def _keep_snapshot(self, sample: Sample) -> None:
+        case, machine = self.simulation.case, self.simulation.machine
+        # The end too: a run that goes on from there has its number at a station.
+        for position in {r.at for r in case.reference if r.at is not None}:
+            # Where the strand stands the slice is at a place more than once: the first time counts.
+            if same_instant(sample.time, machine.time_at(position), self.simulation.control.end):
+                self.run_state.snapshots[position] = quantities(sample)
+
+    def _note(self) -> str:
+        return self.simulation.zones.name(self.run_state.zone)
+
+
+@one_at_a_time()
+def run(
+    case: Case,
+    folder: Path | str,
+    *,
+    comm: MPI.Comm | None = None,
+    resume: bool = False,
+    profile: bool = False,
+    progress: Progress | None = None,
+    beside: Callable[[Simulation], Companion | None] | None = None,
+) -> Summary:
+    """Run `case` and write everything into `folder` (collective).
+
+    Args:
+        case: What to run.
+        folder: Where the results go; see docs/output.md.
+        comm: Communicator; all ranks when None.
+        resume: Go on from the checkpoint in `folder`; where there is none yet, begin.
+        profile: Log where the time went.
+        progress: Told after each step; on rank 0.
+        beside: Makes what goes along with the built run; it begins with the run, so that none goes
+            along with one that is resumed.
+
+    Returns:
+        The summary, on every rank.
+
+    Raises:
+        InputError: The case, the folder or the checkpoint cannot be used.
+        RunFailure: The run cannot go on; the last good state is on disk.  It is so, too, after
+            any other error of a run on one rank.  What one of several ranks meets alone ends all:
+            it is told on stderr, and the last checkpoint is on disk.
+    """
+    comm = MPI.COMM_WORLD if comm is None else comm
+    output = OutputFolder(folder)
+
+    def begin() -> bool:
+        text, files = portable(case, PROPERTIES_NAME)
+        goes_on = output.begin(text, files=files, ranks=comm.size, resume=resume)
+        log.to_file(output / "run.log", append=goes_on)
+        if resume and not goes_on:
+            log.logger.warning("%s: no checkpoint to go on from; the run begins anew", folder)
+        return goes_on
+
+    resume = bool(comm.bcast(on_root(comm, begin)))
+    # From the last to the first: ranks that fail meet before anything is freed that is theirs all.
+    together = Together(comm, (RunFailure, Stopped), lambda error: output.fail(_reason(error)))
+    with output, ExitStack() as freed, together:
+        simulation = build(case, comm)
+        freed.callback(simulation.destroy)
+        _tell_of_idle_ranks(simulation)
+        companion = None if beside is None or resume else beside(simulation)
+        if companion is not None:
+            freed.callback(companion.destroy)
+        recorder = Recorder(simulation, output, resume)
+        freed.callback(recorder.close)
+        return _run(simulation, output, recorder, companion, together, profile, progress)
+
+
+def _tell_of_idle_ranks(simulation: Simulation) -> None:
+    """Say that a small section is slower on several ranks (collective)."""
+    comm = simulation.section.comm
+    each = reductions.total(comm, simulation.section.owned) / comm.size
+    if comm.size > 1 and each < LEAST_VERTICES and comm.rank == 0:
+        log.logger.info(
+            "%.0f vertices on each of %d ranks: so few are slower than one rank, which waits for "
+            "no other (docs/benchmarks.md); several runs at once: castfem sweep", each, comm.size,
+        )  # fmt: skip
+
+
+def _run(
+    simulation: Simulation,
+    output: OutputFolder,
+    recorder: Recorder,
+    companion: Companion | None,
+    together: Together,
+    profile: bool,
+    progress: Progress | None,
+) -> Summary:
+    """Run a built simulation with its files open."""
+    comm, watch = simulation.section.comm, simulation.watch
+    interrupt = Interrupt(comm)
+    records = recorder if companion is None else _Both(recorder, companion)
+    loop = TimeLoop(simulation, records, progress, interrupt)
+    run_state = loop.run_state
+    recorder.begin_maps(run_state)
+    recorder.begin_probes(run_state)
+    if recorder.checkpoint is not None:
+        restart.restore(run_state, *recorder.checkpoint)
+    if progress is not None:
+        progress.start(simulation.case.casting.length, run_state.position)
+    try:
+        with interrupt, watch.section("time loop"):
+            loop.run()
+        if companion is not None:
+            companion.finish(run_state)
+    except BaseException as error:
+        # Saving takes all ranks.  Failures and stops they raise together; after anything else they
+        # may stand at different places: then the checkpoint before must do.
+        if together.meet(error):
+            _leave(run_state, recorder, output, error)
+        raise
+    recorder.close()
+    if simulation.case.output.checkpoint_every:
+        recorder.save(run_state)
+    if profile and comm.rank == 0:
+        log.logger.info("%s", profile_table(watch))
+    summary = _finish(run_state, output, "finished")
+    if comm.rank == 0:
+        for line in summary.warnings:
+            log.logger.warning("%s", line)
+    return summary
+
+
+def _leave(run: RunState, recorder: Recorder, output: OutputFolder, error: BaseException) -> None:
+    """Leave the last good state on disk after `error`, which nothing here may hide (collective)."""
+    try:
+        if run.fall_back():
+            recorder.save(run)
+        stopped = isinstance(error, KeyboardInterrupt)
+        _finish(run, output, "interrupted" if stopped else "failed", _reason(error))
+    except Exception as other:
+        log.logger.warning("the state could not be saved: %s", other)
+
+
+def _reason(error: BaseException) -> str:
+    """Why a run ended, one line for run.json."""
+    if isinstance(error, CastfemError):
+        return str(error)
+    if isinstance(error, KeyboardInterrupt):
+        return reason_of(error)
+    return f"unexpected {type(error).__name__}: {error}"
+
+
+def _finish(run: RunState, output: OutputFolder, status: str, reason: str = "") -> Summary:
+    """Write summary and run record; the summary is the same on every rank."""
+    comm = run.simulation.section.comm
+    summary = summarise(run, status)
+    if status == "finished":
+        found = run_warnings(summary, run.simulation.case, run.sampler.warmed)
+        summary = replace(summary, warnings=tuple(found))
+    memory = reductions.total(comm, peak_memory())
+
+    def write() -> None:
+        output.write_summary(summary)
+        facts = {
+            "wall_time": dict(run.simulation.watch.seconds),
+            "compiled_forms": tuple(run.simulation.section.compiled),
+            "memory_mb": round(memory / 1e6, 1),
+            "reached": run.reached,
+        }
+        if status == "finished":
+            output.finish(**facts)
+        elif status == "interrupted":
+            output.interrupt(reason, **facts)
+        else:
+            output.fail(reason, **facts)
+
+    on_root(comm, write)
+    return summary

@@ -1,0 +1,156 @@
+"""checkpoint.h5: the state of a run, replaced in one step, checked when it is read.
+
+    /          attributes: format, version, physics
+    /meta      the description, JSON
+    /case      what of the case the state depends on, JSON: it is told by name what has changed
+    /arrays/*  the arrays
+
+After the HDF5 come eight bytes, a mark and the CRC-32 of all before it: HDF5 itself does not notice
+a changed number, and may crash over a changed table. The new checkpoint is written beside the old
+one and takes its name only when it is on disk: a kill or a power cut leaves one of the two, whole.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from castfem.base.atomic_files import replacing
+from castfem.base.errors import InputError
+from castfem.base.messages import differences
+
+if TYPE_CHECKING:
+    import h5py
+
+CHECKPOINT_NAME = "checkpoint.h5"
+VERSION = 2
+_MARK = b"cfck"
+_ANEW = "run again without --resume"
+
+
+def save_checkpoint(
+    path: Path | str,
+    meta: Mapping[str, Any],
+    arrays: Mapping[str, NDArray[Any]],
+    *,
+    physics: str = "",
+    case: Mapping[str, Any] | None = None,
+) -> None:
+    """Replaces the checkpoint by this state; the one before survives until this one is complete.
+
+    Args:
+        path: Of the file.
+        meta: What JSON can hold; floats come back bit by bit, NaN included.
+        arrays: Name to array; a "/" in a name groups. They come back bit by bit.
+        physics: Hash of everything in the case that the state depends on.
+        case: The same in words: the tables of the case.
+
+    Raises:
+        RunFailure: The file cannot be written; the old one is untouched.
+    """
+    image = _image(dict(meta), arrays, physics, dict(case or {}))
+    with replacing(Path(path)) as temporary:
+        temporary.write_bytes(image + _MARK + struct.pack("<I", zlib.crc32(image)))
+
+
+def load_checkpoint(
+    path: Path | str, *, physics: str | None = None, case: Mapping[str, Any] | None = None
+) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """The description and the arrays of a checkpoint.
+
+    Args:
+        path: Of the file.
+        physics: Hash the checkpoint must have; None takes any.
+        case: The same in words, as to `save_checkpoint`, to say what differs.
+
+    Raises:
+        InputError: No such file, not a checkpoint, damaged, of another castfem, or of another case;
+            the line names what differs and the mend.
+    """
+    import h5py
+
+    path = Path(path)
+    with h5py.File(io.BytesIO(_checked(path)), "r") as file:
+        _check_head(path, file, physics, case or {})
+        arrays: dict[str, NDArray[Any]] = {}
+
+        def collect(name: str, stored: h5py.Dataset | h5py.Group) -> None:
+            if isinstance(stored, h5py.Dataset):
+                arrays[name] = np.asarray(stored[()])
+
+        file["arrays"].visititems(collect)
+        return _words(file, "meta"), arrays
+
+
+def _checked(path: Path) -> bytes:
+    """The HDF5 in the file, its check sum compared."""
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file, nothing to resume from; {_ANEW}") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); {_ANEW}") from error
+    image, tail = content[:-8], content[-8:]
+    if tail[:4] != _MARK:
+        raise InputError(f"{path}: is not a checkpoint of castfem, or cut off; {_ANEW}")
+    if tail[4:] != struct.pack("<I", zlib.crc32(image)):
+        raise InputError(f"{path}: is damaged, its check sum differs; {_ANEW}")
+    return image
+
+
+def _image(
+    meta: dict[str, Any], arrays: Mapping[str, NDArray[Any]], physics: str, case: dict[str, Any]
+) -> bytes:
+    """The bytes of the file: HDF5 itself never meets a full disk, which it does not survive."""
+    import h5py
+
+    with h5py.File("checkpoint", "w", driver="core", backing_store=False) as file:
+        file.attrs["format"] = "castfem checkpoint"
+        file.attrs["version"] = VERSION
+        file.attrs["physics"] = physics
+        for name, content in (("meta", meta), ("case", case)):
+            text = json.dumps(content, default=_json_value).encode()
+            file.create_dataset(name, data=np.frombuffer(text, dtype=np.uint8))
+        file.create_group("arrays")
+        for name, values in arrays.items():
+            file.create_dataset(f"arrays/{name}", data=np.asarray(values))
+        file.flush()
+        return bytes(file.id.get_file_image())
+
+
+def _words(file: h5py.File, name: str) -> dict[str, Any]:
+    """What was written as JSON."""
+    content: dict[str, Any] = json.loads(file[name][()].tobytes())
+    return content
+
+
+def _check_head(path: Path, file: h5py.File, physics: str | None, case: Mapping[str, Any]) -> None:
+    """Refuses other versions and other cases."""
+    version = file.attrs.get("version")
+    if version != VERSION:
+        raise InputError(
+            f"{path}: has format version {version}, this castfem reads {VERSION}; "
+            f"resume with the castfem that wrote it, or {_ANEW}"
+        )
+    written = file.attrs.get("physics")
+    if physics is not None and written != physics:
+        changes = differences(_words(file, "case"), case)
+        changes = changes or f"physics {str(written)[:12]} there, {physics[:12]} here"
+        raise InputError(
+            f"{path}: belongs to another case ({changes}); undo the change of the case, or {_ANEW}"
+        )
+
+
+def _json_value(value: Any) -> Any:
+    """Numpy scalars and arrays as plain values; anything else is an error of the caller."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} cannot be kept in a checkpoint")

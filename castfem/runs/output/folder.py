@@ -1,0 +1,353 @@
+"""The folder a run writes, and who may write into it.
+
+    case.toml      the case as resolved: extends, --set and defaults worked in
+    properties/    copies of the property files of the user's that it names
+    run.json       how it went: status, versions, ranks, wall time (`castfem.runs.output.run_record`)
+    run.log        what was said on the way
+    history.csv    one row a step (`castfem.runs.output.history`)
+    probes/        the points that are followed, likewise
+    surface_maps.h5   the surface unrolled over time (`castfem.runs.output.surface_maps`), those of a
+    surface_maps.rows run that has not ended
+    fields.xdmf    the fields over time, for ParaView (`castfem.runs.output.xdmf`) ...
+    fields.h5      ... and their numbers (`castfem.runs.output.field_files`), those of
+    fields/        a run that has not ended in a file a time
+    checkpoint.h5  the state to resume from (`castfem.runs.output.checkpoint`)
+    summary.json   the results in numbers (`castfem.runs.output.summary`)
+    figures/       what `castfem show` draws (`castfem.post.plots.figures`)
+
+castfem begins anew only in a folder without any of these names, or in one that holds its own
+run.json; then it removes these and nothing else. run.json exists from the first moment to the last,
+and a locked `.castfem.lock` says that a run is at work; the lock goes with the process, however it
+ends. No host name is written, and no path outside the folder but those of the command line.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import replace
+from datetime import UTC, datetime
+from hashlib import sha256
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from castfem.base.atomic_files import (
+    replacing,
+    saving,
+    system_reason,
+    temporary_name,
+    write_json,
+)
+from castfem.base.closing import Closing
+from castfem.base.errors import CastfemError, FolderInUse, InputError
+from castfem.base.file_lock import taken
+from castfem.base.signals import reason_of
+from castfem.runs.output.checkpoint import CHECKPOINT_NAME
+from castfem.runs.output.field_files import HDF5_NAME, remove_singles, singles
+from castfem.runs.output.history import HISTORY_NAME
+from castfem.runs.output.provenance import command, versions
+from castfem.runs.output.run_record import RUN_NAME, RunRecord
+from castfem.runs.output.summary import SUMMARY_NAME, Summary
+from castfem.runs.output.xdmf import XDMF_NAME
+
+if TYPE_CHECKING:
+    from filelock import FileLock
+
+CASE_NAME = "case.toml"
+LOG_NAME = "run.log"
+FIGURES_NAME = "figures"
+PROPERTIES_NAME = "properties"
+PROBES_NAME = "probes"
+DERIVATIVES_NAME = "derivatives.json"  # that a run has carried along
+MAPS_NAME, ROWS_NAME = "surface_maps.h5", "surface_maps.rows"
+ERROR_NAME, ERROR_ENDING = "error.json", "_error"
+"""File of the errors of a case, and what its folder has behind the name of a run's."""
+STRAND_NAME = "strand.vtu"  # written on demand, from the others
+FIGURES = ("temperature", "states", "stack", "surface_temperature", "shell", "heat", "steps")
+MECHANICS_FIGURES = ("von_mises", "shape", "stress", "size", "axial", "contact")
+BENDING_FIGURES = ("slice", "bulging", "extraction", "maps", "caster", "roll_to_roll")
+TENSILE_FIGURES = ("tensile",)
+ALL_FIGURES = FIGURES + MECHANICS_FIGURES + BENDING_FIGURES + TENSILE_FIGURES
+_LOCK_NAME = ".castfem.lock"
+# Of a property file; whatever run.json says, nothing else is removed on its word.
+_COPY = re.compile(rf"{PROPERTIES_NAME}/\w+/[^/]*\w[^/]*")
+# The checkpoint is the first to go: of what is left of a run nothing is resumed.
+ARTEFACTS = (
+    *(CHECKPOINT_NAME, CASE_NAME, RUN_NAME, LOG_NAME, HISTORY_NAME, XDMF_NAME, HDF5_NAME),
+    *(SUMMARY_NAME, DERIVATIVES_NAME, MAPS_NAME, ROWS_NAME, STRAND_NAME),
+    *(f"{FIGURES_NAME}/{name}.png" for name in ALL_FIGURES),
+)
+
+
+def _probe_files(case: bytes) -> list[str]:
+    """Files of the probes that a resolved case names; none of one that cannot be read."""
+    if b"probe" not in case:
+        return []
+    try:
+        output = tomllib.loads(case.decode()).get("output", {})
+        return [f"{PROBES_NAME}/{probe['name']}.csv" for probe in output.get("probe", ())]
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return []
+
+
+class OutputFolder(Closing):
+    """The folder of one run; on rank 0 only.
+
+    Used as a context manager it notes in run.json how the block ended and gives the lock back.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        """Names the folder; nothing is touched before `begin`."""
+        self.path = Path(path)
+        self.record = RunRecord()
+        self._earlier: Mapping[str, float] = {}
+        self._before: tuple[RunRecord, dict[str, bytes]] | None = None
+        self._lock: FileLock | None = None
+
+    def __truediv__(self, name: str) -> Path:
+        """The path of a file in the folder."""
+        return self.path / name
+
+    def begin(
+        self,
+        case: str,
+        *,
+        files: Mapping[str, bytes] | None = None,
+        ranks: int = 1,
+        resume: bool = False,
+    ) -> bool:
+        """Takes the folder for a run: lock, removal of the run before, case.toml, run.json.
+
+        Args:
+            case: The resolved case as TOML.
+            files: Name, below `PROPERTIES_NAME`, and content of the property files it names.
+            ranks: Number of MPI processes.
+            resume: Go on with the run in the folder; nothing of it is removed, unless it was cut
+                short before its first checkpoint.
+
+        Returns:
+            Whether there is a checkpoint to go on from: false of a new run, or one begun anew.
+
+        Raises:
+            InputError: Another run is at work there, files there are not castfem's, a finished run
+                has no checkpoint to resume from, or the folder cannot be written.
+        """
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            self._acquire()
+        except OSError as error:
+            raise self._unusable(error) from error
+        try:
+            inputs = {CASE_NAME: case.encode(), **(files or {})}
+            return self._take_over(inputs, ranks, resume)
+        except CastfemError as error:
+            self.close()
+            cause = error.__cause__
+            raise (self._unusable(cause) if isinstance(cause, OSError) else error) from error
+        except OSError as error:
+            self.close()
+            raise self._unusable(error) from error
+
+    def update(self, **changes: Any) -> None:
+        """Changes entries of run.json, named as in `RunRecord`.
+
+        wall_time is that of this process; it is added to what the run had taken before a resume.
+
+        Raises:
+            RunFailure: It cannot be written.
+        """
+        if changes:
+            self._before = None  # the run is on its way
+        if "wall_time" in changes:
+            own = changes["wall_time"]
+            stages = [*self._earlier, *(name for name in own if name not in self._earlier)]
+            changes["wall_time"] = {
+                name: self._earlier.get(name, 0.0) + own.get(name, 0.0) for name in stages
+            }
+        self.record = replace(self.record, **changes)
+        self.record.write(self.path)
+
+    def write_summary(self, summary: Summary) -> None:
+        """Writes summary.json.
+
+        Raises:
+            RunFailure: It cannot be written.
+        """
+        write_json(self / SUMMARY_NAME, summary.to_json())
+
+    def finish(self, **changes: Any) -> None:
+        """Notes in run.json that the run has ended well."""
+        self.update(status="finished", reason="", ended=_now(), **changes)
+
+    def interrupt(self, reason: str, **changes: Any) -> None:
+        """Notes in run.json that the run was stopped, and by what; it may be resumed."""
+        self.update(status="interrupted", reason=reason, ended=_now(), **changes)
+
+    def fail(self, reason: str, **changes: Any) -> None:
+        """Notes in run.json why the run has failed: the first line, without where the folder is."""
+        first = reason.strip().splitlines()[0] if reason.strip() else "unknown reason"
+        inside = first.replace(f"{self.path}/", "")
+        self.update(status="failed", reason=inside, ended=_now(), **changes)
+
+    def _begin_no_more(self, record: RunRecord, inputs: Mapping[str, bytes]) -> None:
+        """Leaves the folder as it was before a resume that turned out to be impossible."""
+        self._write_inputs(inputs)
+        self.record = record
+        self.update()
+
+    def _write_inputs(self, inputs: Mapping[str, bytes]) -> None:
+        """Puts the case and its property files in place; takes away those it names no more.
+
+        They are replaced, never removed first: the case may have been read from these very files.
+        """
+        for name, content in inputs.items():
+            path = self / name
+            with saving(path):
+                path.parent.mkdir(parents=True, exist_ok=True)
+            with replacing(path) as temporary:
+                temporary.write_bytes(content)
+        for name in self.record.files:
+            if name not in inputs and _COPY.fullmatch(name):
+                path = self / name
+                with saving(path):
+                    path.unlink(missing_ok=True)
+                for parent in (path.parent, path.parent.parent):
+                    with suppress(OSError):  # it holds others
+                        parent.rmdir()
+        hashes = {name: sha256(content).hexdigest() for name, content in inputs.items()}
+        self.update(files=hashes)
+
+    def close(self) -> None:
+        """Gives the lock back."""
+        if self._lock is not None:
+            self._lock.release()
+            self._lock = None
+
+    def leave(self, error: BaseException) -> None:
+        """Note why the run ends, or take back that it has begun."""
+        if self._before is not None and isinstance(error, InputError):
+            with suppress(CastfemError):
+                self._begin_no_more(*self._before)
+        elif self._lock is not None and self.record.status == "running":
+            with suppress(CastfemError):  # a full disk must not hide what went wrong
+                if isinstance(error, KeyboardInterrupt):
+                    self.interrupt(reason_of(error))
+                else:
+                    self.fail(str(error) or type(error).__name__)
+
+    def is_running(self) -> bool:
+        """Whether a run is at work in the folder at this moment."""
+        if self._lock is not None:
+            return True
+        from filelock import FileLock, Timeout
+
+        lock = self / _LOCK_NAME
+        if not lock.is_file():
+            return False
+        probe = FileLock(lock, timeout=0)
+        try:
+            locked = taken(probe)
+        except Timeout:
+            return True
+        except OSError:  # no right to the file: nobody can be told of
+            return False
+        if locked:
+            probe.release()
+        return False
+
+    def _acquire(self) -> None:
+        """Takes the lock or says that somebody has it."""
+        from filelock import FileLock, Timeout
+
+        lock = FileLock(self / _LOCK_NAME, timeout=0)
+        try:
+            locked = taken(lock)
+        except Timeout as error:
+            raise FolderInUse(
+                f"{self.path}: another run is writing here; wait for it, or choose another folder"
+            ) from error
+        if locked:
+            self._lock = lock
+
+    def _take_over(self, inputs: Mapping[str, bytes], ranks: int, resume: bool) -> bool:
+        """Makes the folder ready under the lock; returns whether there is something to resume."""
+        present = [name for name in ARTEFACTS if (self / name).exists()]
+        present += [str(path.relative_to(self.path)) for path in singles(self.path)]
+        present += [name for name in _probe_files(inputs[CASE_NAME]) if (self / name).exists()]
+        if (self / RUN_NAME).exists():
+            earlier = RunRecord.load(self.path)
+            strangers = self._strangers(inputs, earlier)
+        else:
+            earlier, strangers = RunRecord(), [*present, *self._strangers(inputs)]
+        if strangers:
+            raise InputError(
+                f"{self.path}: holds {', '.join(strangers)}, not of a run of castfem; "
+                "choose another folder or move them away"
+            )
+        if resume and CHECKPOINT_NAME not in present:
+            if earlier.status == "finished":
+                raise InputError(
+                    f"{self / CHECKPOINT_NAME}: no such file, nothing to resume from; "
+                    "run again without --resume"
+                )
+            resume = False
+        if resume:
+            self._earlier = dict(earlier.wall_time)
+            began, count, commands = earlier.started, earlier.resumed + 1, earlier.commands
+            kept = {CASE_NAME, *filter(_COPY.fullmatch, earlier.files)}
+            before = {n: (self / n).read_bytes() for n in kept if (self / n).is_file()}
+        else:
+            began, count, commands, before = _now(), 0, (), {}
+        self.record = RunRecord(
+            started=began, resumed=count, ranks=ranks, versions=versions(), wall_time=self._earlier,
+            commands=(*commands, command()), files=earlier.files,
+            reached=earlier.reached if resume else {},
+        )  # fmt: skip
+        self.update()
+        if not resume:
+            self._remove_artefacts()
+        self._write_inputs(inputs)
+        self._before = (earlier, before) if resume else None
+        return resume
+
+    def _strangers(
+        self, inputs: Mapping[str, bytes], earlier: RunRecord | None = None
+    ) -> list[str]:
+        """Files of the user's in the place of copies that are to be written."""
+        ours = {CASE_NAME, *(earlier.files if earlier else ())}
+        paths = {name: self / name for name in inputs if name not in ours}
+        return [
+            name
+            for name, path in paths.items()
+            if path.exists() and path.read_bytes() != inputs[name]
+        ]
+
+    def _remove_artefacts(self) -> None:
+        """Removes what the run before has written, except what is replaced at once."""
+        for name in ARTEFACTS:
+            path = self / name
+            for leftover in (path, temporary_name(path), path.with_name(f".{path.name}.tmp2")):
+                if name not in (CASE_NAME, RUN_NAME) or leftover != path:
+                    with saving(path):
+                        leftover.unlink(missing_ok=True)
+        remove_singles(self.path)
+        before = self / CASE_NAME
+        for name in _probe_files(before.read_bytes() if before.is_file() else b""):
+            with saving(self / name):
+                (self / name).unlink(missing_ok=True)
+        for name in (FIGURES_NAME, PROBES_NAME):
+            with suppress(OSError):  # it may hold files of the user
+                (self / name).rmdir()
+
+    def _unusable(self, error: BaseException) -> InputError:
+        """The folder cannot be written, said in one line with the mend."""
+        _, reason = system_reason(error)
+        return InputError(
+            f"{self.path}: cannot be used as output folder ({reason}); choose another with -o"
+        )
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")

@@ -1,0 +1,247 @@
+"""history.csv: one row a step, units in the header, never half a row."""
+
+from __future__ import annotations
+
+import errno
+import math
+import os
+import re
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from castfem.base.atomic_files import saving, write_text
+from castfem.base.closing import Closing
+from castfem.base.errors import InputError
+from castfem.base.tolerances import same_or_before
+
+if TYPE_CHECKING:
+    import pandas
+
+HISTORY_NAME = "history.csv"
+_ANEW = "run again without --resume"
+_COLUMN = re.compile(r"(.*?) \[(.*)\]")
+_CELL = 20  # bytes of a number and its comma, at most
+
+
+class History(Closing):
+    """Appends rows to a CSV file whose first line is `name [unit],name [unit],...`.
+
+    Numbers have twelve significant digits; what is missing or not finite is an empty cell. A row
+    goes to the operating system in one piece, so that a killed run leaves whole rows.
+    """
+
+    _path: Path
+    _names: tuple[str, ...]
+    _handle: int
+
+    def __init__(self, path: Path | str, columns: Sequence[tuple[str, str]]) -> None:
+        """Begins the file anew.
+
+        Args:
+            path: Of the file.
+            columns: Name and unit of each; the first is ("time", "s"). A number without dimension
+                has the unit "-".
+
+        Raises:
+            RunFailure: It cannot be written.
+            ValueError: A name or unit that would not come back from the header.
+        """
+        for name, unit in columns:
+            if not name or not unit or set(name + unit) & set(',"\n[]'):
+                raise ValueError(f"column {name!r} [{unit}] cannot be written")
+        if len({name for name, _ in columns}) != len(columns):
+            raise ValueError("two columns have the same name")
+        if not columns or columns[0] != ("time", "s"):
+            raise ValueError("the first column is time in s")
+        self._path = Path(path)
+        self._names = tuple(name for name, _ in columns)
+        write_text(self._path, _line([f"{name} [{unit}]" for name, unit in columns]))
+        self._open()
+
+    @classmethod
+    def resume(
+        cls,
+        path: Path | str,
+        upto_time: float,
+        columns: Sequence[tuple[str, str]] | None = None,
+        rows: int | None = None,
+    ) -> History:
+        """Opens the file of an earlier run, dropping in one step all rows after `upto_time` [s].
+
+        Args:
+            path: Of the file.
+            upto_time: The last time to keep.
+            columns: Which the file must have; None takes any.
+            rows: How many there must be up to then, of increasing times; None takes any.
+
+        Raises:
+            InputError: There is none, it is not a history, it has other columns, or rows are
+                missing.
+            RunFailure: It cannot be written.
+        """
+        path = Path(path)
+        if not path.is_file():
+            raise InputError(f"{path}: no such file; {_ANEW}")
+        header, lines = _complete_lines(path)
+        found = _columns(path, header)
+        if columns is not None and found != list(columns):
+            raise InputError(f"{path}: has other columns than this run; {_ANEW}")
+        kept, times = [header], []
+        for number, row in enumerate(lines, start=2):
+            try:
+                time = float(row.split(",", 1)[0])
+            except ValueError as error:
+                mend = "remove the line, or run again without --resume"
+                raise InputError(
+                    f"{path}: line {number} has no time ({row[:40]}); {mend}"
+                ) from error
+            if same_or_before(time, upto_time):
+                kept.append(row)
+                times.append(time)
+        if rows is not None and len(times) != rows:
+            raise InputError(
+                f"{path}: has {len(times)} rows to {upto_time:g} s, of {rows} that were written: "
+                f"it has been changed; put the file back as it was, or {_ANEW}"
+            )
+        if any(later <= time for time, later in pairwise(times)):
+            raise InputError(f"{path}: its times do not increase; put it right, or {_ANEW}")
+        history = cls.__new__(cls)
+        history._path = path
+        history._names = tuple(name for name, _ in found)
+        write_text(path, "".join(f"{line}\n" for line in kept))
+        history._open()
+        return history
+
+    def append(self, row: Mapping[str, float]) -> None:
+        """Adds one row; columns that are not named stay empty.
+
+        Args:
+            row: Column name to value, in the unit of the column.
+
+        Raises:
+            RunFailure: The file cannot be written.
+            ValueError: A name that is no column.
+        """
+        unknown = row.keys() - set(self._names)
+        if unknown:
+            raise ValueError(f"no such column: {', '.join(sorted(unknown))}")
+        cells = [f"{float(row.get(name, math.nan)):.12g}" for name in self._names]
+        text = _line([cell if math.isfinite(float(cell)) else "" for cell in cells]).encode()
+        with saving(self._path):
+            before = os.fstat(self._handle).st_size
+            written = os.write(self._handle, text)
+            if written != len(text):  # the disk was full in the middle of the row
+                os.ftruncate(self._handle, before)
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def sync(self) -> None:
+        """Forces the rows to disk: a state that outlives a power cut must not lack them.
+
+        Raises:
+            RunFailure: That fails.
+        """
+        if self._handle >= 0:
+            with saving(self._path):
+                os.fsync(self._handle)
+
+    def close(self) -> None:
+        """Closes the file; nothing is lost without it."""
+        if self._handle >= 0:
+            with suppress(OSError):
+                os.fsync(self._handle)
+            os.close(self._handle)
+        self._handle = -1
+
+    def _open(self) -> None:
+        with saving(self._path):
+            self._handle = os.open(self._path, os.O_WRONLY | os.O_APPEND)
+
+
+def read_history(path: Path | str) -> pandas.DataFrame:
+    """A history as a table of floats, one column a quantity under its bare name.
+
+    The units are in `table.attrs["units"]`, a dict of name to unit. A last row cut off by a kill is
+    left out.
+
+    Raises:
+        InputError: No such file, or it is not a history.
+    """
+    import pandas
+
+    path = Path(path)
+    header, rows = _complete_lines(path)
+    columns = _columns(path, header)
+    values = [[_number(path, cell) for cell in row.split(",")] for row in rows]
+    if any(len(row) != len(columns) for row in values):
+        raise InputError(f"{path}: a row has not the {len(columns)} cells of the header")
+    table = pandas.DataFrame(values, columns=[name for name, _ in columns], dtype=float)
+    table.attrs["units"] = dict(columns)
+    return table
+
+
+def last_row(path: Path | str) -> tuple[dict[str, float], dict[str, str]] | None:
+    """The last whole row of a history, read without the rest of the file.
+
+    Returns:
+        Column to value, NaN where it is empty, and column to unit; None while there is no row.
+
+    Raises:
+        InputError: No such file, or it is not a history.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            header = file.readline()
+            columns = _columns(path, header.decode().rstrip("\n"))
+            size = file.seek(0, os.SEEK_END)
+            file.seek(max(len(header), size - 2 * _CELL * len(columns)))
+            rows = file.read().split(b"\n")[:-1]
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read ({error})") from error
+    if not rows:
+        return None
+    cells = rows[-1].decode(errors="replace").split(",")
+    if len(cells) != len(columns):
+        raise InputError(f"{path}: a row has not the {len(columns)} cells of the header")
+    values = [_number(path, cell) for cell in cells]
+    return {name: value for (name, _), value in zip(columns, values, strict=True)}, dict(columns)
+
+
+def _line(cells: Sequence[str]) -> str:
+    return ",".join(cells) + "\n"
+
+
+def _number(path: Path, cell: str) -> float:
+    """The value of a cell, NaN when it is empty."""
+    try:
+        return float(cell) if cell else math.nan
+    except ValueError as error:
+        raise InputError(f"{path}: {cell[:40]!r} is not a number") from error
+
+
+def _complete_lines(path: Path) -> tuple[str, list[str]]:
+    """The header and all rows that end in a newline."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read ({error})") from error
+    lines = text.split("\n")[:-1]
+    if not lines:
+        raise InputError(f"{path}: is empty; a history begins with the names of its columns")
+    return lines[0], [line for line in lines[1:] if line]
+
+
+def _columns(path: Path, header: str) -> list[tuple[str, str]]:
+    """Name and unit of each column."""
+    found = [_COLUMN.fullmatch(cell) for cell in header.split(",")]
+    columns: list[tuple[str, Any]] = [(m.group(1), m.group(2)) for m in found if m]
+    if len(columns) != len(found) or columns[0][0] != "time":
+        raise InputError(f"{path}: line 1 is not 'time [s],name [unit],...'")
+    return columns

@@ -1,0 +1,99 @@
+"""How a run went: what run.json of its folder holds."""
+
+from __future__ import annotations
+
+import json
+import signal
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
+
+from pydantic import TypeAdapter, ValidationError
+
+from castfem.base.atomic_files import write_json
+from castfem.base.errors import InputError
+from castfem.base.messages import dotted
+from castfem.base.signals import STOPS
+from castfem.runs.output.summary import renamed
+
+RUN_NAME = "run.json"
+_FORMAT = "castfem run"
+_STOPPED = STOPS[signal.SIGINT]
+
+
+@dataclass(frozen=True, slots=True)
+class RunRecord:
+    """What run.json holds.
+
+    Attributes:
+        status: "running", "finished", "failed", or "interrupted" by the user or a batch system. A
+            run that was killed stays "running".
+        reason: Why it failed or stopped, one line.
+        started: When the run began, UTC.
+        ended: When it ended, empty before.
+        resumed: How often it was resumed.
+        ranks: Number of MPI processes.
+        versions: Name to version of castfem and what it stands on.
+        wall_time: Stage to seconds, those before a resume included.
+        compiled_forms: Names of the forms this simulation compiled or took from the cache.
+        memory_mb: Largest resident memory of all ranks together, in 10^6 bytes.
+        reached: Last good state: time [s], position [m], step.
+        commands: The command line, of each start if it was resumed.
+        files: SHA-256 of case.toml and of the copies of property files, by their names.
+    """
+
+    status: str = "running"
+    reason: str = ""
+    started: str = ""
+    ended: str = ""
+    resumed: int = 0
+    ranks: int = 1
+    versions: Mapping[str, str] = field(default_factory=dict)
+    wall_time: Mapping[str, float] = field(default_factory=dict)
+    compiled_forms: tuple[str, ...] = ()
+    memory_mb: float | None = None
+    reached: Mapping[str, int | float] = field(default_factory=dict)
+    commands: tuple[str, ...] = ()
+    files: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def load(cls, folder: Path | str) -> RunRecord:
+        """Reads run.json.
+
+        Raises:
+            InputError: There is none, or it is not castfem's.
+        """
+        path = Path(folder) / RUN_NAME
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+        except FileNotFoundError as error:
+            raise InputError(f"{folder}: holds no run of castfem (no {RUN_NAME})") from error
+        except (OSError, ValueError) as error:
+            raise InputError(f"{path}: cannot be read ({error})") from error
+        if not isinstance(content, dict) or content.get("format") != _FORMAT:
+            raise InputError(f"{path}: not written by castfem")
+        known = {entry.name for entry in fields(cls)}
+        record = {key: value for key, value in content.items() if key in known}
+        for key in ("wall_time", "reached"):  # what was not finite is null there
+            if isinstance(record.get(key), dict):
+                record[key] = renamed({k: v for k, v in record[key].items() if v is not None})
+        try:
+            found = TypeAdapter(cls).validate_python(record)
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = dotted(first["loc"])
+            raise InputError(
+                f"{path}: {where}: {first['msg'].lower()}, it has been changed; put it right, or "
+                "take another folder"
+            ) from error
+        if found.status == "failed" and found.reason == _STOPPED:  # so written by castfem 0.1
+            return replace(found, status="interrupted")
+        return found
+
+    def write(self, folder: Path) -> None:
+        """Writes run.json.
+
+        Raises:
+            RunFailure: It cannot be written.
+        """
+        write_json(folder / RUN_NAME, {"format": _FORMAT, **asdict(self)})

@@ -1,0 +1,156 @@
+"""The slices of a run stacked along its caster: one file for ParaView.
+
+The strand is a mesh of hexahedra or wedges, its slices where the caster has them: away from the
+mould, across the strand and up from the meniscus, m. Between two slices that were written values
+are linear in the position, while the strand bends with its rolls, however few they are. What is
+known on the surface alone, as the crack indexes, is that of the maps, which have a row a step;
+inside it is NaN. Where one of these is largest there is a row: the file has the largest value.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.base.atomic_files import replacing
+from castfem.base.errors import InputError
+from castfem.base.types import Array, Indices
+from castfem.runs.output.fields import Fields
+from castfem.runs.output.surface_maps import SurfaceMaps
+
+if TYPE_CHECKING:
+    from castfem.physics.machine.side import Side
+
+_CORNERS = {"triangle": 3, "quadrilateral": 4}
+_SOLIDS = {"triangle": "wedge", "quadrilateral": "hexahedron"}
+_AXIAL = 8  # zz of a tensor
+_SAME = 1e-6  # m: rows nearer than this would have cells of no length
+
+
+def write_strand(folder: Path, target: Path, side: Side, every: float) -> tuple[int, int]:
+    """Write the strand of a run, as far as it has come, as an unstructured grid of VTK.
+
+    Args:
+        folder: Of the run.
+        target: The file, its ending .vtu.
+        side: The strand from its side.
+        every: Distance of the rows of cells along the strand, at most, m.
+
+    Returns:
+        Number of points and of cells.
+
+    Raises:
+        InputError: The run has not written two slices one below the other.
+        RunFailure: The file cannot be written.
+    """
+    import meshio
+
+    with Fields(folder) as fields:
+        times = np.flatnonzero(np.diff(fields.positions, prepend=-1.0) > 0.0)
+        if len(times) < 2:
+            raise InputError(f"{folder}: has {len(times)} slices on its way; two are needed")
+        slices = fields.positions[times]
+        maps = SurfaceMaps(folder) if SurfaceMaps.exist(folder) else None
+        rows = between(slices, every)
+        if maps is not None:
+            rows = np.unique(np.concatenate([rows, peaks(maps, rows)]))
+        corners = _CORNERS[fields.cell]
+        table = fields.cells[:, :corners].astype(np.int64)
+        nodes, cells = np.unique(table, return_inverse=True)
+        cells = cells.reshape(-1, corners)
+        place = fields.points[nodes, :2]
+        data = _fields(fields, times, nodes, slices, rows, side)
+    if maps is not None:
+        data |= _mapped(maps, nodes, rows)
+    data["position"] = np.repeat(rows, len(nodes))
+    points = side.placed(rows, place).reshape(-1, 3)
+    table = stacked(cells, len(nodes), len(rows))
+    mesh = meshio.Mesh(
+        points, [(_SOLIDS[fields.cell], table)], {n: v.astype(np.float32) for n, v in data.items()}
+    )
+    with replacing(target, durable=False) as temporary:
+        meshio.write(temporary, mesh, file_format="vtu", binary=True)
+    return len(points), len(table)
+
+
+def between(slices: Array, every: float) -> Array:
+    """Positions of rows (rows,), m: those of the slices, and between them none farther apart."""
+    found = [slices[:1]]
+    for before, after in pairwise(slices):
+        count = max(1, int(np.ceil((after - before) / every - 1e-9)))
+        found.append(before + (after - before) / count * np.arange(1, count + 1))
+    return np.concatenate(found)
+
+
+def peaks(maps: SurfaceMaps, rows: Array) -> Array:
+    """Positions beside those of the rows at which what the maps have is largest (n,), m."""
+    onward = np.flatnonzero(np.diff(maps.position, prepend=-1.0) > 0.0)
+    found = []
+    for name in _indexes(maps):
+        worst = np.nan_to_num(maps[name][onward], nan=-np.inf).max(axis=1)
+        found.append(maps.position[onward][int(np.argmax(worst))])
+    apart = (one for one in found if np.abs(rows - one).min() > _SAME)
+    return np.array([one for one in apart if rows[0] < one < rows[-1]])
+
+
+def _indexes(maps: SurfaceMaps) -> list[str]:
+    """What the maps have that the fields lack."""
+    return [name for name in maps.names() if name != "temperature"]
+
+
+def stacked(cells: Indices, nodes: int, rows: int) -> Indices:
+    """Cells of a stack (n, 2 k) from those of a section (m, k): each row joined to the next.
+
+    The first face of VTK's hexahedron looks into it, that of its wedge out of it.
+    """
+    cells = cells[:, ::-1] if cells.shape[1] == _CORNERS["triangle"] else cells
+    starts = nodes * np.arange(rows - 1)[:, None, None]
+    both = np.concatenate([cells + starts, cells + starts + nodes], axis=2)
+    return np.asarray(both.reshape(-1, 2 * cells.shape[1]))
+
+
+def _fields(
+    fields: Fields, times: Indices, nodes: Indices, slices: Array, rows: Array, side: Side
+) -> dict[str, Array]:
+    """The fields of all points, by name."""
+    found: dict[str, Array] = {}
+    for name in fields.names:
+        if fields.centre(name) != "point":
+            continue
+        given = np.array([fields.values(name, int(k))[nodes] for k in times])
+        if given.ndim == 3 and given.shape[2] == 9:
+            if name != "stress":
+                continue
+            name, given = "axial_stress", given[..., _AXIAL]
+        values = _over(rows, slices, given)
+        if values.ndim == 3:
+            inward = side.inward_at(rows)[:, None]
+            x, y = values[..., 0], values[..., 1]
+            values = np.stack([y * inward[..., 0], x, y * inward[..., 1]], axis=-1)
+            found[name] = values.reshape(-1, 3)
+        else:
+            found[name] = values.ravel()
+    return found
+
+
+def _mapped(maps: SurfaceMaps, nodes: Indices, rows: Array) -> dict[str, Array]:
+    """What the maps have of all points, by name; NaN inside, and below where the maps end."""
+    found: dict[str, Array] = {}
+    at = np.searchsorted(nodes, maps.heading.line.nodes)
+    onward = np.flatnonzero(np.diff(maps.position, prepend=-1.0) > 0.0)
+    for name in _indexes(maps):
+        values = np.full((len(rows), len(nodes)), np.nan)
+        values[:, at] = _over(rows, maps.position[onward], maps[name][onward])
+        found[name] = values.ravel()
+    return found
+
+
+def _over(rows: Array, position: Array, values: Array) -> Array:
+    """Values (k, ...) at positions, straight between them, at the rows (rows, ...)."""
+    upper = np.clip(np.searchsorted(position, rows, side="left"), 1, len(position) - 1)
+    share = (rows - position[upper - 1]) / (position[upper] - position[upper - 1])
+    share = np.clip(share, 0.0, 1.0).reshape(-1, *(1,) * (values.ndim - 1))
+    return np.asarray((1.0 - share) * values[upper - 1] + share * values[upper])

@@ -1,0 +1,417 @@
+"""summary.json: the results of a run in numbers, beside what others have found.
+
+    {"title": ..., "status": "finished" | "failed" | "interrupted",
+     "quantities": {NAME: {"value": 4.75, "unit": "mm", "label": "shell, mid-face"}, ...},
+     "references": [{"quantity": NAME, "value": 4.75, "unit": "mm", "kind": "value",
+                     "source": ..., "note": ..., "at": null, "changed": [], "ours": 4.9,
+                     "difference": 0.15, "relative": 0.032, "met": null, "missing": ""}, ...],
+     "balances": {NAME: {NAME: {"value", "unit", "label"}, ...}, ...},
+     "steps": {"accepted": 412, ...}, "wall_time": {STAGE: seconds, ...},
+     "zones": [{"name": "mould", "start": 0.0, "end": 0.6, "whole": true}, ...],
+     "mould_exit": 0.6, "unchecked": ["density: SOURCE", ...],
+     "warnings": ["the heat balance is open by ...", ...],
+     "errors_at": {"0.6": {NAME: 0.08e-3, ...}, ...}}
+
+`error`, of a case of which `castfem error` has told it, stands beside a quantity's value in the
+same unit (K for temperatures); `errors_at` has those at places on the way (m below the meniscus),
+in SI. In the file each value is in the unit beside it. In Python `value`
+and `unit` are SI, `shown` and `shown_unit` what the file has. Zones, `at` (null: the end of the
+run) and `mould_exit` (null: there is no mould) are in metres below the meniscus. A value that does
+not exist is null there, NaN here.
+The difference of two temperatures is in K and has no relative size: where the zero of a scale lies
+is a convention. `met` tells whether a bound holds, of a value it is null. Where keys of the case
+were `changed` since a reference was written it is a number of the unchanged case, and no difference
+is taken. Summaries without `kind` were written when all references were values; their `note` is
+what is now in `missing`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Literal
+
+from castfem.base import units
+from castfem.base.errors import InputError
+from castfem.base.shown_units import coherent
+
+SUMMARY_NAME = "summary.json"
+_NONE = "-"  # how "no unit" is written
+_NEAR = 1e-6  # relative; positions that differ by less are one
+_ROUNDING = 1e-9  # of a bound; what misses it by less has met it
+
+
+Kind = Literal["value", "at_least", "at_most"]
+SIGNS: Mapping[Kind, str] = {"value": "", "at_least": "≥ ", "at_most": "≤ "}
+
+
+RENAMED = {
+    "intervals": "coupling windows",
+    "intervals cut back": "coupling windows cut back",
+    "passes through intervals": "coupling iterations",
+    "intervals not settled": "coupling windows not converged",
+    "march": "time loop",
+}
+"""Counts and stages by the names they have in older result folders, and those of today."""
+
+CUT = "coupling windows cut for their error"
+"""One of the counts of a run's steps."""
+
+
+def renamed(entries: Mapping[str, Any]) -> dict[str, Any]:
+    """Counts or stages of a file, by the names of today."""
+    return {RENAMED.get(name, name): value for name, value in entries.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """One result.
+
+    Attributes:
+        value: In SI; NaN when it does not exist.
+        shown_unit: In which it is shown, "-" for none.
+        label: What it is, for tables.
+        error: Of the value, in SI, of temperatures in K; None where `castfem error` has not
+            been asked.
+        resolution: How exactly the cells of the run resolve the value, likewise; None where that
+            is not known. It tells how many digits are printed, and is no error.
+    """
+
+    value: float
+    shown_unit: str
+    label: str
+    error: float | None = None
+    resolution: float | None = None
+
+    @property
+    def unit(self) -> str:
+        """The unit of `value`, in SI; "-" for none."""
+        return _si_shown(self.shown_unit)
+
+    @property
+    def shown(self) -> float:
+        """The value in `shown_unit`."""
+        return from_si(self.value, self.shown_unit)
+
+    @property
+    def shown_error(self) -> float | None:
+        """The error in `unit_of_difference(shown_unit)`."""
+        return self._difference_shown(self.error)
+
+    @property
+    def shown_resolution(self) -> float | None:
+        """The resolution, likewise."""
+        return self._difference_shown(self.resolution)
+
+    def _difference_shown(self, part: float | None) -> float | None:
+        return None if part is None else from_si(part, unit_of_difference(self.shown_unit))
+
+    def __repr__(self) -> str:
+        shown = f"{self.shown:.6g} {self.shown_unit}"
+        return (
+            f"Quantity(value={self.value!r}, unit={self.unit!r}, label={self.label!r}, "
+            f"shown={shown!r})"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """A number to compare with.
+
+    Attributes:
+        quantity: Name of ours.
+        value: In SI.
+        shown_unit: In which it is shown, "-" for none.
+        source: Who has found it.
+        at: Where it holds, below the meniscus [m]; None at the end of the run.
+        kind: What it says of ours: its value, or a bound.
+        note: What a reader must know of it.
+        changed: Keys of the case that were changed since: it is a number of the unchanged case.
+    """
+
+    quantity: str
+    value: float
+    shown_unit: str
+    source: str
+    at: float | None = None
+    kind: Kind = "value"
+    note: str = ""
+    changed: tuple[str, ...] = ()
+
+    @property
+    def unit(self) -> str:
+        """The unit of `value`, in SI; "-" for none."""
+        return _si_shown(self.shown_unit)
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A reference and what we have found.
+
+    Attributes:
+        reference: The number to compare with.
+        ours: In SI; NaN when there is none.
+        missing: Why there is nothing to compare.
+    """
+
+    reference: Reference
+    ours: float = math.nan
+    missing: str = ""
+
+    @property
+    def difference(self) -> float:
+        """Ours less theirs, in SI; NaN where theirs is a number of the unchanged case."""
+        return math.nan if self.reference.changed else self.ours - self.reference.value
+
+    @property
+    def shown_difference(self) -> float:
+        """The difference in the unit of `unit_of_difference`."""
+        return from_si(self.difference, unit_of_difference(self.reference.shown_unit))
+
+    @property
+    def relative(self) -> float:
+        """The difference as a fraction of theirs; NaN for temperatures and for a zero."""
+        theirs = self.reference.value
+        if self.reference.unit == "K" or theirs == 0:
+            return math.nan
+        return self.difference / abs(theirs)
+
+    @property
+    def met(self) -> bool | None:
+        """Whether ours keeps to a bound; None of a value, of the unchanged case, without ours."""
+        if self.reference.changed:
+            return None
+        return met(self.ours, self.reference.value, self.reference.kind)
+
+
+@dataclass(frozen=True, slots=True)
+class Zone:
+    """A cooling zone between two positions below the meniscus [m].
+
+    Attributes:
+        name: Of the zone.
+        start: Where it begins.
+        end: Where it ends, or the run within it.
+        whole: Whether it is the zone that ends there.
+    """
+
+    name: str
+    start: float
+    end: float
+    whole: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """The content of summary.json, in SI.
+
+    Attributes:
+        title: Of the case.
+        status: "finished", "failed" or "interrupted".
+        quantities: Name to result; `solidus` and `liquidus` of the steel are among them.
+        references: Comparisons, from `compare`.
+        balances: Name of what is conserved to its terms.
+        steps: Counts and sizes [s] of the steps.
+        wall_time: Stage to seconds.
+        zones: The cooling, in casting order.
+        mould_exit: Where the mould ends, below the meniscus [m], though the run may end before;
+            None if there is no mould.
+        unchecked: Data of steel, law and cooling that the run used and that are from memory of
+            their source (status M), each with the source.
+        warnings: What is not right in a run that has finished, a line each.
+        errors_at: Errors on the way, in SI (K of temperatures), by position [m] and name.
+    """
+
+    title: str
+    status: str
+    quantities: Mapping[str, Quantity] = field(default_factory=dict)
+    references: tuple[Comparison, ...] = ()
+    balances: Mapping[str, Mapping[str, Quantity]] = field(default_factory=dict)
+    steps: Mapping[str, float] = field(default_factory=dict)
+    wall_time: Mapping[str, float] = field(default_factory=dict)
+    zones: tuple[Zone, ...] = ()
+    mould_exit: float | None = None
+    unchecked: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    errors_at: Mapping[float, Mapping[str, float]] = field(default_factory=dict)
+
+    def errors_near(self, position: float) -> Mapping[str, float]:
+        """The errors that are known at a position (m), by name; none where none was asked for."""
+        for place, errors in self.errors_at.items():
+            if math.isclose(place, position, rel_tol=_NEAR):
+                return errors
+        return {}
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of the file, for `castfem.base.atomic_files.write_json`."""
+        return {
+            "title": self.title,
+            "status": self.status,
+            "quantities": {name: _quantity_json(q) for name, q in self.quantities.items()},
+            "references": [_comparison_json(comparison) for comparison in self.references],
+            "balances": {
+                name: {term: _quantity_json(q) for term, q in terms.items()}
+                for name, terms in self.balances.items()
+            },
+            "steps": dict(self.steps),
+            "wall_time": dict(self.wall_time),
+            "zones": [asdict(zone) for zone in self.zones],
+            "mould_exit": self.mould_exit,
+            "unchecked": list(self.unchecked),
+            "warnings": list(self.warnings),
+            "errors_at": {f"{at!r}": dict(errors) for at, errors in self.errors_at.items()},
+        }
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Summary:
+        """The inverse of `to_json`.
+
+        Raises:
+            KeyError, TypeError, ValueError: It is not such a content.
+        """
+        return cls(
+            title=content["title"],
+            status=content["status"],
+            quantities={name: _quantity(q) for name, q in content["quantities"].items()},
+            references=tuple(_comparison(entry) for entry in content["references"]),
+            balances={
+                name: {term: _quantity(q) for term, q in terms.items()}
+                for name, terms in content["balances"].items()
+            },
+            steps=renamed(content["steps"]),
+            wall_time=renamed(content["wall_time"]),
+            zones=tuple(Zone(**zone) for zone in content["zones"]),
+            mould_exit=content.get("mould_exit"),
+            unchecked=tuple(content.get("unchecked", ())),
+            warnings=tuple(content.get("warnings", ())),
+            errors_at={float(at): dict(e) for at, e in content.get("errors_at", {}).items()},
+        )
+
+    @classmethod
+    def load(cls, folder: Path | str) -> Summary | None:
+        """Reads summary.json; None if the folder has none yet.
+
+        Raises:
+            InputError: It cannot be read.
+        """
+        path = Path(folder) / SUMMARY_NAME
+        if not path.is_file():
+            return None
+        try:
+            return cls.from_json(json.loads(path.read_text(encoding="utf-8")))
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise InputError(f"{path}: cannot be read ({error!r}); repeat the run") from error
+
+
+def compare(
+    references: Iterable[Reference], quantities: Mapping[str, Quantity]
+) -> tuple[Comparison, ...]:
+    """Finds our value of each reference.
+
+    A name we have no quantity for, or one of another dimension, gives a comparison that tells what
+    is missing: a run that has ended is not thrown away for it.
+    """
+    found = []
+    for reference in references:
+        quantity = quantities.get(reference.quantity)
+        if quantity is None:
+            note = "no such quantity" + units.nearest(reference.quantity, quantities)
+            found.append(Comparison(reference, missing=note))
+        elif quantity.unit != reference.unit:
+            note = f"{reference.shown_unit} is not a unit of it; it is in {quantity.shown_unit}"
+            found.append(Comparison(reference, missing=note))
+        else:
+            found.append(Comparison(reference, quantity.value))
+    return tuple(found)
+
+
+def met(ours: float, theirs: float, kind: Kind) -> bool | None:
+    """Whether a value keeps to a bound, both in SI; None if it is none, or one is not known."""
+    if kind == "value" or not (math.isfinite(ours) and math.isfinite(theirs)):
+        return None
+    excess = ours - theirs if kind == "at_most" else theirs - ours
+    return excess <= _ROUNDING * abs(theirs)
+
+
+@lru_cache(maxsize=256)
+def si_unit(unit: str) -> str:
+    """The SI unit that measures the same as `unit`, "1" for none."""
+    return "1" if unit in (_NONE, "", "1") else units.parse_any(f"1 {unit}")[1]
+
+
+def _si_shown(unit: str) -> str:
+    """The SI unit by its usual name, "-" for none."""
+    found = coherent(unit)
+    return _NONE if found == "1" else found
+
+
+def from_si(value: float, unit: str) -> float:
+    """An SI value in a unit; what is not finite stays."""
+    if not math.isfinite(value):
+        return value
+    return units.convert(value, si_unit(unit), "1" if unit in (_NONE, "") else unit)
+
+
+def to_si(value: float | None, unit: str) -> float:
+    """A value in a unit brought to SI; None becomes NaN."""
+    if value is None or not math.isfinite(value):
+        return math.nan
+    return (
+        value if si_unit(unit) == unit or unit == _NONE else units.parse_any(f"{value!r} {unit}")[0]
+    )
+
+
+def unit_of_difference(unit: str) -> str:
+    """The unit in which two values in `unit` differ: K for temperatures."""
+    return "K" if si_unit(unit) == "K" else unit
+
+
+def _quantity_json(quantity: Quantity) -> dict[str, Any]:
+    found = {"value": quantity.shown, "unit": quantity.shown_unit, "label": quantity.label}
+    known = {"error": quantity.shown_error, "resolution": quantity.shown_resolution}
+    return found | {name: part for name, part in known.items() if part is not None}
+
+
+def _quantity(content: Mapping[str, Any]) -> Quantity:
+    unit = content["unit"]
+    known = (content.get("error"), content.get("resolution"))
+    parts = (None if one is None else to_si(one, unit_of_difference(unit)) for one in known)
+    return Quantity(to_si(content["value"], unit), unit, content["label"], *parts)
+
+
+def _comparison_json(comparison: Comparison) -> dict[str, Any]:
+    reference = comparison.reference
+    return {
+        "quantity": reference.quantity,
+        "value": from_si(reference.value, reference.shown_unit),
+        "unit": reference.shown_unit,
+        "kind": reference.kind,
+        "source": reference.source,
+        "note": reference.note,
+        "at": reference.at,
+        "changed": list(reference.changed),
+        "ours": from_si(comparison.ours, reference.shown_unit),
+        "difference": comparison.shown_difference,
+        "relative": comparison.relative,
+        "met": comparison.met,
+        "missing": comparison.missing,
+    }
+
+
+def _comparison(content: Mapping[str, Any]) -> Comparison:
+    unit = content["unit"]
+    value = to_si(content["value"], unit)
+    kind, note, missing = content.get("kind", "value"), content["note"], content.get("missing")
+    if missing is None:
+        note, missing = "", note
+    if kind not in SIGNS:
+        raise ValueError(f"no kind of reference: {kind}")
+    changed = tuple(content.get("changed", ()))
+    reference = Reference(
+        content["quantity"], value, unit, content["source"], content.get("at"), kind, note, changed
+    )
+    return Comparison(reference, to_si(content["ours"], unit), missing)

@@ -1,0 +1,269 @@
+"""What the surface of the strand goes through, unrolled: way round the section x way down.
+
+    surface_maps.h5      of a run that has ended, by whatever cause
+    surface_maps.rows    of one that is at work, or was killed
+
+During the run each step adds a row to surface_maps.rows, in one piece like a row of history.csv; in
+the end all rows are put into surface_maps.h5, which is written whole:
+
+    /                    attributes: format, version, band [K]
+    /heading             vertices, maps and rolls as JSON
+    /time, /position     (rows,) s, m
+    /surface/x, y, way, corner, face    (vertices,), see `SurfaceLine`
+    /maps/NAME           (rows, vertices); attributes: unit, label
+    /maps/in_band        whether the temperature lies in the low-ductility band
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from castfem.base.atomic_files import replacing, saving
+from castfem.base.closing import Closing
+from castfem.base.errors import InputError
+from castfem.base.types import Array
+from castfem.runs.output.field_files import UNREADABLE, open_hdf5, store, write_image
+from castfem.runs.output.folder import MAPS_NAME, ROWS_NAME
+from castfem.runs.output.surface_line import SurfaceLine
+
+if TYPE_CHECKING:
+    import h5py
+
+FORMAT = "castfem surface maps"
+VERSION = 1
+IN_BAND = "in_band"
+_ANEW = "run again without --resume"
+
+
+@dataclass(frozen=True, slots=True)
+class SurfaceMap:
+    """One quantity over the surface.
+
+    Attributes:
+        name: Of the map. unit: SI. shown: Unit in which it is shown. label: For a reader.
+    """
+
+    name: str
+    unit: str
+    shown: str
+    label: str
+
+
+@dataclass(frozen=True, slots=True)
+class Heading:
+    """What holds for all rows.
+
+    Attributes:
+        line: The vertices. maps: What each row has, in this order.
+        band: Temperatures of the low-ductility band, K.
+        rolls: Columns of the rolls (`castfem.physics.machine.stations.Stations.columns`); None without any.
+        thickness: Of the section, m; None of one without. mould_exit: m; None without a mould.
+    """
+
+    line: SurfaceLine
+    maps: tuple[SurfaceMap, ...]
+    band: tuple[float, float]
+    rolls: Mapping[str, Any] | None = None
+    thickness: float | None = None
+    mould_exit: float | None = None
+
+    @property
+    def row(self) -> np.dtype[Any]:
+        """Of what a row consists."""
+        values = ("<f4", (len(self.maps), len(self.line.nodes)))
+        return np.dtype([("time", "<f8"), ("position", "<f8"), ("values", *values)])
+
+    def text(self) -> str:
+        """One line that reads back to the same."""
+        maps = [[m.name, m.unit, m.shown, m.label] for m in self.maps]
+        content = {"format": FORMAT, "version": VERSION, "line": self.line.stored(), "maps": maps}
+        facts = {"band": list(self.band), **self.caster()}
+        return json.dumps(content | facts) + "\n"
+
+    def caster(self) -> dict[str, Any]:
+        """What is known of the caster, as JSON has it."""
+        rolls = None if self.rolls is None else dict(self.rolls)
+        return {"rolls": rolls, "thickness": self.thickness, "mould_exit": self.mould_exit}
+
+    @classmethod
+    def read(cls, text: str) -> Heading:
+        """The inverse of `text`.
+
+        Raises:
+            ValueError: It is none.
+        """
+        found = json.loads(text)
+        if not isinstance(found, dict) or found.get("format") != FORMAT:
+            raise ValueError("not written by castfem")
+        line = SurfaceLine.restored(found["line"])
+        maps = tuple(SurfaceMap(*one) for one in found["maps"])
+        low, high = found["band"]
+        caster = (found[key] for key in ("rolls", "thickness", "mould_exit"))
+        return cls(line, maps, (low, high), *caster)
+
+
+class MapWriter(Closing):
+    """Adds a row a step; keeps one file open.
+
+    Args:
+        folder: Of the run.
+        heading: What holds for all rows.
+        kept: Rows to begin with.
+
+    Raises:
+        RunFailure: The file cannot be written.
+    """
+
+    def __init__(self, folder: Path, heading: Heading, kept: bytes = b"") -> None:
+        self._folder, self._heading = folder, heading
+        path = folder / ROWS_NAME
+        with replacing(path) as temporary:
+            temporary.write_bytes(heading.text().encode() + kept)
+        with saving(path):
+            self._handle = os.open(path, os.O_WRONLY | os.O_APPEND)
+
+    @classmethod
+    def resume(cls, folder: Path, heading: Heading, rows: int) -> MapWriter:
+        """Goes on with the maps of an earlier run behind so many rows.
+
+        Raises:
+            InputError: There are none, they cannot be read, or they are others.
+            RunFailure: They cannot be written.
+        """
+        there, found = _read(folder)
+        path = folder / (ROWS_NAME if (folder / ROWS_NAME).is_file() else MAPS_NAME)
+        if there.text() != heading.text():
+            raise InputError(f"{path}: holds other maps than this run writes; {_ANEW}")
+        if len(found) < rows:
+            raise InputError(
+                f"{path}: has {len(found)} rows of {rows} that were written: it has been changed; "
+                f"put the file back as it was, or {_ANEW}"
+            )
+        return cls(folder, heading, found[:rows].tobytes())
+
+    def append(self, time: float, position: float, values: Array) -> None:
+        """Adds a row.
+
+        Args:
+            time: s.
+            position: m.
+            values: (maps, vertices) in SI.
+
+        Raises:
+            RunFailure: It cannot be written.
+        """
+        row = np.zeros(1, self._heading.row)
+        row["time"], row["position"], row["values"] = time, position, values
+        with saving(self._folder / ROWS_NAME):
+            before, text = os.fstat(self._handle).st_size, row.tobytes()
+            if os.write(self._handle, text) != len(text):  # the disk was full in the middle
+                os.ftruncate(self._handle, before)
+                raise OSError(28, os.strerror(28))
+
+    def sync(self) -> None:
+        """Forces the rows to disk: a state that outlives a power cut must not lack them."""
+        if self._handle >= 0:
+            with saving(self._folder / ROWS_NAME):
+                os.fsync(self._handle)
+
+    def close(self) -> None:
+        """Puts all rows into surface_maps.h5; nothing is lost without it."""
+        if self._handle < 0:
+            return
+        os.close(self._handle)
+        self._handle = -1
+        _, rows = _read(self._folder)
+        write_image(self._folder / MAPS_NAME, lambda file: _fill(file, self._heading, rows))
+        with suppress(OSError):
+            (self._folder / ROWS_NAME).unlink()
+
+
+class SurfaceMaps:
+    """The maps of a run, also of one that is at work or was killed.
+
+    Args:
+        folder: Of the run.
+
+    Attributes:
+        heading: Vertices, names and units, band, rolls.
+        time: (rows,), s. position: (rows,), m.
+
+    Raises:
+        InputError: There are none, or they cannot be read.
+    """
+
+    def __init__(self, folder: Path | str) -> None:
+        self.heading, rows = _read(Path(folder))
+        self.time, self.position = np.array(rows["time"]), np.array(rows["position"])
+        self._values = rows["values"]
+
+    @staticmethod
+    def exist(folder: Path) -> bool:
+        """Whether a run has written maps."""
+        return any((folder / name).is_file() for name in (MAPS_NAME, ROWS_NAME))
+
+    def names(self) -> tuple[str, ...]:
+        """Of the maps."""
+        return tuple(one.name for one in self.heading.maps)
+
+    def __getitem__(self, name: str) -> Array:
+        """A map (rows, vertices), in SI; `in_band` is 1 in the low-ductility band, else 0."""
+        if name == IN_BAND:
+            low, high = self.heading.band
+            kelvin = self["temperature"]
+            return np.asarray((kelvin > low) & (kelvin < high), float)
+        return np.asarray(self._values[:, self.names().index(name)], float)
+
+
+def _read(folder: Path) -> tuple[Heading, np.ndarray[Any, Any]]:
+    """Heading and rows, whichever file has them; a row that a kill cut off is left out."""
+    path = folder / ROWS_NAME
+    try:
+        if path.is_file():
+            head, _, content = path.read_bytes().partition(b"\n")
+            heading = Heading.read(head.decode())
+            whole = len(content) // heading.row.itemsize * heading.row.itemsize
+            return heading, np.frombuffer(content[:whole], heading.row)
+        path = folder / MAPS_NAME
+        with open_hdf5(path) as file:
+            heading = Heading.read(file["heading"][()].decode())
+            rows = np.zeros(file["time"].shape, heading.row)
+            rows["time"], rows["position"] = file["time"][()], file["position"][()]
+            for i, one in enumerate(heading.maps):
+                rows["values"][:, i] = file["maps"][one.name][()]
+            return heading, rows
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file; {_ANEW}") from error
+    except UNREADABLE as error:
+        raise InputError(f"{path}: cannot be read ({error}); {_ANEW}") from error
+
+
+def _fill(file: h5py.File, heading: Heading, rows: np.ndarray[Any, Any]) -> None:
+    """Put everything into an HDF5 file."""
+    file.attrs["format"], file.attrs["version"] = FORMAT, VERSION
+    file["heading"] = heading.text()
+    file.attrs["band"] = heading.band
+    store(file, "time", np.array(rows["time"])).attrs["unit"] = "s"
+    store(file, "position", np.array(rows["position"])).attrs["unit"] = "m"
+    line, surface = heading.line, file.create_group("surface")
+    for name, values in zip("xy", line.place.T, strict=True):
+        store(surface, name, np.array(values)).attrs["unit"] = "m"
+    store(surface, "way", line.way).attrs["unit"] = "m"
+    store(surface, "corner", line.corner).attrs["unit"] = "m"
+    store(surface, "face", line.face).attrs["names"] = list(line.faces)
+    maps = file.create_group("maps")
+    for i, one in enumerate(heading.maps):
+        found = store(maps, one.name, np.ascontiguousarray(rows["values"][:, i]))
+        found.attrs["unit"], found.attrs["label"] = one.unit, one.label
+        if one.name == "temperature":
+            kelvin, (low, high) = rows["values"][:, i].astype(float), heading.band
+            inside = (kelvin > low) & (kelvin < high)
+            store(maps, IN_BAND, inside.astype(np.uint8)).attrs["unit"] = "-"

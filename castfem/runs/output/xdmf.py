@@ -1,0 +1,296 @@
+"""Fields over time in fields.xdmf, for ParaView, VisIt and meshio; the numbers are in HDF5 files.
+
+The XDMF holds one temporal collection and in it one grid a time, each with all its fields, so that
+colouring, Warp By Vector and Plot Over Line work without merging anything; an Information element
+of each grid names the units of its fields. Where the numbers are,
+and why a kill cannot harm them, is said in `castfem.runs.output.field_files`.
+
+Values are single precision unless asked for: it resolves 1e-4 K at casting temperature and 10 Pa in
+100 MPa, halves the files, and a run is restarted from checkpoint.h5, never from here. Points, times
+and positions are double.
+
+Each write puts the numbers on disk before the XDMF names them, and the XDMF is replaced in one
+step: it may be opened at any moment, during the run and after a kill.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+from castfem.base import log
+from castfem.base.atomic_files import GrowingFile, saving
+from castfem.base.closing import Closing
+from castfem.base.errors import InputError, RunFailure
+from castfem.base.tolerances import same_or_before
+from castfem.runs.output import field_files
+from castfem.runs.output.field_files import HDF5_NAME, UNREADABLE, Step, open_hdf5
+from castfem.runs.output.layout import UNITS, components, vtk_cells
+
+if TYPE_CHECKING:
+    import h5py
+
+XDMF_NAME = "fields.xdmf"
+
+_TOPOLOGY = {
+    ("triangle", 1): "Triangle",
+    ("quadrilateral", 1): "Quadrilateral",
+    ("triangle", 2): "Triangle_6",
+    ("quadrilateral", 2): "Quadrilateral_9",
+}
+_HEAD = (
+    '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n<Domain>\n'
+    '<Grid Name="strand" GridType="Collection" CollectionType="Temporal">\n'
+)
+_FOOT = "</Grid>\n</Domain>\n</Xdmf>\n"
+_KINDS = {1: "Scalar", 3: "Vector", 9: "Tensor"}
+_CENTRES = {"point": "Node", "cell": "Cell"}
+_ANEW = "run again without --resume"
+
+
+class FieldWriter(Closing):
+    """Appends the fields of one time after another to fields.xdmf; keeps no file open.
+
+    Attributes:
+        times: Written so far [s].
+    """
+
+    _folder: Path
+    _steps: list[Step]
+    _layout: dict[str, tuple[str, int]]
+    _xdmf: GrowingFile
+    _rows: dict[str, int]
+    _dtype: np.dtype[Any]
+    _mesh: str
+
+    def __init__(
+        self,
+        folder: Path | str,
+        points: ArrayLike,
+        cells: ArrayLike,
+        cell: str,
+        order: int,
+        *,
+        dtype: DTypeLike = np.float32,
+        attributes: Mapping[str, float | str] | None = None,
+    ) -> None:
+        """Begins anew.
+
+        Args:
+            folder: Where the files go; it exists.
+            points: (n, 2) or (n, 3) coordinates of the nodes [m].
+            cells: (m, k) nodes of the cells in DOLFINx order.
+            cell: "triangle" or "quadrilateral".
+            order: 1 or 2, of the geometry.
+            dtype: float32 or float64, of the values.
+            attributes: What a reader of the fields alone should know: solidus, liquidus [K],
+                symmetry ("quarter", "half", "whole").
+
+        Raises:
+            RunFailure: They cannot be written.
+            ValueError: The mesh is no mesh.
+        """
+        corners = np.asarray(points, dtype=np.float64)
+        if corners.ndim != 2 or corners.shape[1] not in (2, 3):
+            raise ValueError(f"points are {corners.shape}, not (n, 2) or (n, 3)")
+        table = vtk_cells(cells, cell, order)
+        if table.size and not 0 <= table.min() <= table.max() < len(corners):
+            raise ValueError("cells name nodes that are not there")
+        if corners.shape[1] == 2:
+            corners = np.column_stack([corners, np.zeros(len(corners))])
+        self._folder = Path(folder)
+        facts = {**(attributes or {}), "cell": cell, "order": order}
+        self._layout = {}
+        self._name_all([])
+        field_files.begin(self._folder, corners, table, facts, dtype)
+        with open_hdf5(self._folder / HDF5_NAME) as file:
+            self._read_mesh_facts(file)
+
+    @classmethod
+    def resume(
+        cls, folder: Path | str, time: float, names: Iterable[str] | None = None
+    ) -> FieldWriter:
+        """Goes on with the files of an earlier run and drops what was written after `time` [s].
+
+        Args:
+            folder: Of the run.
+            time: The last time to keep.
+            names: Of the fields that are going to be written; None for those that are there.
+
+        Raises:
+            InputError: There are none, they cannot be read, or they have other fields.
+            RunFailure: They cannot be written.
+        """
+        path = Path(folder) / HDF5_NAME
+        if not path.is_file():
+            raise InputError(
+                f"{path}: no such file, the run wrote no fields; set output.fields=[], or {_ANEW}"
+            )
+        writer = cls.__new__(cls)
+        writer._folder, writer._layout = Path(folder), {}
+        try:
+            with open_hdf5(path) as file:
+                everything = field_files.written(writer._folder, file)
+                writer._read_mesh_facts(file)
+            kept = [step for step in everything if same_or_before(step.time, time)]
+            if kept:
+                with open_hdf5(writer._folder / kept[-1].file) as file:
+                    writer._read_layout(file[kept[-1].group])
+        except UNREADABLE as error:
+            raise InputError(f"{path}: cannot be read ({error}); {_ANEW}") from error
+        if names is not None and kept and set(names) != writer._layout.keys():
+            there = ", ".join(sorted(writer._layout))
+            raise InputError(f"{path}: holds {there}; set output.fields to these, or {_ANEW}")
+        writer._drop(everything, kept)
+        return writer
+
+    @property
+    def times(self) -> list[float]:
+        """Written so far [s]."""
+        return [step.time for step in self._steps]
+
+    def write(
+        self,
+        time: float,
+        position: float,
+        point_fields: Mapping[str, ArrayLike] | None = None,
+        cell_fields: Mapping[str, ArrayLike] | None = None,
+    ) -> None:
+        """Appends one time; when it returns, it is complete on disk.
+
+        Args:
+            time: Since the meniscus [s], later than the last.
+            position: Below the meniscus [m].
+            point_fields: Name to values at the nodes, shapes as in `components`.
+            cell_fields: Name to values in the cells. Both name the same fields at every time.
+
+        Raises:
+            RunFailure: They cannot be written; the times before are still there.
+            ValueError: Another set of fields than before, a wrong shape, or not a later time.
+        """
+        last = self._steps[-1] if self._steps else None
+        if last is not None and not time > last.time:
+            raise ValueError(f"time {time} s is not after {last.time} s")
+        fields = self._prepare("point", point_fields or {})
+        cell_values = self._prepare("cell", cell_fields or {})
+        if fields.keys() & cell_values.keys():
+            raise ValueError(f"point and cell fields share {fields.keys() & cell_values.keys()}")
+        fields |= cell_values
+        layout = {name: (centre, _width(values)) for name, (centre, values) in fields.items()}
+        if last is not None and layout != self._layout:
+            raise ValueError(f"fields {layout} differ from those before, {self._layout}")
+        number = 0 if last is None else last.number + 1
+        step = field_files.add(self._folder, number, float(time), float(position), fields)
+        self._layout = layout
+        self._append(step)
+        self._xdmf.publish()
+
+    def close(self) -> None:
+        """Gathers all times in fields.h5; nothing is lost without it, nor if it fails."""
+        try:
+            if any(step.single for step in self._steps):
+                self._gather()
+        except (RunFailure, *UNREADABLE) as error:
+            log.logger.warning("the fields stay in single files: %s", error)
+        self._xdmf.close()
+
+    def _drop(self, everything: list[Step], kept: list[Step]) -> None:
+        """Takes up the times that are kept and removes the others from the disk."""
+        self._name_all(kept)  # before the numbers go: it never names what is gone
+        field_files.remove_singles(self._folder, keep=kept)
+        if any(not step.single for step in set(everything) - set(kept)):
+            self._gather()
+
+    def _gather(self) -> None:
+        """Puts all times into fields.h5."""
+        gathered = field_files.gather(self._folder, self._steps)
+        self._xdmf.close()
+        self._name_all(gathered)
+        field_files.remove_singles(self._folder)
+
+    def _name_all(self, steps: list[Step]) -> None:
+        """Replaces the XDMF by one with these times; of none there is no file: few can read it."""
+        path = self._folder / XDMF_NAME
+        self._xdmf = GrowingFile(path, _HEAD, _FOOT)
+        self._steps = []
+        for step in steps:
+            self._append(step)
+        if steps:
+            self._xdmf.publish(durable=True)
+        else:
+            with saving(path):
+                path.unlink(missing_ok=True)
+
+    def _read_mesh_facts(self, file: h5py.File) -> None:
+        """What is constant in every grid: its mesh as XDMF, the rows and type of its fields."""
+        nodes = file["mesh/points"].shape[0]
+        count, width = file["mesh/cells"].shape
+        topology = _TOPOLOGY[file.attrs["cell"], int(file.attrs["order"])]
+        self._rows = {"point": nodes, "cell": count}
+        self._dtype = np.dtype(file["steps"].attrs["dtype"])
+        cells = _item(HDF5_NAME, "/mesh/cells", (count, width), np.dtype(np.int32))
+        points = _item(HDF5_NAME, "/mesh/points", (nodes, 3), np.dtype(np.float64))
+        self._mesh = (
+            f'<Topology TopologyType="{topology}" NumberOfElements="{count}">{cells}</Topology>\n'
+            f'<Geometry GeometryType="XYZ">{points}</Geometry>\n'
+        )
+
+    def _read_layout(self, group: h5py.Group) -> None:
+        """Which fields a time has."""
+        self._layout = {
+            field: (str(values.attrs["centre"]), _width(values)) for field, values in group.items()
+        }
+
+    def _prepare(
+        self, centre: str, fields: Mapping[str, ArrayLike]
+    ) -> dict[str, tuple[str, NDArray[Any]]]:
+        """The fields of one centre in the shape and type they are written in."""
+        prepared = {}
+        for name, values in fields.items():
+            if not name or set(name) & set("/:.\\"):
+                raise ValueError(f"a field cannot be named {name!r}")
+            array = components(values, self._rows[centre], name)
+            prepared[name] = (centre, np.ascontiguousarray(array, dtype=self._dtype))
+        return prepared
+
+    def _append(self, step: Step) -> None:
+        """Adds one grid to the text of the XDMF."""
+        units = {"time": "s", "position": "m", "coordinates": "m"}
+        units |= {name: UNITS[name] for name in sorted(self._layout) if name in UNITS}
+        listed = ", ".join(f"{name} [{unit}]" for name, unit in units.items())
+        grid = [
+            f'<Grid Name="strand" GridType="Uniform"><Time Value="{step.time!r}"/>'
+            f'<Information Name="position" Value="{step.position!r}"/>\n'
+            f'<Information Name="units" Value="{listed}"/>\n'
+            f"{self._mesh}"
+        ]
+        for field, (centre, width) in sorted(self._layout.items()):
+            rows = self._rows[centre]
+            shape = (rows,) if width == 1 else (rows, width)
+            values = _item(step.file, f"/{step.group}/{field}", shape, self._dtype)
+            grid.append(
+                f'<Attribute Name={quoteattr(field)} AttributeType="{_KINDS[width]}" '
+                f'Center="{_CENTRES[centre]}">{values}</Attribute>\n'
+            )
+        grid.append("</Grid>\n")
+        self._xdmf.extend("".join(grid))
+        self._steps.append(step)
+
+
+def _width(values: NDArray[Any] | h5py.Dataset) -> int:
+    """Number of components of a stored field."""
+    return int(values.shape[1]) if len(values.shape) == 2 else 1
+
+
+def _item(file: str, path: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> str:
+    """The XDMF of one array in an HDF5 file."""
+    number = "Int" if dtype.kind == "i" else "Float"
+    return (
+        f'<DataItem Dimensions="{" ".join(map(str, shape))}" NumberType="{number}" '
+        f'Precision="{dtype.itemsize}" Format="HDF">{file}:{path}</DataItem>'
+    )

@@ -1,0 +1,225 @@
+"""Writes what a run yields: history, fields, checkpoints.  Files are rank 0's business."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from castfem.base.atomic_files import saving
+from castfem.base.errors import InputError
+from castfem.base.tolerances import same_instant, same_or_before
+from castfem.base.types import Array
+from castfem.fem.root import on_root
+from castfem.runs import restart
+from castfem.runs.output.checkpoint import CHECKPOINT_NAME, load_checkpoint, save_checkpoint
+from castfem.runs.output.folder import PROBES_NAME, OutputFolder
+from castfem.runs.output.history import HISTORY_NAME, History
+from castfem.runs.output.xdmf import FieldWriter
+from castfem.runs.results.columns import Columns
+from castfem.runs.results.run_state import Counts, RunState
+from castfem.runs.results.sample import Sample
+
+if TYPE_CHECKING:
+    from castfem.model.build.simulation import Simulation
+    from castfem.runs.output.surface_maps import MapWriter
+    from castfem.runs.results.probes import ProbeSampler
+from castfem.model.build.start import starting_time
+
+
+class Recorder:
+    """Files of one run.
+
+    Args:
+        simulation: What is run.
+        folder: The run's folder, begun; used on rank 0.
+        resume: Go on with the files that are there.
+    """
+
+    def __init__(self, simulation: Simulation, folder: OutputFolder, resume: bool = False) -> None:
+        self.simulation, self.folder, self.comm = simulation, folder, simulation.section.comm
+        self._every = simulation.case.output.checkpoint_every
+        self._columns = Columns(simulation)
+        self._history: History | None = None
+        self._fields: FieldWriter | None = None
+        self._maps: MapWriter | None = None
+        self._probes: ProbeSampler | None = None
+        self._probe_files: dict[str, History] = {}
+        self.checkpoint: tuple[dict[str, Any], dict[str, Array]] | None = None
+        on_root(self.comm, self._open_for_resume if resume else self._open)
+        if resume:
+            self.checkpoint = self.comm.bcast(self.checkpoint)
+
+    @cached_property
+    def _physics(self) -> dict[str, Any]:
+        """What the checkpoints of this run hold of its case; it does not change (rank 0)."""
+        return self.simulation.case.physics_record()
+
+    def _open(self) -> None:
+        """Begin history and fields."""
+        self._history = History(self.folder / HISTORY_NAME, self._columns.heading)
+        source = self.simulation.section.source
+        if self.simulation.case.output_fields and source is not None:
+            steel = self.simulation.steel
+            facts: dict[str, float | str] = {"solidus": steel.solidus, "liquidus": steel.liquidus}
+            symmetry = getattr(self.simulation.case.section, "symmetry", None)
+            if symmetry:
+                facts["symmetry"] = symmetry
+            self._fields = FieldWriter(
+                self.folder.path,
+                source.points,
+                source.cells,
+                source.cell,
+                source.order,
+                attributes=facts,
+            )
+
+    def _open_for_resume(self) -> None:
+        """Read the checkpoint and cut what was written after it."""
+        case = self.simulation.case
+        self.checkpoint = load_checkpoint(self.folder / CHECKPOINT_NAME, **self._physics)
+        time = float(self.checkpoint[0]["time"])
+        if not same_or_before(time, case.casting.duration):
+            come, length = self.simulation.machine.position(time), case.casting.length
+            raise InputError(
+                f"{self.folder / CHECKPOINT_NAME}: casting.length: {length:g} m is asked for, and "
+                f"the run has come to {come:g} m; give at least that, or run without "
+                "--resume into another folder"
+            )
+        taken = Counts.restored(self.checkpoint[0]["counts"]).taken
+        self._history = History.resume(
+            self.folder / HISTORY_NAME, time, self._columns.heading, rows=taken + 1
+        )
+        if names := self.simulation.case.output_fields:
+            self._fields = FieldWriter.resume(self.folder.path, time, names)
+
+    def step(self, run: RunState, sample: Sample) -> None:
+        """Write one committed step: a row always, fields at output times, a checkpoint in turn.
+
+        Raises:
+            RunFailure: On every rank, when a file cannot be written.
+        """
+        cells, fields = self._columns.row(sample), self._due_fields(run, sample)
+        judged = run.sampler.quality
+        mapped = None if judged is None else judged.row()
+        probed = {} if self._probes is None else self._probes.rows(run.state, sample)
+        taken = run.counts.taken
+        due = self._every > 0 and taken % self._every == 0  # at the meniscus, too
+        checkpoint = self._checkpoint(run) if due else None
+
+        def write() -> None:
+            assert self._history is not None
+            self._history.append(cells)
+            if self._fields is not None and fields:
+                self._fields.write(sample.time, sample.position, fields)
+            if self._maps is not None and mapped is not None:
+                self._maps.append(sample.time, sample.position, mapped)
+            for name, file in self._probe_files.items():
+                file.append(probed[name])
+            if checkpoint is not None:
+                self._save(run, *checkpoint)
+
+        on_root(self.comm, write)
+
+    def begin_maps(self, run: RunState) -> None:
+        """Begin the maps of the surface, or go on with them; a case without [quality] has none."""
+        judged = run.sampler.quality
+        if judged is None:
+            return
+        from castfem.runs.output.surface_maps import MapWriter
+
+        def begin() -> None:
+            heading = judged.heading()
+            if self.checkpoint is None:
+                self._maps = MapWriter(self.folder.path, heading)
+            else:
+                taken = Counts.restored(self.checkpoint[0]["counts"]).taken
+                self._maps = MapWriter.resume(self.folder.path, heading, taken + 1)
+
+        on_root(self.comm, begin)
+
+    def begin_probes(self, run: RunState) -> None:
+        """Begin the files of the probes, or go on with them; a case without some has none."""
+        case = self.simulation.case
+        if not case.output.probe:
+            return
+        from castfem.runs.results.probes import ProbeSampler
+
+        self._probes = probes = ProbeSampler(self.simulation, run.sampler.mechanics)
+
+        def begin() -> None:
+            for name in probes.names:
+                path = self.folder / f"{PROBES_NAME}/{name}.csv"
+                if self.checkpoint is None:
+                    with saving(path):
+                        path.parent.mkdir(exist_ok=True)
+                    file = History(path, probes.columns)
+                else:
+                    meta = self.checkpoint[0]
+                    rows = Counts.restored(meta["counts"]).taken + 1
+                    file = History.resume(path, float(meta["time"]), probes.columns, rows=rows)
+                self._probe_files[name] = file
+
+        on_root(self.comm, begin)
+
+    def _due_fields(self, run: RunState, sample: Sample) -> dict[str, Array] | None:
+        """Fields at the nodes on rank 0 if this is an output time, else None (collective)."""
+        names = self.simulation.case.output_fields
+        if not names or not self._is_due(sample.time):
+            return None
+        state, gather = run.state, self.simulation.section.gather
+        kelvin = state.thermal.point.temperature
+        owned = {"temperature": kelvin}
+        if "solid_fraction" in names:
+            owned["solid_fraction"] = np.asarray(self.simulation.steel.solid_fraction(kelvin))
+        if run.sampler.mechanics is not None and state.mechanical is not None:
+            owned |= run.sampler.mechanics.fields(state.mechanical, names)
+        gathered = {name: _by_component(gather, owned[name]) for name in names}
+        return {name: values for name, values in gathered.items() if values is not None}
+
+    def _is_due(self, time: float) -> bool:
+        """Whether `time` is the start, a multiple of the output interval, or the end."""
+        every, end = self.simulation.case.output_every, self.simulation.control.end
+        nearest = round(time / every) * every
+        begun = starting_time(self.simulation)
+        return time <= begun or same_instant(time, nearest, end) or same_instant(time, end, end)
+
+    def _checkpoint(self, run: RunState) -> tuple[dict[str, Any], dict[str, Array | None]]:
+        """What a checkpoint of the committed state holds (collective: results may be sums)."""
+        return restart.description(run), restart.arrays(run)
+
+    def _save(
+        self, run: RunState, description: dict[str, Any], state: dict[str, Array | None]
+    ) -> None:
+        """Save a checkpoint and note how far the run has come (rank 0)."""
+        arrays = {name: values for name, values in state.items() if values is not None}
+        if self._history is not None:
+            self._history.sync()
+        if self._maps is not None:
+            self._maps.sync()
+        for file in self._probe_files.values():
+            file.sync()
+        save_checkpoint(self.folder / CHECKPOINT_NAME, description, arrays, **self._physics)
+        self.folder.update(reached=run.reached)
+
+    def save(self, run: RunState) -> None:
+        """Save a checkpoint of the committed state now (collective)."""
+        checkpoint = self._checkpoint(run)
+        on_root(self.comm, lambda: self._save(run, *checkpoint))
+
+    def close(self) -> None:
+        """Close the files; what was written is complete without it."""
+        for thing in (self._history, self._fields, self._maps, *self._probe_files.values()):
+            if thing is not None:
+                thing.close()
+
+
+def _by_component(gather: Callable[[Array], Array | None], owned: Array) -> Array | None:
+    """Vertex values (owned, ...) of all ranks on rank 0, a component at a time (collective)."""
+    if owned.ndim == 1:
+        return gather(owned)
+    parts = [gather(np.ascontiguousarray(component)) for component in owned.T]
+    whole = [part for part in parts if part is not None]
+    return np.column_stack(whole) if whole else None

@@ -1,0 +1,207 @@
+"""The registry of crack indexes: where on its way the strand may crack, each declared once.
+
+    @crack_index("tension", unit="MPa", label="axial tension", needs=("mechanics",))
+    def tension(step: SliceStep) -> Array:
+        '''Axial tension, whatever the temperature.'''
+        return np.maximum(step.axial_stress, 0.0)
+
+is all that an index takes. A case with the table [quality] then computes it after each step at all
+vertices; its largest value is a column of history.csv (`tension_max`), the largest on the way a
+result with its place, roll and time (`way_tension_max`; where a machine bends the strand of bending
+and straightening, too), and what lies on the surface is a map in
+surface_maps.h5, in a figure and in the tables of `castfem show`.  Values are in SI.
+
+An index that accumulates finds its own value before the step in `step.value`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from castfem.base.types import Array, Flags
+from castfem.physics.machine.stations import BENDS
+from castfem.runs.results.registry import quantity
+
+if TYPE_CHECKING:
+    from castfem.model.quality import Quality
+    from castfem.physics.materials import Steel
+    from castfem.runs.results.sample import Sample
+
+Where = Literal["surface", "section"]
+
+
+@dataclass(frozen=True, slots=True)
+class SliceStep:
+    """The slice before and after a step, at this rank's own vertices.
+
+    Attributes:
+        settings: The table [quality] of the case. steel: Of the strand.
+        duration: Of the step, s; 0 at the meniscus.
+        rated: What the rates are means over: the step, or if that is a very short one, what was
+            before it as well, s.
+        place: x and y (n, 2), m, of the undeformed section.
+        temperature: After the step (n,), K. earlier: Before it. rated_from: Where `rated` begins.
+        axial_stress: After the step (n,), Pa, positive in tension; recovered from the points as
+            their mean around each vertex, by area and nearness; zero without mechanics.
+        strain_rate: Axial, over `rated` (n,), 1/s: exact, from the motion of the planes.
+        step_rate: The same over the step.
+        pitch_rate: Axial, mean over the last pitch of rolls (n,), 1/s.
+        value: Of the index before the step (n,); zero at the meniscus.
+        brittle: Temperatures between which the solid fraction lies in the brittle range, K.
+    """
+
+    settings: Quality
+    steel: Steel
+    duration: float
+    rated: float
+    place: Array
+    temperature: Array
+    earlier: Array
+    rated_from: Array
+    axial_stress: Array
+    strain_rate: Array
+    step_rate: Array
+    pitch_rate: Array
+    value: Array
+    brittle: tuple[float, float]
+
+    @property
+    def in_band(self) -> Flags:
+        """Whether the temperature lies in the low-ductility band after the step (n,)."""
+        low, high = self.settings.band
+        return np.asarray((self.temperature > low) & (self.temperature < high))
+
+    @property
+    def mechanical_rate(self) -> Array:
+        """Axial strain rate less that of thermal expansion (n,), 1/s."""
+        return self._mechanical(self.strain_rate, self.rated_from, self.rated)
+
+    @property
+    def mechanical_strain(self) -> Array:
+        """Axial strain that the step adds, less that of thermal expansion (n,)."""
+        return self.duration * self._mechanical(self.step_rate, self.earlier, self.duration)
+
+    def _mechanical(self, rate: Array, earlier: Array, duration: float) -> Array:
+        """An axial strain rate less that of thermal expansion since then (n,), 1/s."""
+        if not duration > 0.0:
+            return np.zeros_like(rate)
+        strain = self.steel.thermal_strain
+        grown = strain(self.temperature) - strain(earlier)
+        return np.asarray(rate - grown / duration)
+
+    def share_within(self, low: float, high: float) -> Array:
+        """Share of the step in which the temperature lay within two (K), as a straight line."""
+        cold = np.minimum(self.temperature, self.earlier)
+        warm = np.maximum(self.temperature, self.earlier)
+        inside = np.minimum(warm, high) - np.maximum(cold, low)
+        still = np.asarray((cold > low) & (cold < high), float)
+        span = warm - cold
+        moving = np.clip(inside / np.where(span > 0.0, span, 1.0), 0.0, 1.0)
+        return np.where(span > 0.0, moving, still)
+
+
+@dataclass(frozen=True, slots=True)
+class CrackIndex:
+    """What a crack index is called, and how it is computed.
+
+    Attributes:
+        name: Of the index and its map.
+        unit: In which it is shown.
+        label: In tables.
+        compute: Its values after a step (n,), in SI.
+        needs: What a simulation must have, of `castfem.runs.results.registry.NEEDS`.
+        on: Where it counts: at the surface, or in the whole section; then it has no map.
+        accumulates: Whether it continues from its own values before the step.
+    """
+
+    name: str
+    unit: str
+    label: str
+    compute: Callable[[SliceStep], Array]
+    needs: tuple[str, ...] = ()
+    on: Where = "surface"
+    accumulates: bool = False
+
+
+_declared: dict[str, CrackIndex] = {}
+Computed = Callable[[SliceStep], Array]
+
+
+def crack_index(
+    name: str,
+    *,
+    unit: str,
+    label: str,
+    needs: tuple[str, ...] = (),
+    on: Where = "surface",
+    accumulates: bool = False,
+) -> Callable[[Computed], Computed]:
+    """Declare the decorated function as a crack index: a map, columns and results.
+
+    The function takes the step of the slice and returns a value in SI for each vertex of the
+    surface, or each point of the section. The arguments are those of `CrackIndex`.
+
+    Raises:
+        ValueError: There is a quantity of that name, or something it needs is not known.
+    """
+
+    def declare(compute: Computed) -> Computed:
+        def largest(sample: Sample) -> float:
+            return sample.judged.largest[name].value
+
+        def on_the_way(sample: Sample) -> float:
+            return sample.judged.worst[name].value
+
+        def place(sample: Sample) -> str:
+            return sample.judged.words(sample.judged.worst[name])
+
+        about = (compute.__doc__ or "").strip()
+        where = "of the surface" if on == "surface" else "of the section"
+        largest.__doc__ = f"{about} The largest {where} here."
+        on_the_way.__doc__ = f"{about} The largest {where} from the meniscus to here."
+        # Where they stand in files and tables is that of the module that declares the index.
+        largest.__module__ = on_the_way.__module__ = compute.__module__
+        together = (*needs, "quality")
+        quantity(f"{name}_max", unit=unit, label=label, row=False, needs=together)(largest)
+        quantity(
+            f"way_{name}_max", unit=unit, label=f"largest {label} on the way", column=False,
+            place=place, needs=together,
+        )(on_the_way)  # fmt: skip
+        for phase in () if accumulates else BENDS:
+            _declare_within(phase, name, unit, label, about, compute, together)
+        _declared[name] = CrackIndex(name, unit, label, compute, needs, on, accumulates)
+        return compute
+
+    return declare
+
+
+def _declare_within(
+    phase: str, name: str, unit: str, label: str, about: str, compute: Computed,
+    needs: tuple[str, ...],
+) -> None:  # fmt: skip
+    """Declare the largest value of an index while the strand is bent, or straightened."""
+
+    def largest(sample: Sample) -> float | None:
+        worst = sample.judged.within(phase, name)
+        return None if worst is None else worst.value
+
+    def place(sample: Sample) -> str:
+        return sample.judged.words(sample.judged.within(phase, name))
+
+    largest.__doc__ = f"{about} The largest in {phase}; none before."
+    largest.__module__ = compute.__module__
+    quantity(
+        f"{phase}_{name}_max", unit=unit, label=f"largest {label}, {phase}", column=False,
+        place=place, needs=(*needs[:-1], "bending", "quality"),
+    )(largest)  # fmt: skip
+
+
+def declared_indexes() -> tuple[CrackIndex, ...]:
+    """All crack indexes, castfem's own first."""
+    from castfem.runs.results import quality_quantities as own
+
+    return tuple(sorted(_declared.values(), key=lambda one: one.compute.__module__ != own.__name__))

@@ -1,0 +1,326 @@
+"""What is read off the strained slice: stress, movement of its surface, forces.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import sparse
+
+from castfem.base.types import Array
+from castfem.fem import dof_values, reductions
+from castfem.fem.line_probes import LineProbes, Profile
+from castfem.physics.constitutive.base import equivalent_strain, equivalent_stress
+from castfem.physics.contact.summary import summary
+from castfem.physics.mechanics.bent_planes import BentPlanes
+from castfem.physics.mechanics.state import MechanicalResult, MechanicalState
+from castfem.physics.mechanics.stepper import MechanicalStepper
+from castfem.physics.mechanics.surface_gap import SurfaceGap
+from castfem.runs.results.mould_extremes import SMOOTH_ORDER, SmoothPeak
+from castfem.runs.results.sample import MechanicalSample
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from castfem.fem.section import Section
+    from castfem.physics.contact.state import ContactSummary
+
+
+SQRT2 = 2.0**0.5
+HARDLY = 0.05  # share of the section that is solid before its shell is spoken of
+INSTANT = 1e-3  # s: over which the generalized strains are differentiated
+FAR = 1e6  # m: stands for the distance to no wall where vertices are interpolated between
+OPPOSITE = 1e-6  # of its distance from the centre, how near the opposite place a probe begins
+LARGEST = 1.0  # m: of a gap; what is larger has a vertex without a wall in it
+
+
+def opposite(starts: Mapping[str, tuple[float, float]], multiplicity: int) -> dict[str, str]:
+    """Find the probe at the other end of the line through each probe and the centre.
+
+    Args:
+        starts: Of probes that end in the centre of the section, on its surface, m.
+        multiplicity: How many times the modelled part makes up the section: the missing parts are
+            mirror images, in x of a half, in x and y of a quarter.
+
+    Returns:
+        By the name of each probe that of the opposite one, or of its mirror image; itself, where
+        there is none, or the other half is its own mirror image.
+    """
+    places = np.array(list(starts.values())).reshape(-1, 2)
+    ends = -places
+    if multiplicity > 1:
+        ends[:, 0] = np.abs(ends[:, 0])
+    if multiplicity > 2:
+        ends[:, 1] = np.abs(ends[:, 1])
+    names, found = list(starts), {}
+    for name, place, end in zip(names, places, ends, strict=True):
+        off = np.linalg.norm(places - end, axis=1)
+        nearest = int(np.argmin(off))
+        there = off[nearest] <= OPPOSITE * np.linalg.norm(place)
+        found[name] = names[nearest] if there else name
+    return found
+
+
+def with_vertices(
+    comm: MPI.Comm, contact: ContactSummary, gap: Array, places: Array
+) -> ContactSummary:
+    """Contact with the largest gap of points and vertices alike (collective).
+
+    The points of a facet lie within it, so that at the very corner, where the gap is widest, that
+    of its vertex is larger.
+
+    Args:
+        comm: All ranks.
+        contact: Of the points.
+        gap: At this rank's vertices of the surface (n,), m; inf where there is no wall.
+        places: Where they are now (n, 2), m.
+    """
+    met = np.where(gap < LARGEST, gap, -np.inf)
+    widest, *where = reductions.peak(comm, met, places)
+    return replace(contact, gap=widest, widest=np.array(where)) if widest > contact.gap else contact
+
+
+class MechanicalSampler:
+    """Takes samples of the strained slice.
+
+    Args:
+        stepper: Its mechanics. probes: Lines inward from its surface.
+        centred: Those of them that end in the centre of the section.
+        smooth: Compute the smooth twin of the largest stress.
+    """
+
+    def __init__(
+        self,
+        stepper: MechanicalStepper,
+        probes: LineProbes,
+        centred: tuple[str, ...],
+        *,
+        smooth: bool = False,
+    ) -> None:
+        self._smooth = smooth
+        self.problem, self.probes = stepper.problem, probes
+        self.section: Section = self.problem.section
+        starts = {name: probes.lines[name][0] for name in centred}
+        self._opposite = opposite(starts, self.section.multiplicity)
+        self._outward = {
+            name: -np.subtract(end, start) / np.linalg.norm(np.subtract(end, start))
+            for name, (start, end) in probes.lines.items()
+        }
+        wall = self._wall = self.problem.contact
+        self._gap = None if wall is None else SurfaceGap(wall)
+        coordinates = self.section.vertex_space.tabulate_dof_coordinates()
+        self._vertex_places = coordinates[: self.section.owned, :2].copy()
+        self._starts: sparse.csr_matrix | None = None
+
+    def read(self, state: MechanicalState, result: MechanicalResult | None) -> MechanicalSample:
+        """Read the committed `state` (collective)."""
+        points = self.problem.points
+        recovered = points.recovered(state.stress)
+        stress = equivalent_stress(recovered)
+        places = points.deviator.position
+        peak, *where = reductions.peak(self.section.comm, stress, places)
+        vertices = points.moved(state.displacement, state.generalized_strains)
+        fields = [vertices, points.at_vertices(stress)]
+        at_vertices = None if self._gap is None else self._gap.at(state)
+        if at_vertices is not None:
+            fields.append(self._on_surface(np.minimum(at_vertices, FAR)))
+        starts = self.probes.starts(np.column_stack(fields))
+        moved = {n: float(outward @ starts[n][:2]) for n, outward in self._outward.items()}
+        contact = None
+        gap = {n: float(values[3]) for n, values in starts.items() if len(values) > 3}
+        if self._wall is not None and state.contact is not None:
+            contact = summary(self._wall, state.contact, state.generalized_strains)
+            assert at_vertices is not None and self._gap is not None
+            there = (self._vertex_places + vertices)[self._gap.dofs]
+            contact = with_vertices(self.section.comm, contact, at_vertices, there)
+        return MechanicalSample(
+            newton=0 if result is None else result.newton,
+            flowing=0.0 if result is None else result.flowing,
+            peak=peak,
+            peak_at=(where[0], where[1]),
+            surface_stress={n: float(values[2]) for n, values in starts.items()},
+            moved=moved,
+            across=self._across(moved),
+            strain=float(state.generalized_strains[0]),
+            gradients=(float(state.generalized_strains[1]), float(state.generalized_strains[2])),
+            balance=None if result is None else result.balance,
+            load=self._load(state),
+            withdrawal_resistance=float(state.withdrawal_resistance[0]),
+            contact=contact,
+            gap={n: g if g < LARGEST else np.nan for n, g in gap.items()},
+            pressure=self._pressed(state),
+            beyond=self._beyond(state),
+            axial_stress=self._axial(recovered),
+            bending=state.bending,
+            bending_force=self.problem.slice.planes.bending_force(state.bending),
+            smooth=self._smoothed(stress) if self._smooth else None,
+        )
+
+    def _smoothed(self, stress: Array) -> SmoothPeak:
+        """Smooth twin of the largest of stresses at the deviator's points (collective)."""
+        return smooth_peak(self.section.comm, stress, self.problem.points.deviator.volume)
+
+    def _load(self, state: MechanicalState) -> float:
+        """External axial force, N, that of rolls and drives in it."""
+        load = float(self.problem.slice.planes.load(state.time)[0])
+        drawn = state.bending.withdrawal
+        return load + (0.0 if drawn is None else drawn.force / self.section.multiplicity)
+
+    def _beyond(self, state: MechanicalState) -> dict[str, float]:
+        """Share of the solid beyond the data of its law, by kind (collective)."""
+        law, points = self.problem.slice.law, self.problem.points
+        if law.data is None:
+            return {}
+        heat = self.problem.at_points(state.temperature)[: points.deviator_points]
+        solid, area = heat <= law.elasticity.solidity.solidus, points.deviator.volume
+        beyond = law.data.beyond(heat, equivalent_strain(self.strain_rate(state)))
+        parts = [area[solid & flags].sum() for flags in beyond.values()]
+        whole, shell, *found = reductions.totals(
+            self.section.comm, [area.sum(), area[solid].sum(), *parts]
+        )
+        if shell < HARDLY * whole:
+            return {}
+        return {kind: float(part / shell) for kind, part in zip(beyond, found, strict=True)}
+
+    def strain_rate(self, state: MechanicalState) -> Array:
+        """Rate of strain over the last step at the deviator's points, Mandel (n, 4), 1/s."""
+        points, planes = self.problem.points, self.problem.slice.planes
+        found = points.strain @ dof_values.with_ghosts(self.problem.space, state.rate)
+        ends = []
+        for time, scalars in (
+            (state.time, state.scalars),
+            (state.time - INSTANT, state.scalars - INSTANT * state.scalar_rate),
+        ):
+            offset, directions, _ = planes.at(time)
+            ends.append(offset + directions @ scalars)
+        return self._with_generalized_strains(found, np.asarray((ends[0] - ends[1]) / INSTANT))
+
+    def _axial(self, recovered: Array) -> dict[str, float]:
+        """Axial stress at the start of each probe, Pa; empty where no machine bends the strand."""
+        if not isinstance(self.problem.slice.planes, BentPlanes):
+            return {}
+        starts = self.probes.starts(self.problem.points.at_vertices(recovered[:, 2])[:, None])
+        return {name: float(values[0]) for name, values in starts.items()}
+
+    def axial_at_vertices(self, state: MechanicalState) -> Array:
+        """Axial stress recovered at the owned vertices (owned,), Pa (collective)."""
+        points = self.problem.points
+        return points.at_vertices(points.recovered(state.stress)[:, 2])
+
+    def _pressed(self, state: MechanicalState) -> dict[str, float]:
+        """Contact pressure around the start of each probe, Pa; empty without a mould."""
+        if self._wall is None or state.contact is None:
+            return {}
+        mean = self._wall.mean
+        if self._starts is None:
+            starts = np.array([start for start, _ in self.probes.lines.values()]).reshape(-1, 2)
+            self._starts = mean.around(starts)
+        pressure = self._starts @ mean.gathered(state.contact.pressure)
+        return {name: float(p) for name, p in zip(self.probes.lines, pressure, strict=True)}
+
+    def _across(self, moved: dict[str, float]) -> dict[str, float]:
+        """Size of the section through the probes that end in its centre, m."""
+        reach = {
+            name: float(np.linalg.norm(self.probes.lines[name][0])) + moved[name]
+            for name in self._opposite
+        }
+        return {name: reach[name] + reach[other] for name, other in self._opposite.items()}
+
+    def displaced(self, profiles: dict[str, Profile], state: MechanicalState) -> dict[str, Profile]:
+        """Profiles over the depth below the surface as both are now (collective)."""
+        moved = self.problem.points.moved(state.displacement, state.generalized_strains)
+        along_x, along_y = (self.probes.along(np.ascontiguousarray(u)) for u in moved.T)
+        found = {}
+        for name, profile in profiles.items():
+            n = self._outward[name]
+            outward = n[0] * along_x[name] + n[1] * along_y[name]
+            found[name] = replace(profile, depth=profile.depth + outward[0] - outward)
+        return found
+
+    def fields(self, state: MechanicalState, names: tuple[str, ...]) -> dict[str, Array]:
+        """Those of `names` that are mechanical, at the owned vertices (collective)."""
+        points = self.problem.points
+        found: dict[str, Array] = {}
+        if "displacement" in names:
+            found["displacement"] = points.moved(state.displacement, state.generalized_strains)
+        if {"stress", "von_mises"} & set(names):
+            recovered = points.recovered(state.stress)
+            if "stress" in names:
+                found["stress"] = points.at_vertices(recovered)
+            if "von_mises" in names:
+                found["von_mises"] = points.at_vertices(equivalent_stress(recovered))
+        if "strain" in names:
+            found["strain"] = points.at_vertices(self.strain(state))
+        if "viscoplastic_strain" in names:
+            flowed = self.problem.slice.law.strain(state.internal[: points.deviator_points])
+            found["viscoplastic_strain"] = points.at_vertices(flowed)
+        if "pressure" in names:
+            found["pressure"] = self._pressure(state)
+        if self._gap is not None and state.contact is not None:
+            if "gap" in names:
+                gap = self._gap.at(state)
+                met = np.where(np.isfinite(gap), gap, np.nan)
+                found["gap"] = self._on_surface(met, inside=np.nan)
+            if "contact_pressure" in names:
+                found["contact_pressure"] = self._on_surface(self._gap.mean(state.contact.pressure))
+        return {name: in_components(found[name]) for name in names if name in found}
+
+    def _on_surface(self, values: Array, inside: float = 0.0) -> Array:
+        """Values of the surface's vertices at all owned ones (owned,), elsewhere `inside`."""
+        assert self._gap is not None
+        found = np.full(self.section.owned, inside)
+        found[self._gap.dofs] = values
+        return found
+
+    def _pressure(self, state: MechanicalState) -> Array:
+        """Ferrostatic pressure at the owned vertices, Pa."""
+        ferrostatic = self.problem.slice.ferrostatic
+        if ferrostatic is None:
+            return np.zeros(self.section.owned)
+        return ferrostatic.pressure(state.temperature, state.time)
+
+    def strain(self, state: MechanicalState) -> Array:
+        """Strain (37) of the undeformed slice at the deviator's points, Mandel (n, 4)."""
+        points = self.problem.points
+        return self._with_generalized_strains(
+            points.strain @ state.displacement, state.generalized_strains
+        )
+
+    def _with_generalized_strains(self, values: Array, generalized_strains: Array) -> Array:
+        """Strain in the plane at all points, with that of the planes, at the deviator's."""
+        points = self.problem.points
+        strain = values.reshape(-1, 4)[: points.deviator_points]
+        x, y = points.deviator.position.T
+        a0, a1, a2, across = generalized_strains
+        strain[:, 1] += across
+        strain[:, 2] += a0 + a1 * x + a2 * y
+        return np.asarray(strain)
+
+
+def smooth_peak(comm: MPI.Comm, stress: Array, area: Array) -> SmoothPeak:
+    """Return the integrals of stress^32 and stress^31 (collective).
+
+    Args:
+        comm: All ranks.
+        stress: Not negative, at points (n,), Pa.
+        area: That belongs to each point (n,), m2.
+    """
+    peak = float(reductions.largest(comm, stress))
+    if not peak > 0.0:
+        return SmoothPeak(0.0, 0.0, 0.0)
+    share = stress / peak
+    weight = area * share ** (SMOOTH_ORDER - 1)
+    above, below = reductions.totals(comm, [weight @ share, weight.sum()])
+    return SmoothPeak(peak, float(above), float(below))
+
+
+def in_components(values: Array) -> Array:
+    """Mandel tensors (n, 4) as [xx, yy, zz, xy]; anything else as it is."""
+    if values.ndim == 2 and values.shape[1] == 4:
+        return values / np.array([1.0, 1.0, 1.0, SQRT2])
+    return values

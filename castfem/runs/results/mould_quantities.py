@@ -1,0 +1,307 @@
+"""Quantities of the contact with the mould, here and on the whole way through it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.runs.results.mechanical_quantities import place
+from castfem.runs.results.registry import quantity
+
+if TYPE_CHECKING:
+    from castfem.model.mould import Oscillation
+    from castfem.physics.contact.state import ContactSummary
+    from castfem.runs.results.sample import Sample
+
+
+def _at(find: Callable[[ContactSummary], Iterable[float] | None]) -> Callable[[Sample], str]:
+    """In words, where in the section something is; "" where it is nowhere."""
+
+    def words(sample: Sample) -> str:
+        found = find(sample.contact)
+        return "" if found is None else place(found)
+
+    return words
+
+
+@quantity(
+    "gap",
+    unit="mm",
+    label="gap to the mould, {}",
+    each="probe",
+    axis="gap",
+    needs=("mould",),
+)
+def gap(sample: Sample, probe: str) -> float:
+    """Gap between the surface and the wall; below 0 the surface lies in the wall.
+
+    Empty where there is no wall, as below the mould. It is that at the end of the coupling window;
+    what `heat_flux` tells has crossed the mean of the window's beginning and end.
+    """
+    return sample.strained.gap[probe]
+
+
+@quantity(
+    "contact_pressure",
+    unit="MPa",
+    label="contact pressure, {}",
+    each="probe",
+    row=False,
+    needs=("mould",),
+)
+def contact_pressure(sample: Sample, probe: str) -> float:
+    """Contact pressure, mean over 5 mm of the surface around the probe.
+
+    Where facets are long it is the mean over three of them.
+    """
+    return sample.strained.pressure[probe]
+
+
+@quantity(
+    "gap_max",
+    unit="mm",
+    label="largest gap here",
+    axis="gap",
+    place=_at(lambda contact: contact.widest if contact.gap else None),
+    needs=("mould",),
+)
+def gap_max(sample: Sample) -> float:
+    """Largest gap of the section to a wall; 0 if none is open.
+
+    Of all integration points and vertices of the surface, those of the probes among them.
+    """
+    return sample.contact.gap
+
+
+@quantity(
+    "mean_contact_pressure_max",
+    unit="MPa",
+    label="largest contact pressure, mean over 5 mm",
+    axis="contact pressure",
+    place=_at(lambda contact: contact.highest_mean if contact.pressure else None),
+    needs=("mould",),
+)
+def mean_contact_pressure_max(sample: Sample) -> float:
+    """The highest such mean of the contact pressure anywhere; compare moulds by this."""
+    return sample.contact.mean_pressure
+
+
+@quantity(
+    "contact_pressure_max",
+    unit="MPa",
+    label="largest contact pressure, at a point",
+    axis="contact pressure",
+    place=_at(lambda contact: contact.highest if contact.pressure else None),
+    needs=("mould",),
+)
+def contact_pressure_max(sample: Sample) -> float:
+    """The highest contact pressure of a point.
+
+    Where an arc of the section ends it hangs on the mesh
+    ([billet](billet.md#pressure-of-the-wall)).
+    """
+    return sample.contact.pressure
+
+
+@quantity(
+    "penetration",
+    unit="um",
+    label="penetration of the mould here, at most",
+    axis="largest\npenetration",
+    needs=("mould",),
+)
+def penetration(sample: Sample) -> float:
+    """How deep the surface lies in the wall, at most."""
+    return sample.contact.penetration
+
+
+@quantity(
+    "contact_share",
+    unit="percent",
+    label="share of the surface in contact",
+    axis="share of the surface\nin contact",
+    needs=("mould",),
+)
+def contact_share(sample: Sample) -> float:
+    """Share of the surface that touches the wall; empty at the meniscus."""
+    return sample.contact.share if sample.has_stepped else np.nan
+
+
+@quantity(
+    "friction_force",
+    unit="kN/m",
+    label="friction along the strand, modelled part",
+    row=False,
+    axis="friction force,\nmodelled part",
+    needs=("mould",),
+)
+def friction_force(sample: Sample) -> float:
+    """Friction along the strand, of the modelled part, per metre of strand.
+
+    It is negative as it holds the strand back.
+    """
+    return sample.contact.axial
+
+
+@quantity(
+    "friction_pull",
+    unit="kN",
+    label="accumulated friction, modelled part",
+    row=False,
+    needs=("mould",),
+)
+def friction_pull(sample: Sample) -> float:
+    """What friction has handed down the modelled part so far: its share of `axial_force`."""
+    return sample.strained.withdrawal_resistance
+
+
+@quantity(
+    "contact_sticking",
+    unit="percent",
+    label="share of the surface that sticks to the mould",
+    after="gap",
+    needs=("friction",),
+)
+def contact_sticking(sample: Sample) -> float | None:
+    """Share of the surface that touches the wall and sticks; empty at the meniscus."""
+    return sample.contact.sticking if sample.has_stepped else np.nan
+
+
+@quantity(
+    "mould_friction",
+    unit="kN/m",
+    label="friction of the mould, whole strand, per m",
+    axis="friction force,\nwhole strand",
+    needs=("friction",),
+)
+def mould_friction(sample: Sample) -> float:
+    """Friction along the whole strand, per metre of it; positive as it holds the strand back."""
+    return -sample.contact.axial * sample.simulation.section.multiplicity
+
+
+@quantity("mould_pull", unit="kN", label="withdrawal resistance of the mould", needs=("friction",))
+def mould_pull(sample: Sample) -> float:
+    """Withdrawal resistance of the mould, whole strand; positive as it holds the strand back."""
+    return sample.strained.withdrawal_resistance * sample.simulation.section.multiplicity
+
+
+# From the meniscus to the mould's end, or to where the slice is.
+
+
+@quantity(
+    "mould_heat_removed",
+    unit="MJ/m",
+    label="heat removed in the mould",
+    column=False,
+    needs=("mould",),
+    of_way=True,
+)
+def mould_heat_removed(sample: Sample) -> float:
+    """In the mould, per metre of the whole strand."""
+    return sample.in_mould.heat
+
+
+@quantity(
+    "mould_gap_max",
+    unit="mm",
+    label="largest gap in the mould",
+    column=False,
+    needs=("mould",),
+    of_way=True,
+)
+def mould_gap_max(sample: Sample) -> float:
+    """On the way through the mould."""
+    return sample.in_mould.gap
+
+
+@quantity(
+    "mould_contact_least",
+    unit="percent",
+    label="least contact in the mould, share of the surface",
+    column=False,
+    needs=("mould",),
+    of_way=True,
+)
+def mould_contact_least(sample: Sample) -> float:
+    """On the way through the mould."""
+    return sample.in_mould.share
+
+
+@quantity(
+    "mould_mean_pressure_max",
+    unit="MPa",
+    column=False,
+    label="largest contact pressure in the mould, mean over 5 mm",
+    needs=("mould",),
+    of_way=True,
+)
+def mould_mean_pressure_max(sample: Sample) -> float:
+    """On the way through the mould."""
+    return sample.in_mould.mean_pressure
+
+
+@quantity(
+    "mould_pressure_max",
+    unit="MPa",
+    label="largest contact pressure in the mould, at a point",
+    column=False,
+    needs=("mould",),
+    of_way=True,
+)
+def mould_pressure_max(sample: Sample) -> float:
+    """On the way through the mould."""
+    return sample.in_mould.pressure
+
+
+@quantity(
+    "mould_penetration_max",
+    unit="um",
+    label="largest penetration of the mould, on the way",
+    column=False,
+    needs=("mould",),
+    of_way=True,
+)
+def mould_penetration_max(sample: Sample) -> float:
+    """On the way through the mould."""
+    return sample.in_mould.penetration
+
+
+@quantity(
+    "negative_strip_time",
+    unit="s",
+    label="negative strip time of each stroke",
+    column=False,
+    needs=("oscillation",),
+)
+def negative_strip_time(sample: Sample) -> float:
+    """Time of each stroke in which the mould goes down faster than the strand; 0 if it never does.
+
+    Of a sine: arccos(v/(pi f s))/(pi f), with the mean casting speed v on the way to here.
+    """
+    return _oscillation(sample).negative_strip(_mean_speed(sample))
+
+
+@quantity(
+    "oscillation_pitch",
+    unit="mm",
+    label="pitch of the oscillation marks",
+    column=False,
+    needs=("oscillation",),
+)
+def oscillation_pitch(sample: Sample) -> float:
+    """How far the strand comes in a stroke of the mould."""
+    return _mean_speed(sample) / _oscillation(sample).frequency
+
+
+def _oscillation(sample: Sample) -> Oscillation:
+    mould = sample.simulation.case.mould
+    assert mould is not None and mould.oscillation is not None
+    return mould.oscillation
+
+
+def _mean_speed(sample: Sample) -> float:
+    """On the way to here, m/s; at the meniscus that there."""
+    machine = sample.simulation.machine
+    return machine.mean_speed(sample.time) if sample.time > 0.0 else machine.speed(0.0)

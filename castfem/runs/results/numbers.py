@@ -1,0 +1,144 @@
+"""How numbers, errors, units and times are printed in tables."""
+
+from __future__ import annotations
+
+import math
+
+from castfem.base.shown_units import Scale, documented, plain_unit, scale_of
+from castfem.runs.output.summary import Quantity
+
+_FINEST = 1e-4  # an error below is printed with its power of ten
+_SMALL_GAP, _NO_GAP = 0.01, 5e-5  # mm; between them a gap is told in micrometres
+_RATE, _SMALL_RATE, _PARTS = "1/s", 1e-2, "e-5"  # a smaller rate of strain is told in 1e-5 1/s
+_DECIMALS = {"degC": 1, "K": 1, "degF": 1, "delta_degF": 1, "mm": 2}
+
+
+def shown(value: float, unit: str, resolution: float | None = None) -> str:
+    """A value as tables print it, without its unit; "-" when it does not exist.
+
+    Args:
+        value: In the unit.
+        unit: That unit.
+        resolution: How exactly it is resolved, in the same unit: the last digit that is printed is
+            at the place of the first of this.
+    """
+    if not math.isfinite(value):
+        return "-"
+    if unit in _DECIMALS and abs(value) < 1e5:
+        digits = _digits(_DECIMALS[unit], resolution)
+        return f"{rounded(value, digits):.{max(digits, 0)}f}"
+    if abs(value) < 1e6 and (value == int(value) or abs(value) >= 9999.5):
+        return f"{value:.0f}"
+    if unit == _RATE and abs(value) < _SMALL_RATE:
+        return small_rate(value)
+    text = f"{value:.4g}"
+    usual = len(text.partition(".")[2])
+    digits = _digits(usual, resolution)
+    return text if digits == usual else f"{rounded(value, digits):.{max(digits, 0)}f}"
+
+
+def _digits(usual: int, resolution: float | None) -> int:
+    """Decimals of a value, fewer than usual where it is not resolved so well."""
+    return min(usual, -math.floor(math.log10(resolution))) if resolution else usual
+
+
+def small_rate(value: float, digits: str = ".4g") -> str:
+    """A rate of strain (1/s), as they are compared: 37.41e-5."""
+    return f"{1e5 * value:{digits}}{_PARTS}"
+
+
+def is_small_rate(printed: str) -> bool:
+    """Whether a printed number is one of `small_rate`; any other exponent has two digits."""
+    return printed.endswith(_PARTS)
+
+
+def error_shown(error: float, unit: str = "") -> str:
+    """An error with two digits that count, without its unit; "-" when it does not exist."""
+    if not math.isfinite(error):
+        return "-"
+    if unit == _RATE and 0.0 < abs(error) < _SMALL_RATE:
+        return f"{error_shown(1e5 * error)}{_PARTS}"
+    if error == 0.0 or not _FINEST <= abs(error) < 1e5:
+        return f"{error:.2g}"
+    return f"{error:.{max(0, 1 - math.floor(math.log10(abs(error))))}f}"
+
+
+def with_error(value: str, error: float | None) -> str:
+    """A printed value with its error behind it, where there is one."""
+    if error is None or not math.isfinite(error):
+        return value
+    unit = _RATE if is_small_rate(value) else ""
+    return f"{value} \N{PLUS-MINUS SIGN} {error_shown(error, unit)}"
+
+
+def is_gap(name: str) -> bool:
+    """Whether a quantity is a gap to the mould, by its name."""
+    return name.startswith(("gap_", "mould_gap_"))
+
+
+def small_gap(value: float, unit: str) -> str | None:
+    """A gap below 0.01 mm in micrometres, without their unit; None if it is larger or none."""
+    if unit == "mm" and _NO_GAP <= abs(value) < _SMALL_GAP:
+        return f"{1e3 * value:.1f}"
+    return None
+
+
+def cells(name: str, quantity: Quantity) -> tuple[str, str]:
+    """Value and unit of a quantity as the table of a run prints them."""
+    scale = scale_of(quantity.shown_unit, name)
+    value, unit, error = scale(quantity.shown), scale.unit, quantity.shown_error
+    error = None if error is None else scale.factor * error
+    if is_gap(name) and (small := small_gap(value, unit)) is not None:
+        return with_error(small, None if error is None else 1e3 * error), unit_shown("um")
+    return with_error(shown(value, unit, resolution_in(scale, quantity)), error), unit_shown(unit)
+
+
+def resolution_in(scale: Scale, quantity: Quantity) -> float | None:
+    """How exactly a quantity is resolved, in the unit of a scale; None where that is not known.
+
+    An error that is known says more, and stands beside the value.
+    """
+    if quantity.error is not None or quantity.shown_resolution is None:
+        return None
+    return abs(scale.factor) * quantity.shown_resolution
+
+
+def finely(value: float, unit: str, name: str = "", resolution: float | None = None) -> str:
+    """A value with its unit; lengths below 1 mm to the micrometre, below 0.01 mm in it.
+
+    Args:
+        value: In its documented unit.
+        unit: That unit, as figures write it or as files do.
+        name: Of the quantity, where it has one.
+        resolution: How exactly it is resolved, in that unit; None where that is not known.
+    """
+    scale = scale_of(documented(unit), name)
+    if scale.unit != documented(unit):
+        resolution = None if resolution is None else abs(scale.factor) * resolution
+        return f"{shown(scale(value), scale.unit, resolution)} {plain_unit(scale.unit)}"
+    if resolution:
+        return f"{shown(value, unit, resolution)} {unit}"
+    if (small := small_gap(value, unit)) is not None:
+        return f"{small} {unit_shown('um')}"
+    if unit == "mm" and abs(value) < 1.0:
+        return f"{value:.3f} mm"
+    return f"{shown(value, unit)} {unit}"
+
+
+def unit_shown(unit: str) -> str:
+    """A unit as tables print it."""
+    return plain_unit(unit).replace("percent", "%")
+
+
+def duration(seconds: float) -> str:
+    """Seconds as a person says it."""
+    if seconds < 120:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s"
+
+
+def rounded(value: float, digits: int) -> float:
+    """A value rounded, and 0 without a sign where nothing is left of it."""
+    return round(value, digits) + 0.0

@@ -1,0 +1,120 @@
+"""What is read at the points that a case follows, [[output.probe]]."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.base.types import Array
+from castfem.base.units import factor_and_zero
+from castfem.fem.point_probes import PointProbes
+from castfem.model.probe import outside
+from castfem.physics.constitutive.base import equivalent_stress
+from castfem.runs.results.mechanical import MechanicalSampler, in_components
+
+if TYPE_CHECKING:
+    from castfem.model.build.simulation import Simulation
+    from castfem.physics.coupling.staggered import StrandState
+    from castfem.physics.mechanics.state import MechanicalState
+    from castfem.runs.results.sample import Sample
+
+_TENSOR = ("xx", "yy", "zz", "xy")
+PLACE = (("time", "s"), ("position", "m"))
+HEAT = (("temperature", "degC"), ("solid_fraction", "-"))
+PHASES = (("delta_ferrite", "-"), ("austenite", "-"))
+MECHANICS = (
+    *((f"displacement_{i}", "mm") for i in "xy"),
+    *((f"stress_{i}", "MPa") for i in _TENSOR),
+    ("von_mises", "MPa"),
+    *((f"strain_{i}", "-") for i in _TENSOR),
+    *((f"strain_rate_{i}", "1/s") for i in _TENSOR),
+    ("viscoplastic_strain", "-"),
+)
+_SCALES = {"degC": factor_and_zero("K", "degC"), "mm": (1e3, 0.0), "MPa": (1e-6, 0.0)}
+
+
+class ProbeSampler:
+    """Reads the probes of a case after each step.
+
+    Temperature and displacement are interpolated between vertices. Stress, strains and rates are
+    means of the quadrature points around each vertex, interpolated likewise, as in the fields.
+
+    Args:
+        simulation: What is run. mechanics: Samples its strained slice; None without.
+
+    Raises:
+        InputError: A probe lies outside the section, or below a place that it has not.
+    """
+
+    def __init__(self, simulation: Simulation, mechanics: MechanicalSampler | None) -> None:
+        self._simulation, self._mechanics = simulation, mechanics
+        given = simulation.case.output.probe
+        self.names = tuple(probe.name for probe in given)
+        self.places = np.array([probe.place(simulation.probes.lines) for probe in given]).reshape(
+            -1, 2
+        )
+        for name, place in zip(self.names, self.places, strict=True):
+            _within(simulation, name, place)
+        self._points = PointProbes(simulation.section, self.places)
+        phases = () if simulation.steel.diagram is None else PHASES
+        self.columns = [*PLACE, *HEAT, *phases, *(() if mechanics is None else MECHANICS)]
+
+    def rows(self, strand: StrandState, sample: Sample) -> dict[str, dict[str, float]]:
+        """A row of each probe's file, in its units (collective)."""
+        kelvin = strand.thermal.point.temperature
+        temperature = self._points.at(kelvin[:, None])[:, 0]
+        columns = [temperature, *self._phases(temperature)]
+        if self._mechanics is not None:
+            assert strand.mechanical is not None
+            columns += list(self._points.at(_strained(self._mechanics, strand.mechanical)).T)
+        found = {}
+        for i, name in enumerate(self.names):
+            values = [sample.time, sample.position, *(float(column[i]) for column in columns)]
+            found[name] = {
+                column: _shown(value, unit)
+                for (column, unit), value in zip(self.columns, values, strict=True)
+            }
+        return found
+
+    def _phases(self, temperature: Array) -> list[Array]:
+        """Mass fractions: solid and, of a steel whose carbon is known, what it consists of."""
+        steel = self._simulation.steel
+        solid = np.asarray(steel.solid_fraction(temperature))
+        if steel.diagram is None:
+            return [solid]
+        phases = steel.diagram.phases(temperature)
+        # The fraction of solid is the steel's own law; the diagram says what of it is delta.
+        both = phases.delta + phases.gamma
+        delta = np.divide(phases.delta, both, out=np.zeros_like(both), where=both > 0.0)
+        return [solid, solid * delta, solid * (1.0 - delta)]
+
+
+def _strained(sampler: MechanicalSampler, state: MechanicalState) -> Array:
+    """What the strained slice has at the owned vertices, in the order of `MECHANICS` (owned, k)."""
+    points = sampler.problem.points
+    recovered = points.recovered(state.stress)
+    flowed = sampler.problem.slice.law.strain(state.internal[: points.deviator_points])
+    parts = [
+        in_components(recovered),
+        equivalent_stress(recovered)[:, None],
+        in_components(sampler.strain(state)),
+        in_components(sampler.strain_rate(state)),
+        flowed[:, None],
+    ]
+    moved = points.moved(state.displacement, state.generalized_strains)
+    return np.column_stack([moved, points.at_vertices(np.column_stack(parts))])
+
+
+def _within(simulation: Simulation, name: str, place: Array) -> None:
+    """Refuse a point outside of the section by its name (collective)."""
+    try:
+        PointProbes(simulation.section, place[None, :])
+    except ValueError:
+        raise outside(simulation.case, name, place) from None
+
+
+def _shown(value: float, unit: str) -> float:
+    """A value in SI, in the unit of its column."""
+    factor, zero = _SCALES.get(unit, (1.0, 0.0))
+    return factor * value - zero

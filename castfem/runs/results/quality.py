@@ -1,0 +1,352 @@
+"""Follows the crack indexes and the end of the pool along the whole way of the slice."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from castfem.base.types import Array
+from castfem.fem import reductions
+from castfem.model.machine import thickness_of
+from castfem.physics.machine.stations import BENDS, Stations
+from castfem.runs.output.summary import si_unit
+from castfem.runs.output.surface_line import SurfaceLine
+from castfem.runs.output.surface_maps import Heading, SurfaceMap
+from castfem.runs.results.crack_index import CrackIndex, SliceStep, declared_indexes
+from castfem.runs.results.fraction_depths import temperature_at
+from castfem.runs.results.quality_quantities import POOL
+from castfem.runs.results.registry import NEEDS
+
+if TYPE_CHECKING:
+    from castfem.model.build.simulation import Simulation
+    from castfem.physics.coupling.staggered import StrandState
+    from castfem.runs.results.mechanical import MechanicalSampler
+
+TimedStrains = tuple[float, float, float, float]
+"""Time (s), and the generalized strains a0 - 1, a1, a2."""
+_NEAR = 1e-9  # of the section's size: a place that is a vertex of the surface
+LEAST_RATED = 0.2
+"""Of a coupling window of the case, or of the longest pitch: a rate is a mean over no less.
+
+Where two events lie close together, a roll and the end of a zone 14 um below it, there is a window
+of milliseconds between them. What jumps there, as does the bed of a pitch by 4e-7 of strain, would
+be a rate as large as any in it.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Worst:
+    """The largest value of an index, and where and when it was.
+
+    Attributes:
+        value: In SI. x, y: On the undeformed section, m. time: s. position: m.
+    """
+
+    value: float = 0.0
+    x: float = 0.0
+    y: float = 0.0
+    time: float = 0.0
+    position: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class QualityState:
+    """What is known of the indexes at one time; nothing ever writes into its arrays.
+
+    Attributes:
+        line: The surface. caster: The rolls.
+        time: s; -1 before the first sample. temperature: At the owned vertices, K.
+        strain_history: Generalized strains from one pitch ago to now.
+        recent: The sample that rates were last counted from, and those since: time, temperature at
+            the owned vertices, K.
+        values: Of each index at the owned vertices.
+        largest: Of each index here. worst: From the meniscus to here. in_phase: Within bending and
+            straightening, as far as the slice has come there.
+        centre: Temperature on the centre line, K; NaN in a section without a probe to it.
+        solid_fraction: There; None likewise.
+        passed: Solid fraction to the position at which the centre line came to it, m.
+    """
+
+    line: SurfaceLine
+    caster: Stations
+    time: float = -1.0
+    temperature: Array = field(default_factory=lambda: np.zeros(0))
+    strain_history: tuple[TimedStrains, ...] = ()
+    recent: tuple[tuple[float, Array], ...] = ()
+    values: Mapping[str, Array] = field(default_factory=dict)
+    largest: Mapping[str, Worst] = field(default_factory=dict)
+    worst: Mapping[str, Worst] = field(default_factory=dict)
+    in_phase: Mapping[str, Mapping[str, Worst]] = field(default_factory=dict)
+    centre: float = np.nan
+    solid_fraction: float | None = None
+    passed: Mapping[float, float] = field(default_factory=dict)
+
+    def words(self, worst: Worst | None) -> str:
+        """Where an index was worst: place, position, roll, time, phase; "" if always zero."""
+        if worst is None or not worst.value > 0.0:
+            return ""
+        vertex = self.line.at(worst.x, worst.y)
+        off = self.line.place[vertex] - (worst.x, worst.y)
+        on = np.abs(off).max() <= _NEAR * np.ptp(self.line.place)
+        place = f"x = {1e3 * worst.x:.1f}, y = {1e3 * worst.y:.1f} mm"
+        where = self.line.words(vertex) if on else place
+        return f"{where}, {self.caster.words(worst.position, worst.time)}"
+
+    def within(self, phase: str, index: str) -> Worst | None:
+        """The worst of an index within a phase; None before the slice has come there."""
+        return self.in_phase.get(phase, {}).get(index)
+
+
+class QualitySampler:
+    """Computes the indexes after each step (collective).
+
+    Args:
+        simulation: Of a case with the table [quality]. mechanics: Samples its strained slice; None
+            in a simulation without.
+
+    Attributes:
+        state: As it stands after the last step.
+    """
+
+    def __init__(self, simulation: Simulation, mechanics: MechanicalSampler | None) -> None:
+        case, section = simulation.case, simulation.section
+        assert case.quality is not None
+        self.simulation, self.settings, self._mechanics = simulation, case.quality, mechanics
+        source = section.source
+        line: SurfaceLine = section.comm.bcast(None if source is None else SurfaceLine.of(source))
+        rolls = None if case.machine is None else case.machine.pairs()
+        caster = Stations(rolls, thickness_of(case.section) or 0.0, case.mould_exit())
+        self.indexes = tuple(
+            index for index in declared_indexes() if all(NEEDS[n](simulation) for n in index.needs)
+        )
+        self.place = section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2].copy()
+        self._on_surface = np.isin(section.node_of_owned, line.nodes)
+        fractions = {*POOL, *self.settings.brittle, *self.settings.soft_reduction}
+        self._levels = {f: temperature_at(simulation.steel, f) for f in sorted(fractions)}
+        ends = sorted(self._levels[f] for f in self.settings.brittle)
+        self._brittle = ends[0], ends[1]
+        window = 0.0 if simulation.coupling is None else simulation.coupling.window
+        if caster.longest_pitch:  # windows end where the rolls bear or bend
+            window = min(window, simulation.machine.window_time(caster.longest_pitch))
+        self._least = LEAST_RATED * window
+        none = np.zeros(section.owned)
+        self.state = QualityState(
+            line, caster, temperature=none,
+            values={index.name: none for index in self.indexes},
+            worst={index.name: Worst() for index in self.indexes},
+        )  # fmt: skip
+
+    def note(self, strand: StrandState, position: float, centre: float) -> QualityState:
+        """Take in one more step.
+
+        Args:
+            strand: The state after it.
+            position: m.
+            centre: Temperature on the centre line, K.
+        """
+        old, time = self.state, strand.thermal.time
+        kelvin = strand.thermal.point.temperature
+        first = not old.time < time  # at the meniscus, or a state that a checkpoint had
+        recent = self._recent(time, kelvin, first)
+        strain_history = self._strain_history(strand, position, recent[0][0], first)
+        step = self._step(strand, recent, strain_history, position)
+        values = dict(old.values)
+        for index in self.indexes:
+            if not (first and index.accumulates):
+                values[index.name] = index.compute(replace(step, value=old.values[index.name]))
+        largest = {i.name: self._largest(i, values[i.name], time, position) for i in self.indexes}
+        phase, in_phase = old.caster.phase(position), dict(old.in_phase)
+        if phase in BENDS and not first:
+            in_phase[phase] = _worse(in_phase.get(phase, {}), largest)
+        known = np.isfinite(centre)
+        self.state = replace(
+            old, time=time, temperature=kelvin, strain_history=strain_history, recent=recent,
+            values=values, largest=largest,
+            worst=_worse(old.worst, largest), in_phase=in_phase, centre=centre,
+            passed=self._passed(centre, time),
+            solid_fraction=float(self.simulation.steel.solid_fraction(centre)) if known else None,
+        )  # fmt: skip
+        return self.state
+
+    def _recent(self, time: float, kelvin: Array, first: bool) -> tuple[tuple[float, Array], ...]:
+        """The last sample that is old enough for a rate, and those since; this one is the last."""
+        before = self.state.recent[:-1] if first else self.state.recent
+        enough = [k for k, one in enumerate(before) if time - one[0] >= self._least]
+        return (*before[max(enough, default=0) :], (time, kelvin))
+
+    def _strain_history(
+        self, strand: StrandState, position: float, rated_from: float, first: bool
+    ) -> tuple[TimedStrains, ...]:
+        """Generalized strains from one pitch ago, the longest there is, to now.
+
+        They reach back to what rates are counted from, too.
+        """
+        if strand.mechanical is None:
+            return ()
+        a0, a1, a2 = (float(a) for a in strand.mechanical.generalized_strains[:3])
+        now = (strand.mechanical.time, a0, a1, a2)
+        if first:
+            return (*self.state.strain_history[:-1], now)
+        longest = self.state.caster.longest_pitch
+        since = self.simulation.machine.time_at(max(position - longest, 0.0))
+        since, before = min(since, rated_from), self.state.strain_history
+        kept = sum(strains[0] <= since for strains in before[:-1])
+        return (*before[max(kept - 1, 0) :], now)
+
+    def _step(
+        self,
+        strand: StrandState,
+        recent: tuple[tuple[float, Array], ...],
+        strain_history: tuple[TimedStrains, ...],
+        position: float,
+    ) -> SliceStep:
+        """What the indexes are computed from."""
+        old, (since, rated_from), (time, kelvin) = self.state, recent[0], recent[-1]
+        none: Array = np.zeros(len(kelvin))
+        duration = time - old.time if old.time >= 0.0 else 0.0
+        stress, rate, step_rate, pitch_rate = none, none, none, none
+        if self._mechanics is not None and strand.mechanical is not None:
+            stress = self._mechanics.axial_at_vertices(strand.mechanical)
+            if duration > 0.0:
+                then = min(strain_history, key=lambda strains: abs(strains[0] - since))
+                now = np.array(strain_history[-1])
+                rate = self._rate(np.array(then), now)
+                step_rate = self._rate(np.array(strain_history[-2]), now)
+                pitch_rate = self._over_a_pitch(strain_history, position)
+        return SliceStep(
+            self.settings, self.simulation.steel, duration, time - since, self.place, kelvin,
+            old.temperature if duration > 0.0 else kelvin, rated_from, stress, rate, step_rate,
+            pitch_rate, none, self._brittle,
+        )  # fmt: skip
+
+    def _rate(self, start: Array, end: Array) -> Array:
+        """Axial strain rate between two instants (n,), 1/s.
+
+        Where the slice strains largely it is that of the true strain, as its stress sees it.
+        """
+        assert self.simulation.case.mechanics is not None
+        before, after = (self._strain(strains) for strains in (start, end))
+        if self.simulation.case.mechanics.strain == "large":
+            before, after = np.log1p(before), np.log1p(after)
+        return np.asarray((after - before) / (end[0] - start[0]))
+
+    def _strain(self, strains: Array) -> Array:
+        """Axial strain by generalized strains (n,)."""
+        return np.asarray(strains[1] + self.place @ strains[2:])
+
+    def _over_a_pitch(self, strain_history: tuple[TimedStrains, ...], position: float) -> Array:
+        """Axial strain rate, mean over the last pitch of rolls or what has passed of it, (n,)."""
+        if not self.state.caster.longest_pitch:
+            return np.zeros(len(self.place))
+        pitch, table = self.state.caster.pitch(position), np.array(strain_history)
+        since = self.simulation.machine.time_at(max(position - pitch, 0.0))
+        start = np.array([np.interp(since, table[:, 0], column) for column in table.T])
+        return self._rate(start, table[-1])
+
+    def _largest(self, index: CrackIndex, values: Array, time: float, position: float) -> Worst:
+        """The largest value here and its place (collective)."""
+        counted = self._on_surface if index.on == "surface" else np.full(len(values), True)
+        comm = self.simulation.section.comm
+        return Worst(*reductions.peak(comm, values[counted], self.place[counted]), time, position)
+
+    def _passed(self, centre: float, time: float) -> dict[float, float]:
+        """Where the centre line came to each solid fraction, linear in time between two steps."""
+        old, found = self.state, dict(self.state.passed)
+        for fraction, level in self._levels.items():
+            if not centre < level:
+                found.pop(fraction, None)
+            elif fraction not in found and 0.0 <= old.time < time:
+                share = (old.centre - level) / (old.centre - centre) if old.centre > centre else 1.0
+                then = old.time + min(max(share, 0.0), 1.0) * (time - old.time)
+                found[fraction] = self.simulation.machine.position(then)
+        return found
+
+    def heading(self) -> Heading:
+        """What holds for all rows of the maps."""
+        maps = [SurfaceMap("temperature", "K", "degC", "temperature")]
+        for index in self._mapped():
+            maps.append(SurfaceMap(index.name, si_unit(index.unit), index.unit, index.label))
+        caster = self.state.caster
+        thickness = thickness_of(self.simulation.case.section)
+        return Heading(
+            self.state.line, tuple(maps), self.settings.band, caster.columns(), thickness,
+            caster.mould_exit,
+        )  # fmt: skip
+
+    def _mapped(self) -> list[CrackIndex]:
+        """The indexes that have a map."""
+        return [index for index in self.indexes if index.on == "surface"]
+
+    def row(self) -> Array | None:
+        """A row of the maps (maps, vertices) on rank 0, None elsewhere (collective)."""
+        gather, state = self.simulation.section.gather, self.state
+        owned = [state.temperature, *(state.values[index.name] for index in self._mapped())]
+        whole = [values for values in map(gather, owned) if values is not None]
+        return np.array([values[state.line.nodes] for values in whole]) if whole else None
+
+    def arrays(self) -> dict[str, Array]:
+        """What a checkpoint must hold at the owned vertices."""
+        kept = (index.name for index in self.indexes if index.accumulates)
+        found = {f"quality_{name}": self.state.values[name] for name in kept}
+        if self._mechanics is not None:  # the last sample is the state itself
+            for k, (_, kelvin) in enumerate(self.state.recent[:-1]):
+                found[f"quality_recent_{k}"] = kelvin
+        return found
+
+    def memory(self) -> dict[str, Any]:
+        """What else a checkpoint must hold."""
+        state = self.state
+        return {
+            "time": state.time,
+            "centre": state.centre if np.isfinite(state.centre) else None,
+            "recent": [time for time, _ in state.recent[:-1]],
+            "motions": [list(strains) for strains in state.strain_history],
+            "worst": _plain(state.worst),
+            "in_phase": {phase: _plain(worst) for phase, worst in state.in_phase.items()},
+            "passed": [[fraction, position] for fraction, position in state.passed.items()],
+        }
+
+    def recall(self, memory: Mapping[str, Any], by_node: Mapping[str, Array]) -> None:
+        """Take up what `memory` and `arrays`, by node, gave."""
+        values, nodes = dict(self.state.values), self.simulation.section.node_of_owned
+        for name in values:
+            if f"quality_{name}" in by_node:
+                values[name] = np.asarray(by_node[f"quality_{name}"], float)[nodes]
+        strain_history = (
+            (float(t), float(a0), float(a1), float(a2)) for t, a0, a1, a2 in memory["motions"]
+        )
+        recent = [
+            (float(time), np.asarray(by_node[f"quality_recent_{k}"], float)[nodes])
+            for k, time in enumerate(memory.get("recent", ()))
+            if f"quality_recent_{k}" in by_node
+        ]
+        recent.append((memory["time"], self.state.temperature))  # which `note` is to replace
+        self.state = replace(
+            self.state, time=memory["time"], values=values, strain_history=tuple(strain_history),
+            recent=tuple(recent),
+            centre=np.nan if memory["centre"] is None else memory["centre"],
+            worst=_named(memory["worst"]),
+            in_phase={phase: _named(worst) for phase, worst in memory["in_phase"].items()},
+            passed={float(f): float(position) for f, position in memory["passed"]},
+        )  # fmt: skip
+
+
+def _worse(before: Mapping[str, Worst], now: Mapping[str, Worst]) -> dict[str, Worst]:
+    """The larger value of each index; of equal ones the earlier."""
+    return {
+        name: before[name] if name in before and before[name].value >= one.value else one
+        for name, one in now.items()
+    }
+
+
+def _plain(worst: Mapping[str, Worst]) -> dict[str, list[float]]:
+    """As JSON has it."""
+    return {n: [w.value, w.x, w.y, w.time, w.position] for n, w in worst.items()}
+
+
+def _named(stored: Mapping[str, list[float]]) -> dict[str, Worst]:
+    """The inverse of `_plain`."""
+    return {name: Worst(*numbers) for name, numbers in stored.items()}

@@ -1,0 +1,152 @@
+"""Crack indexes, ends of the pool, soft reduction: quantities of a case with the table [quality].
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.base.types import Array
+from castfem.runs.results.crack_index import SliceStep, crack_index
+from castfem.runs.results.registry import quantity
+
+if TYPE_CHECKING:
+    from castfem.runs.results.sample import Sample
+
+POOL = (0.1, 0.3, 0.7, 1.0)
+"""Solid fractions on the centre line whose places are told."""
+
+
+@crack_index("I1", unit="MPa", label="I1, axial tension in the band", needs=("mechanics",))
+def axial_tension(step: SliceStep) -> Array:
+    """Axial tension where the steel has little ductility (324)."""
+    return np.where(step.in_band, np.maximum(step.axial_stress, 0.0), 0.0)
+
+
+@crack_index("I2", unit="1/s", label="I2, axial strain rate in the band", needs=("mechanics",))
+def axial_strain_rate(step: SliceStep) -> Array:
+    """Rate of axial strain where the steel has little ductility (325)."""
+    return np.where(step.in_band, np.maximum(step.strain_rate, 0.0), 0.0)
+
+
+@crack_index(
+    "I2_mechanical", unit="1/s", label="mechanical part of I2", needs=("mechanics",)
+)  # fmt: skip
+def mechanical_strain_rate(step: SliceStep) -> Array:
+    """Rate of axial strain less that of thermal expansion, where the steel has little ductility."""
+    return np.where(step.in_band, np.maximum(step.mechanical_rate, 0.0), 0.0)
+
+
+@crack_index("I2_pitch", unit="1/s", label="I2, mean over a pitch", needs=("mechanics", "machine"))
+def pitch_strain_rate(step: SliceStep) -> Array:
+    """Rate of axial strain where the steel has little ductility, mean over the last pitch of rolls.
+
+    The curvature is linear between the rolls, so that I2 itself jumps at them.
+    """
+    return np.where(step.in_band, np.maximum(step.pitch_rate, 0.0), 0.0)
+
+
+@crack_index("band_time", unit="s", label="time in the low-ductility band", accumulates=True)
+def band_time(step: SliceStep) -> Array:
+    """Time that the surface has spent in the low-ductility band."""
+    return step.value + step.duration * step.share_within(*step.settings.band)
+
+
+@crack_index(
+    "brittle_strain", unit="percent", label="axial strain in the brittle range",
+    needs=("mechanics",), on="section", accumulates=True,
+)  # fmt: skip
+def brittle_strain(step: SliceStep) -> Array:
+    """Mechanical axial tension strain that a place takes on its way through the brittle range.
+
+    That is what bending, straightening and misalignment do to the front of solidification.
+    """
+    taken = step.mechanical_strain * step.share_within(*step.brittle)
+    return np.maximum(step.value + taken, 0.0)
+
+
+@quantity(
+    "critical_share",
+    unit="percent",
+    label="largest strain in the brittle range, of the critical one",
+    column=False,
+    needs=("mechanics", "quality"),
+)
+def critical_share(sample: Sample) -> float | None:
+    """Largest strain in the brittle range over `quality.critical_strain`, if that is given.
+
+    From 100 % on the mushy zone tears.
+    """
+    assert sample.simulation.case.quality is not None
+    critical = sample.simulation.case.quality.critical_strain
+    return None if critical is None else sample.judged.worst["brittle_strain"].value / critical
+
+
+@quantity("centre_solid_fraction", unit="-", label="solid fraction, centre", needs=("quality",))
+def centre_solid_fraction(sample: Sample) -> float | None:
+    """Solid fraction on the centre line."""
+    return sample.judged.solid_fraction
+
+
+def _declare_pool_end(fraction: float) -> Callable[[Sample], float | None]:
+    @quantity(
+        f"pool_end_fs{round(100 * fraction)}",
+        unit="m",
+        label=f"solid fraction {fraction:g} on the centre line",
+        column=False,
+        needs=("quality",),
+    )
+    def pool_end(sample: Sample) -> float | None:
+        """Where the solid fraction on the centre line has come to 0.1, 0.3, 0.7, 1."""
+        return sample.judged.passed.get(fraction)
+
+    return pool_end
+
+
+for _fraction in POOL:
+    _declare_pool_end(_fraction)
+
+
+def _window(sample: Sample) -> tuple[float, float] | None:
+    assert sample.simulation.case.quality is not None
+    found = [sample.judged.passed.get(end) for end in sample.simulation.case.quality.soft_reduction]
+    return None if found[0] is None or found[1] is None else (found[0], found[1])
+
+
+def _between_rolls(sample: Sample) -> str:
+    window = _window(sample)
+    return "" if window is None else sample.judged.caster.between(*window)
+
+
+@quantity(
+    "soft_reduction_length",
+    unit="m",
+    label="window of soft reduction",
+    column=False,
+    place=_between_rolls,
+    needs=("quality",),
+)
+def soft_reduction_length(sample: Sample) -> float | None:
+    """Length over which the centre line has the solid fractions of `quality.soft_reduction`."""
+    window = _window(sample)
+    return None if window is None else window[1] - window[0]
+
+
+@quantity(
+    "soft_reduction",
+    unit="mm",
+    label="reduction by the rolls in that window",
+    column=False,
+    needs=("machine", "quality"),
+)
+def soft_reduction(sample: Sample) -> float | None:
+    """What the aperture of the rolls loses over that length, linear between them."""
+    window = _window(sample)
+    if window is None:
+        return None
+    start, end = (sample.judged.caster.aperture(position) for position in window)
+    return start - end

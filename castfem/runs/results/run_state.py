@@ -1,0 +1,186 @@
+"""Where a run stands: what goes round between time loop, recorder, checkpoint and summary."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.model.build.start import starting_state
+from castfem.physics.coupling.staggered import StrandState
+from castfem.runs.results.sample import Sample
+from castfem.runs.results.thermal import Sampler
+
+if TYPE_CHECKING:
+    from castfem.model.build.simulation import Simulation
+    from castfem.physics.coupling.subcycling import SubSteps
+    from castfem.physics.mechanics.checkpoint import MechanicalCheckpoint
+    from castfem.physics.mechanics.state import MechanicalResult
+    from castfem.runs.output.summary import Quantity
+    from castfem.runs.results.quality import QualityState
+
+
+STORED = {
+    "windows": "intervals", "coupling_iterations": "passes", "gap_not_converged": "unsettled",
+}  # fmt: skip
+"""Counts that a checkpoint holds under other names, which it has had from the beginning."""
+
+
+@dataclass(slots=True)
+class Counts:
+    """Counts of a run, those before it was resumed included.
+
+    Attributes:
+        steps: Thermal steps. rejected: Tried and not kept. limited: Taken by backward Euler because
+            the second-order scheme left the physical bounds, or would have come back.
+        windows: Of the coupling. cut_back: That failed. cut_for_error: Whose error was too large.
+        coupling_iterations: In windows that were kept. gap_not_converged: Windows repeated as often
+            as allowed, as short as sensible, whose gap still changed.
+        newton: Newton iterations of the temperature, those of what was not kept included.
+        newton_mechanics: Likewise of the mechanics.
+    """
+
+    steps: int = 0
+    rejected: int = 0
+    limited: int = 0
+    windows: int = 0
+    cut_back: int = 0
+    cut_for_error: int = 0
+    coupling_iterations: int = 0
+    gap_not_converged: int = 0
+    newton: int = 0
+    newton_mechanics: int = 0
+
+    @property
+    def taken(self) -> int:
+        """Commits so far: coupling windows, or thermal steps in a simulation without mechanics."""
+        return self.windows or self.steps
+
+    def stored(self) -> dict[str, int]:
+        """The counts by their names in a checkpoint."""
+        return {STORED.get(name, name): count for name, count in asdict(self).items()}
+
+    @classmethod
+    def restored(cls, counts: Mapping[str, int]) -> Counts:
+        """The inverse of `stored`."""
+        names = {key: name for name, key in STORED.items()}
+        return cls(**{names.get(key, key): count for key, count in counts.items()})
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """All that a run goes on from, as it stood when its files were written last.
+
+    Attributes:
+        state: The committed state. sample: Taken of it. counts: So far.
+        step: Of `Simulation.control`, s; growth: How many times that. substep: Of the thermal
+            steps, s.
+        zone: Index of the cooling.
+        memory: Of the sampler. snapshots: Results at the references' positions.
+        quality: Crack indexes; None in a case without [quality].
+    """
+
+    state: StrandState
+    sample: Sample
+    counts: Counts
+    step: float
+    growth: float
+    substep: float
+    zone: int
+    memory: dict[str, float | None]
+    snapshots: dict[float, dict[str, Quantity]]
+    quality: QualityState | None
+
+
+@dataclass(slots=True)
+class RunState:
+    """A run between two steps. It holds nothing that is not committed.
+
+    Attributes:
+        simulation: The objects of the run.
+        state: The committed state.
+        sampler: Takes samples of the state, and knows the extremes of the whole run.
+        mechanical_checkpoint: Takes the mechanical state apart; None without mechanics.
+        counts: Of steps and iterations.
+        sample: The last one; None before the first.
+        zone: Index of the cooling; -1 before the first.
+        snapshots: Results at the positions (m) for which the case has references.
+        restored: Results and balances of forces as a checkpoint has them, until the next step: what
+            a step finds out, and the heat flux through its gap, are no part of the state.
+    """
+
+    simulation: Simulation
+    state: StrandState
+    sampler: Sampler
+    mechanical_checkpoint: MechanicalCheckpoint | None = None
+    counts: Counts = field(default_factory=Counts)
+    sample: Sample | None = None
+    zone: int = -1
+    snapshots: dict[float, dict[str, Quantity]] = field(default_factory=dict)
+    restored: tuple[dict[str, Quantity], dict[str, dict[str, Quantity]]] | None = None
+    _recorded: Recorded | None = None
+
+    @classmethod
+    def at_start(cls, simulation: Simulation) -> RunState:
+        """A run that has not begun."""
+        thermal = starting_state(simulation)
+        state = (
+            StrandState(thermal, None, np.zeros(0))
+            if simulation.coupling is None
+            else simulation.coupling.start(thermal)
+        )
+        mechanical_checkpoint = None
+        if simulation.mechanics is not None:
+            from castfem.physics.mechanics.checkpoint import MechanicalCheckpoint
+
+            mechanical_checkpoint = MechanicalCheckpoint(simulation.mechanics.problem)
+        return cls(simulation, state, Sampler(simulation), mechanical_checkpoint)
+
+    @property
+    def position(self) -> float:
+        """Of the slice below the meniscus, m."""
+        return self.simulation.machine.position(self.state.time)
+
+    @property
+    def reached(self) -> dict[str, float]:
+        """How far the run has come, for run.json: time in s, position in m, thermal steps."""
+        return {"time": self.state.time, "position": self.position, "step": self.counts.steps}
+
+    def take_sample(self, substeps: SubSteps | None, mechanical: MechanicalResult | None) -> Sample:
+        """Take a sample of the committed state, and of the step that led to it (collective)."""
+        self.restored = None
+        self.sample = self.sampler.read(self.state, substeps, mechanical)
+        return self.sample
+
+    def remember(self) -> None:
+        """Keep what has been recorded: states are never written into, the rest is copied."""
+        simulation, sample = self.simulation, self.sample
+        assert sample is not None, "a sample has been taken"
+        self._recorded = Recorded(
+            self.state,
+            sample,
+            replace(self.counts),
+            simulation.control.step,
+            simulation.control.growth,
+            simulation.steps.control.step,
+            self.zone,
+            self.sampler.memory(),
+            dict(self.snapshots),
+            None if self.sampler.quality is None else self.sampler.quality.state,
+        )
+
+    def fall_back(self) -> bool:
+        """Take back what is not recorded, after an error at whatever place; False if nothing is."""
+        good, simulation = self._recorded, self.simulation
+        if good is None:
+            return False
+        self.state, self.sample, self.counts = good.state, good.sample, good.counts
+        simulation.control.step, simulation.steps.control.step = good.step, good.substep
+        simulation.control.growth = good.growth
+        self.zone, self.snapshots = good.zone, good.snapshots
+        self.sampler.recall(good.memory)
+        if self.sampler.quality is not None and good.quality is not None:
+            self.sampler.quality.state = good.quality
+        return True

@@ -1,0 +1,79 @@
+"""Surfaces under nozzles that are colder, or hotter, than their tables of coefficients know."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.base import log
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.types import Array
+from castfem.base.units import format
+from castfem.fem import reductions
+from castfem.physics.thermal.spray_water import CoefficientTable, SprayWater
+
+if TYPE_CHECKING:
+    from castfem.model.build.simulation import Simulation
+
+
+class SprayRange:
+    """Tells the log when a sprayed surface first leaves the table of its nozzles, to each side.
+
+    The table holds its end there. Committed states are looked at, with the cooling of the step that
+    led to them.
+
+    Args:
+        simulation: With [secondary].
+    """
+
+    def __init__(self, simulation: Simulation) -> None:
+        table = simulation.case.secondary
+        assert table is not None, "of a case with nozzles"
+        self._simulation = simulation
+        self._before: float | None = None
+        self._models = {
+            id(model.table): (index, model)
+            for index, model in enumerate(table.nozzle)
+            if model.table is not None
+        }
+        self._warned: set[tuple[int, bool]] = set()
+
+    def note(self, time: float, temperature: Array) -> None:
+        """Look at the temperatures of the owned vertices (owned,), K, at a time, s (collective)."""
+        zones, start = self._simulation.zones, self._before
+        self._before = time
+        if start is None:
+            return
+        cooling = zones.cooling(zones.index(start))
+        for patch, law in cooling.laws:
+            if not isinstance(law, SprayWater):
+                continue
+            for row in law.rows:
+                known = row.coefficient
+                if isinstance(known, CoefficientTable) and row.flow(time) > 0.0:
+                    wet = temperature[patch.dofs][row.water > 0.0]
+                    self._compare(known, wet, time)
+
+    def _compare(self, known: CoefficientTable, surface: Array, time: float) -> None:
+        """Tell of temperatures (n,), K, beyond a table (collective)."""
+        comm = self._simulation.section.comm
+        index, model = self._models[id(known)]
+        ends = known.temperatures[0], known.temperatures[-1]
+        hottest = reductions.largest(comm, surface)
+        coldest = reductions.smallest(comm, surface)
+        for hot, beyond, value in (
+            (False, coldest < ends[0], coldest),
+            (True, hottest > ends[1], hottest),
+        ):
+            if not (beyond and np.isfinite(value)) or (index, hot) in self._warned:
+                continue
+            self._warned.add((index, hot))
+            low, high = (format(end, "K", "degC") for end in ends)
+            place = self._simulation.machine.position(time)
+            log.logger.warning(
+                "secondary.nozzle.%d.table: the surface under '%s' has %.4g degC at %.4g m, its "
+                "coefficient is known from %s to %s: beyond, it is that of its end; add rows to "
+                "the table",
+                index, model.name, value - ZERO_CELSIUS, place, low, high,
+            )  # fmt: skip

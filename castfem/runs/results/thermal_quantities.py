@@ -1,0 +1,196 @@
+"""Quantities of the thermal problem: position and steps, temperature, shell, heat."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.runs.results.registry import quantity
+
+if TYPE_CHECKING:
+    from castfem.runs.results.sample import Sample
+
+
+@quantity("solidus", unit="degC", label="solidus", column=False)
+def solidus(sample: Sample) -> float:
+    """Solidus of the steel."""
+    return sample.simulation.steel.solidus
+
+
+@quantity("liquidus", unit="degC", label="liquidus", column=False)
+def liquidus(sample: Sample) -> float:
+    """Liquidus of the steel."""
+    return sample.simulation.steel.liquidus
+
+
+@quantity("time", unit="s", label="time", after="position")
+def time(sample: Sample) -> float:
+    """Time since the meniscus."""
+    return sample.time
+
+
+@quantity("position", unit="m", label="position")
+def position(sample: Sample) -> float:
+    """Position of the slice below the meniscus."""
+    return sample.position
+
+
+@quantity("step", unit="s", label="time step", row=False)
+def step(sample: Sample) -> float:
+    """Time step of the thermal problem."""
+    return sample.step
+
+
+@quantity("newton", unit="-", label="Newton iterations of the temperature", row=False)
+def newton(sample: Sample) -> float:
+    """Newton iterations of the temperature in the step."""
+    return float(sample.newton)
+
+
+@quantity(
+    "surface_temperature",
+    unit="degC",
+    label="surface, {}",
+    each="probe",
+    axis="temperature",
+    after="liquidus_depth",
+)
+def surface_temperature(sample: Sample, probe: str) -> float:
+    """Temperature of the surface."""
+    return float(sample.profiles[probe].temperature[0])
+
+
+@quantity("shell", unit="mm", label="shell, {}", each="probe", axis="depth below the surface")
+def shell(sample: Sample, probe: str) -> float:
+    """Depth of the solidus below the surface, along the probe's line."""
+    return sample.shell[probe]
+
+
+@quantity("solidus_cell", unit="mm", label="cell of the solidus, {}", each="probe", row=False)
+def solidus_cell(sample: Sample, probe: str) -> float:
+    """Size of the cell in which that solidus lies, along the line; empty without one.
+
+    The curve of the shell is a staircase of cells: a vertex cools fast once all round it is solid.
+    It lies within a sixth of the cell of what fine cells give (cells of 4 mm against 0.8 mm in
+    `billet125/thermal` down to 13 m: -0.63 to +0.50 mm, 0.03 mm in the mean).
+    """
+    return sample.cell[probe]
+
+
+@quantity(
+    "liquidus_depth",
+    unit="mm",
+    label="depth of the liquidus, {}",
+    each="probe",
+    axis="depth below the surface",
+)
+def liquidus_depth(sample: Sample, probe: str) -> float:
+    """Depth of the liquidus below the surface, along the probe's line."""
+    return sample.liquidus[probe]
+
+
+@quantity("heat_flux", unit="kW/m^2", label="heat flux, {}", each="probe")
+def heat_flux(sample: Sample, probe: str) -> float:
+    """Heat flux that leaves the surface."""
+    return sample.flux[probe]
+
+
+@quantity("heat_removed", unit="J/m", shown="MJ/m", label="heat removed per m", axis="heat removed")
+def heat_removed(sample: Sample) -> float:
+    """Heat removed since the meniscus, per metre of the whole strand."""
+    return sample.removed
+
+
+@quantity("cooling_power", unit="kW", label="cooling power to here")
+def cooling_power(sample: Sample) -> float:
+    """Heat removed, at the casting speed: what the machine takes down to here.
+
+    Where the speed changes it is the mean one on the way.
+    """
+    return sample.removed * sample.simulation.machine.mean_speed(sample.time)
+
+
+@quantity(
+    "heat_removed_slice",
+    unit="kJ",
+    label="heat removed in 1 s of casting, modelled part",
+    column=False,
+)
+def heat_removed_slice(sample: Sample) -> float:
+    """Heat removed from the modelled part of the length that is cast in 1 s."""
+    simulation = sample.simulation
+    speed = simulation.machine.mean_speed(sample.time)
+    return sample.removed / simulation.section.multiplicity * speed
+
+
+@quantity("temperature_core", unit="degC", label="core", row=False)
+def temperature_core(sample: Sample) -> float:
+    """Temperature at the inner end of the first probe's line."""
+    return next((float(p.temperature[-1]) for p in sample.profiles.values()), np.nan)
+
+
+@quantity("temperature_min", unit="degC", label="lowest temperature", row=False)
+def temperature_min(sample: Sample) -> float:
+    """Lowest temperature of the section."""
+    return sample.temperature_range[0]
+
+
+@quantity("temperature_max", unit="degC", label="highest temperature")
+def temperature_max(sample: Sample) -> float:
+    """Highest temperature of the section."""
+    return sample.temperature_range[1]
+
+
+@quantity(
+    "energy_error",
+    unit="-",
+    label="relative error of the energy",
+    row=False,
+    axis="relative error of\nthe energy",
+)
+def energy_error(sample: Sample) -> float:
+    """Heat in less heat out less change of enthalpy in the step, relative."""
+    return sample.balance
+
+
+@quantity(
+    "metallurgical_length",
+    unit="m",
+    label="metallurgical length",
+    column=False,
+    after="mould_penetration_max",
+    of_way=True,
+)
+def metallurgical_length(sample: Sample) -> float | None:
+    """Where the last of the section passed the solidus; none while liquid is left."""
+    return sample.metallurgical_length
+
+
+@quantity(
+    "liquid_end",
+    unit="m",
+    label="end of the liquid core, fs = 0",
+    column=False,
+    after="mould_penetration_max",
+    of_way=True,
+)
+def liquid_end(sample: Sample) -> float | None:
+    """Where the last of the section passed the liquidus; none while some is above it."""
+    return sample.liquid_end
+
+
+@quantity(
+    "mould_mean_flux",
+    unit="kW/m^2",
+    label="mean heat flux in the mould",
+    column=False,
+    after="cooling_power",
+    of_way=True,
+)
+def mould_mean_flux(sample: Sample) -> float | None:
+    """Heat removed in the mould so far, over the surface of the strand and the time there.
+
+    The end of the mould is `mould.length`, or that of the zones which are called a mould.
+    """
+    return sample.mould_flux

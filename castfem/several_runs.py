@@ -1,0 +1,397 @@
+"""What commands find by several runs, for those who script: in SI, as tables and plain objects.
+
+    castfem.comparison(["results/one", "results/other"])    # castfem compare
+    castfem.error_table("billet125/thermal")                # castfem error
+    castfem.optimise("billet125/optimum_single")            # castfem optimise
+    castfem.find_section("billet125/idealised")             # castfem section
+    castfem.mould_at_work("billet125/hot")                  # castfem mould --hot, --coupled
+
+Nothing is printed or drawn. Heavy modules are imported by the functions that need them.
+"""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Iterable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from castfem.api import load
+from castfem.base.errors import InputError
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    import pandas
+
+    from castfem.model import Case
+    from castfem.physics.mould.displaced import WallDisplacement
+    from castfem.physics.mould.mould import Mould
+    from castfem.post.compare.runs import Run
+    from castfem.post.compare.table import Line
+    from castfem.studies.accuracy.memo import Ladder
+    from castfem.studies.accuracy.table import ErrorTable
+    from castfem.studies.mould_fit.coupled import Turn
+    from castfem.studies.mould_fit.section import Attempt, Outline
+    from castfem.studies.optimisation import Optimum
+
+
+def _case(given: Case | str | Path, asked: str) -> Case:
+    """Return a case, or the one that `load` takes.
+
+    Raises:
+        InputError: It is neither.
+    """
+    from castfem.model import Case
+
+    sound = load(given) if isinstance(given, str | Path) else given
+    if not isinstance(sound, Case):
+        raise InputError(
+            f"{asked}: a case is needed, its path or the name of a shipped one, not {sound!r}"
+        )
+    return sound
+
+
+_COLUMNS = "name", "at", "label", "unit"
+
+
+def comparison(
+    folders: Path | str | Sequence[Path | str],
+    base: Path | str | None = None,
+    *,
+    everything: bool = False,
+    at: float | str | Sequence[float | str] | None = None,
+) -> pandas.DataFrame:
+    """Set finished runs side by side, as `castfem compare` does.
+
+    Args:
+        folders: Of runs; that of a sweep stands for all its finished runs.
+        base: Label or folder of the run whose heat the others' is a share of; by default
+            "idealised", or the first.
+        everything: All results instead of the headline ones.
+        at: One or more positions, "300 mm" or numbers in m: the results there instead of those at
+            the end.
+
+    Returns:
+        A row a result and place, by the name of the result ("heat_removed_share": of the base run's
+        heat); columns `at` (m below the meniscus, NaN: the end of the run), `label`, `unit`, one
+        for each run under its label, and "LABEL: error", "LABEL: reference", "LABEL: bound" where
+        there is any. SI.
+
+    Raises:
+        InputError: A folder holds no run that has ended, there are fewer than two, none has been at
+            a position, or one has the name of another column.
+    """
+    from castfem.post.compare.runs import base_of, read_runs
+    from castfem.post.compare.table import lines
+    from castfem.runs.results.places import read_number
+
+    several: Any = [folders] if isinstance(folders, str | Path) else folders
+    if not isinstance(several, Sequence) or not all(isinstance(f, str | Path) for f in several):
+        raise InputError(f"comparison: folders of runs are needed, not {folders!r}")
+    if base is not None and not isinstance(base, str | Path):
+        raise InputError(f"comparison: base must be the label or folder of a run, not {base!r}")
+    runs = read_runs([Path(folder) for folder in several])
+    for run in runs:
+        if run.label in _COLUMNS:
+            raise InputError(f"{run.label}: a column of the table has that name; rename the folder")
+    given: list[Any] = [at]
+    if isinstance(at, Iterable) and not isinstance(at, str):
+        given = list(at)
+    places = [place for one in given if (place := read_number("at", one, "m")) is not None]
+    found = lines(
+        runs, base_of(runs, None if base is None else str(base)), everything=everything, at=places
+    )
+    if not found:
+        raise InputError(f"at {at}: none of the runs has been there")
+    return _compared(runs, found)
+
+
+def _compared(runs: Sequence[Run], found: Sequence[Line]) -> pandas.DataFrame:
+    """The lines of a comparison as a table in SI."""
+    import pandas
+
+    from castfem.post.compare.table import SHARE
+    from castfem.runs.output.summary import Quantity, to_si, unit_of_difference
+
+    rows: list[dict[str, Any]] = []
+    for line in found:
+        # A share stands below the result that it is of, and has no name of its own.
+        name = f"{rows[-1]['name']}_share" if line.unit == SHARE else line.name
+        shown = "%" if line.unit == SHARE else line.unit
+        row: dict[str, Any] = {"name": name, "at": math.nan if line.at is None else line.at}
+        row |= {"label": line.label, "unit": Quantity(0.0, shown, "").unit}
+        for i, run in enumerate(runs):
+            row[run.label] = to_si(line.ours[i], shown)
+            row[f"{run.label}: error"] = to_si(line.error(i), unit_of_difference(shown))
+            row[f"{run.label}: reference"] = to_si(line.theirs[i], shown)
+            bound = line.kinds[i] != "value" and math.isfinite(line.theirs[i])
+            row[f"{run.label}: bound"] = line.kinds[i] if bound else None
+        rows.append(row)
+    table = pandas.DataFrame(rows).set_index("name")
+    extra = [f"{run.label}: {what}" for run in runs for what in ("error", "reference", "bound")]
+    return table.drop(columns=[column for column in extra if table[column].isna().all()])
+
+
+def error_table(
+    case: Case | str | Path,
+    folder: Path | str | None = None,
+    *,
+    processes: int = 0,
+    overwrite: bool = False,
+) -> pandas.DataFrame:
+    """Find the error of each result of a case, by runs with other cells, steps and windows.
+
+    Args:
+        case: A case, or what `load` takes.
+        folder: Where the runs go, as those of `castfem error -o`; what is finished in it is not
+            run again. None takes a temporary folder, which is removed.
+        processes: Runs at once, each in a process of its own, for which a script needs
+            `if __name__ == "__main__":`; 0: in this process, one after the other.
+        overwrite: Run all anew, also over runs of other cases.
+
+    Returns:
+        A row a result, by its name; columns `label`, `unit`, `value`, `error`, and what of the
+        error the cells (`mesh`), the `step` and the `coupling` windows make; SI, NaN where it is
+        not known. `table.attrs["not run"]` has the runs that have failed, name to reason.
+
+    Raises:
+        InputError: Case or folder cannot be used, or there are several ranks.
+        RunFailure: The case itself does not come to its end.
+    """
+    from mpi4py import MPI
+
+    from castfem.runs.output.run_record import RUN_NAME
+    from castfem.studies.accuracy.ladder import BASE, levels
+    from castfem.studies.accuracy.memo import prepare
+    from castfem.studies.accuracy.table import attach
+
+    if MPI.COMM_WORLD.size > 1:
+        raise InputError("error_table: runs on one rank; under mpirun use castfem error")
+    sound = _case(case, "error_table")
+    if folder is None:
+        with tempfile.TemporaryDirectory() as made:
+            return error_table(sound, made, processes=processes)
+    target = Path(folder)
+    if (target / RUN_NAME).is_file():
+        raise InputError(f"{target}: holds a single run; choose another folder")
+    ladder = prepare(levels(sound), target, overwrite=overwrite)
+    _run_all(ladder, processes)
+    table = ladder.table()
+    table.write(target)
+    attach(table, target / BASE)
+    return _errors(table)
+
+
+def optimise(
+    case: Case | str | Path,
+    folder: Path | str | None = None,
+    *,
+    processes: int = 0,
+    comm: MPI.Intracomm | None = None,
+    ranks: int = 1,
+) -> Optimum:
+    """Find the best values of a case's keys, by its table [optimise] (collective).
+
+    `castfem.studies.optimisation.Study` asks for the same runs one by one, wherever they are to be made.
+
+    Args:
+        case: A case, or what `load` takes.
+        folder: Where the runs go, as those of `castfem optimise -o`; what is in it is not run
+            again. None takes a temporary folder, which is removed.
+        processes: Runs at once, each in a process of its own, for which a script needs
+            `if __name__ == "__main__":`; 0: in this process, one after the other.
+        comm: Ranks that do the runs; all when None.
+        ranks: Of each run, where there are several.
+
+    Returns:
+        The values with their intervals, what they give and what holds them, on all ranks; its
+        `status` says whether the constraints are met. `case.with_(best.changes())` has them.
+
+    Raises:
+        InputError: Case or folder cannot be used, or the case asks for nothing.
+        RunFailure: A file cannot be written. A run that fails raises nothing.
+    """
+    from mpi4py import MPI
+
+    from castfem.fem.root import raise_together
+    from castfem.studies.optimisation import Evaluator, Study, serve
+    from castfem.studies.optimisation.given import origin_of
+
+    comm = MPI.COMM_WORLD if comm is None else comm
+    found: Optimum | None = None
+    error: Exception | None = None
+    if comm.rank:
+        serve(comm)
+    else:
+        with ExitStack() as held:
+            try:
+                sound = _case(case, "optimise")
+                if comm.size > 1 and processes:
+                    raise InputError("optimise: processes: under mpirun the ranks do the work")
+                target = folder or held.enter_context(tempfile.TemporaryDirectory())
+                team = Evaluator(sound, target, processes=processes, comm=comm, ranks=ranks)
+            except Exception as raised:
+                error = raised
+                if comm.size > 1:
+                    comm.bcast(0)  # nothing is to be served
+            else:
+                try:
+                    with team:
+                        origin = origin_of(case)
+                        found = Study(sound, evaluator=team, origin=origin).solve()
+                except Exception as raised:
+                    error = raised
+    raise_together(comm, error)
+    found = comm.bcast(found)
+    assert found is not None
+    return found
+
+
+def _run_all(ladder: Ladder, processes: int) -> None:
+    """Do the runs of a ladder that are not finished."""
+    from castfem.studies.sweep.local import run_locally
+    from castfem.studies.sweep.work import Job, work
+
+    def nothing(*_: Job) -> None:
+        """Nobody looks on."""
+
+    if processes and ladder.jobs:
+        noise = ladder.record.folder / "sweep.log"
+        run_locally(ladder.jobs, processes, noise, nothing, ladder.record.note, nothing)
+        return
+    for job in ladder.jobs:
+        ladder.record.note(job, work(job))
+
+
+def _errors(found: ErrorTable) -> pandas.DataFrame:
+    """The errors of a case as a table in SI."""
+    import pandas
+
+    from castfem.runs.output.summary import Quantity, to_si, unit_of_difference
+
+    rows = []
+    for name, entry in found.quantities.items():
+        value = to_si(entry.value, entry.unit)
+        unit = unit_of_difference(entry.unit)
+        row: dict[str, Any] = {
+            "name": name,
+            "label": entry.label,
+            "unit": Quantity(value, entry.unit, "").unit,
+        }
+        row |= {"value": value, "error": to_si(entry.error(), unit)}
+        rows.append(row | {axis: to_si(part.error, unit) for axis, part in entry.parts.items()})
+    table = pandas.DataFrame(rows).set_index("name")
+    table.attrs["not run"] = {run.name: run.message for run in found.runs if run.message}
+    return table
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundSection:
+    """The section at the meniscus whose strand has the wanted one further down.
+
+    Attributes:
+        outline: At the meniscus: way round a quarter and offset from the rectangle, m.
+        wall: The wall that follows the strand all round and all the way.
+        attempts: The runs; `worst` of each says how far off its section was, m.
+    """
+
+    outline: Outline
+    wall: WallDisplacement
+    attempts: tuple[Attempt, ...]
+
+    def changes(self, *, wall: bool = False) -> dict[str, Any]:
+        """Return what `case.with_` takes to start from the outline; `wall`: in that wall, too."""
+        from castfem.model.wall_shape import WallShape
+
+        ways, offsets = self.outline.ways.tolist(), self.outline.offset.tolist()
+        bulge = {"way": ways, "way_unit": "m", "value": offsets, "unit": "m"}
+        found: dict[str, Any] = {"section.bulge": bulge}
+        return found | ({"mould.displacement": WallShape().write(self.wall)} if wall else {})
+
+
+def find_section(
+    case: Case | str | Path, at: float | str | None = None, *, comm: MPI.Intracomm | None = None
+) -> FoundSection:
+    """Find the outline at the meniscus whose strand has the case's section further down.
+
+    As `castfem section` (collective).
+
+    Args:
+        case: A case with mechanics and without a mould, or what `load` takes.
+        at: Where it is wanted, "800 mm" or a number in m; by default the end of the mould.
+        comm: Ranks of the runs; all when None.
+
+    Raises:
+        InputError: The case cannot be asked.
+        RunFailure: A run fails, or they do not come closer.
+    """
+    from mpi4py import MPI
+
+    from castfem.runs.results.places import read_number
+    from castfem.studies.mould_fit import section
+
+    sound = _case(case, "find_section")
+    place = read_number("at", at, "m")
+    comm = MPI.COMM_WORLD if comm is None else comm
+    attempts = section.find_section(sound, comm, "find_section", place)
+    sides = section.sides_of_section(sound.section)  # type: ignore[arg-type]
+    last = attempts[-1]
+    return FoundSection(last.start, section.natural_wall(last, sides), tuple(attempts))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MouldAtWork:
+    """A mould cold and at work.
+
+    Attributes:
+        cold: As it is made; `cold.dimensions(z)` has its sizes at z, m.
+        hot: As the strand meets it, likewise.
+        displacement: From sizes and taper of the case to the wall at work; None where the case
+            gives the mould at work.
+        iterations: Strand and tube of each iteration; the last `wall` has the temperatures (K)
+            and the stress of the copper.
+    """
+
+    cold: Mould
+    hot: Mould
+    displacement: WallDisplacement | None
+    iterations: tuple[Turn, ...]
+
+    def changes(self) -> dict[str, Any]:
+        """Return what `case.with_` takes to run in the wall at work; nothing where it is given."""
+        from castfem.model.wall_shape import WallShape
+
+        if self.displacement is None:
+            return {}
+        return {"mould.displacement": WallShape().write(self.displacement)}
+
+
+def mould_at_work(
+    case: Case | str | Path, *, coupled: bool = False, comm: MPI.Intracomm | None = None
+) -> MouldAtWork:
+    """Compute how heat distorts the copper tube of a mould, as `castfem mould --hot` (collective).
+
+    Args:
+        case: A case with [mould.tube], or what `load` takes.
+        coupled: Repeat strand and tube until they agree.
+        comm: Ranks of runs and tube; all when None.
+
+    Raises:
+        InputError: The case has no tube.
+        RunFailure: A run of the strand or a solver fails.
+    """
+    from mpi4py import MPI
+
+    from castfem.model.build_mould import nominal_mould
+    from castfem.studies.mould_fit.coupled import MOST, drawing, hot_mould_of, table_of
+
+    sound = _case(case, "mould_at_work")
+    table = table_of(sound, "mould_at_work")
+    comm = MPI.COMM_WORLD if comm is None else comm
+    turns = hot_mould_of(sound, comm, "mould_at_work", MOST if coupled else 1)
+    found = drawing(table, nominal_mould(table, sound.section), turns[-1].wall)
+    return MouldAtWork(found.cold, found.hot, found.displacement, tuple(turns))

@@ -1,0 +1,1 @@
+"""Several runs: sweeps, errors of numbers, derivatives, best values."""

@@ -1,0 +1,120 @@
+"""What is finished of a ladder: its runs lie in a folder of runs, like those of a sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from castfem.base.atomic_files import folder_refused
+from castfem.base.errors import InputError, RunFailure
+from castfem.base.tolerances import ROUNDING
+from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.summary import Quantity, Summary
+from castfem.runs.results.places import quantities_at
+from castfem.studies.accuracy.ladder import Level
+from castfem.studies.accuracy.table import ErrorTable, Ran, gather
+from castfem.studies.sweep.plan import Variant
+from castfem.studies.sweep.record import Record
+from castfem.studies.sweep.work import Job
+
+
+@dataclass(frozen=True, slots=True)
+class Ladder:
+    """The runs of a case in their folder.
+
+    Attributes:
+        levels: All of them.
+        record: Of what is finished.
+        jobs: What is still to be run; a run that was cut short goes on from its checkpoint.
+        at: Places on the way whose errors are asked for, m, besides the exit of the mould.
+    """
+
+    levels: tuple[Level, ...]
+    record: Record
+    jobs: tuple[Job, ...]
+    at: tuple[float, ...] = ()
+
+    @property
+    def runnable(self) -> tuple[Level, ...]:
+        """Those whose sizes the case allows."""
+        return tuple(level for level in self.levels if not level.problem)
+
+    def table(self) -> ErrorTable:
+        """Return the errors as far as the runs that have ended tell them.
+
+        Raises:
+            RunFailure: The case itself has not come to its end.
+        """
+        base = next(level for level in self.levels if not level.axis)
+        results: dict[str, Summary] = {}
+        runs: list[Ran] = []
+        for level in self.levels:
+            entry = self.record.entries.get(level.name)
+            message, seconds = level.problem or "not run yet", 0.0
+            if not level.problem and entry is not None:
+                seconds = entry.seconds
+                message = entry.message or ("" if entry.physics else message)
+            summary = None if message else Summary.load(self.record.folder / level.name)
+            if summary is not None:
+                results[level.name] = summary
+            runs.append(Ran(level.name, level.axis, level.factor, seconds, message))
+        if base.name not in results:
+            why = next(run.message for run in runs if run.name == base.name)
+            raise RunFailure(f"{self.record.folder / base.name}: no error without this run: {why}")
+        return gather(base.case, self.levels, results, runs, self._on_the_way(base, results))
+
+    def _on_the_way(
+        self, base: Level, results: Mapping[str, Summary]
+    ) -> dict[float, dict[str, dict[str, Quantity]]]:
+        """Results of the runs where errors are asked for, and where their mould ends, if above."""
+        exit_, length = results[base.name].mould_exit, base.case.casting.length
+        places = list(self.at)
+        if exit_ is not None and exit_ < length * (1.0 - ROUNDING):
+            places += [] if any(same(exit_, at) for at in places) else [exit_]
+        if not places:
+            return {}
+        folders = {name: self.record.folder / name for name in results}
+        tables = {name: read_history(path / HISTORY_NAME) for name, path in folders.items()}
+        return {
+            at: {name: quantities_at(table, at, folders[name]) for name, table in tables.items()}
+            for at in sorted(places)
+            if at >= float(tables[base.name]["position"].iloc[0])
+        }
+
+
+def same(one: float, other: float) -> bool:
+    """Whether two positions (m) are one."""
+    return abs(one - other) <= ROUNDING * max(abs(one), abs(other))
+
+
+def prepare(
+    levels: Sequence[Level], folder: Path, *, overwrite: bool = False, at: Sequence[float] = ()
+) -> Ladder:
+    """Look at what is finished in a folder, and make it ready for the rest.
+
+    Args:
+        levels: The runs.
+        folder: Where they lie, a folder each.
+        overwrite: Run all anew, also over runs of other cases.
+        at: Places on the way whose errors are asked for, m.
+
+    Raises:
+        InputError: The folder holds runs of another case, one is at work there, or it cannot be
+            written.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: is a file, a folder is needed; choose another with -o")
+    record = Record(folder)
+    runnable = [level for level in levels if not level.problem]
+    jobs = record.unfinished(
+        [Job(one.name, folder / one.name, one.case, resume=not overwrite) for one in runnable],
+        overwrite=overwrite,
+    )
+    record.expect(Variant(one.name, {"sizes": one.text}, one.case) for one in runnable)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        record.save()
+    except (OSError, RunFailure) as error:
+        raise InputError(folder_refused(folder, error)) from None
+    return Ladder(tuple(levels), record, jobs, tuple(at))

@@ -1,0 +1,260 @@
+"""The hot mould of a case: strand -> flux -> tube -> wall -> strand, until they agree.
+
+The strand's flux heats the tube; the tube's shape, where the mould is given cold, and the
+temperature of its hot face, where the strand's cooling takes it from the mould, go back to the
+strand. The shape answers the flux weakly (a tenth more heat widens the wall by 20 um), so that
+plain repetition comes to rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+from castfem.base.errors import InputError
+from castfem.base.tables import Constant, Table, as_function
+from castfem.base.types import Array
+from castfem.model.build_mould import nominal_mould
+from castfem.model.mould_laws import MOULD, Contact
+from castfem.model.wall_shape import WallShape
+from castfem.physics.mould.displaced import DisplacedMould, WallDisplacement
+from castfem.physics.mould.hot.copper import CONDUCTIVITY, EXPANSION, POISSON, STIFFNESS, Copper
+from castfem.physics.mould.hot.flux import FluxMap, of_strand, profile
+from castfem.physics.mould.hot.model import HotMould, HotWall, TubeSettings
+from castfem.physics.mould.mould import Mould
+from castfem.physics.mould.perimeter import sides_of
+from castfem.studies.mould_fit.follow import Followed, follow
+
+if TYPE_CHECKING:
+    from castfem.model import Case
+    from castfem.model.mould import Mould as MouldTable
+
+SHAPE = 2e-6
+"""Change of the wall from one turn to the next below which they agree, m."""
+HEAT = 1e-3
+"""Likewise of the heat removed, relative."""
+MOST = 8
+"""Turns."""
+_ROWS = 21
+"""Of the table of the hot face's temperature that goes back to the strand."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Turn:
+    """One time round.
+
+    Attributes:
+        strand: The run whose flux heated the tube; None where the flux is given.
+        wall: What came of it.
+        moved: Largest change of the wall since the turn before, m; NaN in the first.
+        heat: Relative change of the heat removed since then; likewise.
+    """
+
+    strand: Followed | None
+    wall: HotWall
+    moved: float
+    heat: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drawing:
+    """The mould cold and at work.
+
+    Attributes:
+        cold: As it is made.
+        hot: As the strand meets it.
+        displacement: From the sizes and the taper in the case to the wall at work: what
+            `mould.displacement` takes; None where the case gives the mould at work.
+    """
+
+    cold: Mould
+    hot: Mould
+    displacement: WallDisplacement | None
+
+
+def table_of(case: Case, origin: str) -> MouldTable:
+    """Return [mould] of a case that has a tube.
+
+    Raises:
+        InputError: It has none.
+    """
+    table = case.mould
+    if table is None or table.tube is None:
+        raise InputError(
+            f"{origin}: mould.tube: the table is missing; add [mould.tube] with "
+            'thickness = "10 mm" (docs/hot_mould.md)'
+        )
+    return table
+
+
+def copper_of(table: MouldTable) -> Copper:
+    """Return the copper of a mould."""
+    given = table.copper
+
+    def either(value: float | Table | None, usual: Constant | Table) -> Constant | Table:
+        return usual if value is None else as_function(value)
+
+    return Copper(
+        either(given.conductivity, CONDUCTIVITY),
+        either(given.mean_expansion, EXPANSION),
+        either(given.youngs_modulus, STIFFNESS),
+        either(given.poisson, Constant(POISSON)),
+        given.cold,
+    )
+
+
+def settings_of(table: MouldTable) -> TubeSettings:
+    """Return the tube of a mould that has one."""
+    given = table.tube
+    assert given is not None
+
+    def maybe(value: float | Table | None) -> Constant | Table | None:
+        return None if value is None else as_function(value)
+
+    return TubeSettings(
+        given.thickness,
+        given.above,
+        as_function(given.water_coefficient),
+        as_function(given.water_temperature),
+        given.support,
+        maybe(given.hot_face),
+        maybe(given.water_side),
+        int(given.cells_across),
+        given.cell_size,
+        given.solver,
+    )
+
+
+def hot_mould_of(
+    case: Case,
+    comm: MPI.Comm,
+    origin: str,
+    turns: int = 1,
+    told: Callable[[int, Turn], None] = lambda number, turn: None,
+) -> list[Turn]:
+    """Return the turns of a case's hot mould, the last of which is the answer (collective).
+
+    Args:
+        case: With [mould.tube].
+        comm: Ranks.
+        origin: What the user called the case, for messages.
+        turns: Most of them; 1 heats the tube once. They end before where wall and heat agree, and
+            after one where the tube's flux or its faces' temperatures are given.
+        told: Called after each.
+
+    Raises:
+        InputError: The case has no tube.
+        RunFailure: A run or a solver fails.
+    """
+    table = table_of(case, origin)
+    assert table.tube is not None
+    mould = nominal_mould(table, case.section)
+    tube = HotMould(comm, mould, copper_of(table), settings_of(table))
+    sides = sides_of(mould.cavity, mould.tapers, 0.0)
+    if table.tube.hot_face is not None or table.tube.flux is not None:
+        flux = None
+        if table.tube.flux is not None:
+            given = as_function(table.tube.flux)
+            share, reach = table.tube.corner_flux, table.tube.corner_reach
+            flux = profile(given, sides, table.length, share, reach)
+        turn = Turn(None, tube.solve(flux), np.nan, np.nan)
+        told(1, turn)
+        return [turn]
+    found: list[Turn] = []
+    for number in range(1, turns + 1):
+        strand = follow(_heated(case, table, found[-1].wall if found else None), comm)
+        wall = tube.solve(flux_of(strand, mould))
+        found.append(_turn(strand, wall, found[-1] if found else None))
+        told(number, found[-1])
+        if found[-1].moved < SHAPE and abs(found[-1].heat) < HEAT:
+            break
+    return found
+
+
+def flux_of(strand: Followed, mould: Mould) -> FluxMap:
+    """Return what a strand gives off within its mould, on the mould's wall."""
+    inside = strand.positions <= mould.length * (1.0 + 1e-9)
+    sides = sides_of(mould.cavity, mould.tapers, 0.0)
+    return of_strand(strand.positions[inside], strand.line.place, strand.flux[inside], sides)
+
+
+def drawing(table: MouldTable, mould: Mould, wall: HotWall) -> Drawing:
+    """Return the mould cold and at work, from the displacement that the heat makes.
+
+    Of a mould given at work it is the cold one that is found, of a cold one that at work. Where
+    no size of a cold one is given, the cavity at work has that of the strand at the meniscus.
+
+    Args:
+        table: [mould].
+        mould: Of its sizes and taper as they are written.
+        wall: What the heat has done to it.
+    """
+    heat = wall.displacement
+    if table.condition == "working":
+        back = WallDisplacement(heat.positions, heat.ways, -heat.moved)
+        return Drawing(_displaced(mould, back), mould, None)
+    if not any((table.width, table.height, table.diameter, table.corner_radius)):
+        start = WallDisplacement(heat.positions, heat.ways, heat.less(0.0).moved - heat.moved)
+        cold = _displaced(mould, start)
+        filled = heat.less(0.0)
+        return Drawing(cold, _displaced(mould, filled), filled)
+    return Drawing(mould, _displaced(mould, heat), heat)
+
+
+def _displaced(mould: Mould, displacement: WallDisplacement) -> Mould:
+    return DisplacedMould(mould.cavity, mould.length, mould.tapers, displacement)
+
+
+def _heated(case: Case, table: MouldTable, wall: HotWall | None) -> Case:
+    """Return the case down to the end of its mould, with the wall of the turn before.
+
+    The first has the wall as it is drawn, without the free expansion of [mould.copper].
+    """
+    changes: dict[str, Any] = {}
+    if case.casting.length > table.length:
+        changes["casting.length"] = f"{table.length!r} m"
+    if table.condition == "cold":
+        mould = nominal_mould(table, case.section)
+        shape = None if wall is None else drawing(table, mould, wall).displacement
+        if shape is None:
+            changes["mould.condition"] = "working"
+        else:
+            changes["mould.displacement"] = WallShape().write(shape)
+    if wall is not None and table.wall_temperature is not None and _takes_wall(case):
+        changes["mould.wall_temperature"] = _temperature(*wall.profile())
+    return case.with_(changes) if changes else case
+
+
+def _takes_wall(case: Case) -> bool:
+    """Return whether a law of the cooling has the wall's temperature from the mould."""
+    return any(
+        isinstance(law, Contact) and law.wall in (None, MOULD)
+        for zone in case.cooling
+        for law in zone.surface
+    )
+
+
+def _temperature(positions: Array, kelvin: Array) -> dict[str, Any]:
+    """Return a table of the wall's temperature as a case file has it."""
+    rows = np.linspace(0.0, positions[-1], _ROWS)
+    return {
+        "position": rows.tolist(),
+        "position_unit": "m",
+        "value": np.interp(rows, positions, kelvin).tolist(),
+        "unit": "K",
+    }
+
+
+def _turn(strand: Followed, wall: HotWall, before: Turn | None) -> Turn:
+    """Return a turn with what it has changed."""
+    if before is None or before.strand is None:
+        return Turn(strand, wall, np.nan, np.nan)
+    change = wall.displacement.moved - before.wall.displacement.moved
+    moved = float(np.hypot(change[..., 0], change[..., 1]).max())
+    old, new = before.strand.value("heat_removed"), strand.value("heat_removed")
+    return Turn(strand, wall, moved, (new - old) / old)

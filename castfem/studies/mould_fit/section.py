@@ -1,0 +1,199 @@
+"""The section at the meniscus whose strand has a wanted outline further down (Fig. 121).
+
+In an idealised mould the strand bulges and shrinks on its way. A fixed point on its outline takes
+that back: where it stands too far out in the end, the section is made smaller there. What the
+strand does on its way hardly depends on such a change (0.2 mm of 60), so that each turn leaves some
+hundredth of the deviation.
+
+Figures are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+from castfem.base.errors import InputError, RunFailure
+from castfem.base.types import Array
+from castfem.meshes.bulge import normals_round, ways_round
+from castfem.model.section import Rectangle
+from castfem.physics.mould.cavity import Sides, rectangle
+from castfem.physics.mould.displaced import WallDisplacement
+from castfem.physics.mould.perimeter import Places
+from castfem.studies.mould_fit.follow import Followed, follow
+
+if TYPE_CHECKING:
+    from castfem.model import Case
+
+CLOSE = 10e-6
+"""Largest deviation from the wanted outline, m."""
+MOST = 6
+"""Runs."""
+RELAXATION = 1.0
+_FACE, _CORNER = 8, 6
+"""Cells of the wall that the strand's natural shape makes: on half a face, on a corner."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outline:
+    """An outline beside a rectangle, over the way round a quarter.
+
+    Attributes:
+        ways: Of the vertices (n,), m, increasing.
+        offset: How far they stand out (n,), m.
+    """
+
+    ways: Array
+    offset: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Attempt:
+    """One run.
+
+    Attributes:
+        start: Outline at the meniscus.
+        end: Outline at the wanted position.
+        worst: Largest deviation there, m.
+        strand: The run.
+    """
+
+    start: Outline
+    end: Outline
+    worst: float
+    strand: Followed
+
+
+def find_section(
+    case: Case,
+    comm: MPI.Comm,
+    origin: str,
+    at: float | None = None,
+    close: float = CLOSE,
+    told: Callable[[int, Attempt], None] = lambda number, attempt: None,
+) -> list[Attempt]:
+    """Return the runs, the last of which ends as a rectangle of the case's section (collective).
+
+    Args:
+        case: With mechanics, without a mould.
+        comm: Ranks.
+        origin: What the user called the case, for messages.
+        at: Position of the wanted section, m; None: the end of the mould, or of the run.
+        close: Largest deviation from it, m.
+        told: Called after each run.
+
+    Raises:
+        InputError: The case cannot be asked.
+        RunFailure: A run fails, or the outlines do not come closer.
+    """
+    section = _checked(case, origin)
+    if at is None:
+        at = min(case.mould_exit() or case.casting.length, case.casting.length)
+    sides = sides_of_section(section)
+    found: list[Attempt] = []
+    start: Outline | None = None
+    for number in range(1, MOST + 1):
+        strand = follow(_changed(case, at, start), comm)
+        if start is None:
+            ways = _vertices(strand.line.place, sides)[0]
+            start = Outline(ways, np.zeros(len(ways)))
+        end = outline_of(strand.outline[-1], strand.line.place, start, sides)
+        found.append(Attempt(start, end, float(np.abs(end.offset).max()), strand))
+        told(number, found[-1])
+        if found[-1].worst <= close:
+            return found
+        start = Outline(start.ways, start.offset - RELAXATION * end.offset)
+    raise RunFailure(
+        f"{origin}: after {MOST} runs the section is still {1e6 * found[-1].worst:.0f} um off the "
+        f"wanted one at {1e3 * at:g} mm (allowed: {1e6 * close:.0f} um)"
+    )
+
+
+def _checked(case: Case, origin: str) -> Rectangle:
+    """Return the section of a case that can be asked."""
+    section = case.section
+    if not isinstance(section, Rectangle) or section.corner_radius == 0.0:
+        raise InputError(
+            f"{origin}: section: only a rectangle with rounded corners is looked for; shape = "
+            '"rectangle" with corner_radius = "5 mm"'
+        )
+    if case.mechanics is None:
+        raise InputError(
+            f"{origin}: mechanics: the table is missing, so that the strand keeps its outline; "
+            "billet125/idealised has one"
+        )
+    if case.mould is not None:
+        raise InputError(
+            f"{origin}: mould: the outline is looked for in an idealised mould, which follows the "
+            "strand; leave [mould] out, as billet125/idealised does"
+        )
+    return section
+
+
+def sides_of_section(section: Rectangle) -> Sides:
+    """Return the rectangle of a section, without its bulge."""
+    half = 0.5 * section.width, 0.5 * section.height
+    return Sides(half, half, section.corner_radius)
+
+
+def _changed(case: Case, at: float, start: Outline | None) -> Case:
+    """Return the case down to a position, with an outline at the meniscus."""
+    changes: dict[str, Any] = {"casting.length": f"{at!r} m"}
+    if start is not None:
+        changes["section.bulge"] = {
+            "way": start.ways.tolist(),
+            "way_unit": "m",
+            "value": start.offset.tolist(),
+            "unit": "m",
+        }
+    return case.with_(changes)
+
+
+def _vertices(place: Array, sides: Sides) -> tuple[Array, Array]:
+    """Return the different ways of vertices (n, 2), and which of them each vertex has."""
+    (a, b), r = sides.middle, sides.radius
+    ways, number = np.unique(np.round(ways_round(place, a, b, r), 12), return_inverse=True)
+    return np.asarray(ways), np.asarray(number)
+
+
+def outline_of(points: Array, place: Array, start: Outline, sides: Sides) -> Outline:
+    """Return how far a strand's surface stands out from the rectangle.
+
+    Vertices of a half or a whole section that stand for one place of the quarter: their mean.
+
+    Args:
+        points: Where its vertices are (n, 2), m.
+        place: Where they were at the meniscus (n, 2), m.
+        start: The outline there.
+        sides: Of the rectangle.
+    """
+    (a, b), r = sides.middle, sides.radius
+    ways = ways_round(place, a, b, r)
+    number = np.abs(start.ways[None, :] - ways[:, None]).argmin(axis=1)
+    normals = normals_round(start.ways, b, r)[number]
+    gap = rectangle(sides).gap_function(np.abs(points), normals).gap
+    count = np.bincount(number, minlength=len(start.ways))
+    return Outline(start.ways, -np.bincount(number, gap, len(start.ways)) / count)
+
+
+def natural_wall(attempt: Attempt, sides: Sides) -> WallDisplacement:
+    """Return the wall that follows a strand all round and all the way, from the rectangle."""
+    places = Places.spread(sides, _FACE, _CORNER)
+    ways = places.ways(sides)
+    _, normals = places.on(sides)
+    strand = attempt.strand
+    rows = [
+        np.interp(
+            ways,
+            attempt.start.ways,
+            outline_of(points, strand.line.place, attempt.start, sides).offset,
+        )
+        for points in strand.outline
+    ]
+    moved = np.array(rows)[:, :, None] * normals[None]
+    return WallDisplacement(strand.positions, ways, moved)

@@ -1,0 +1,75 @@
+"""With how many digits an answer is printed: what is said to differ is seen to differ."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from castfem.runs.results.numbers import shown
+
+_FINEST, _LARGEST = 1e-4, 1e4  # beyond them a number is printed with its power of ten
+_ALL = 7  # significant digits that a result has at most
+_LOST = 0.05  # by rounding, of a value or a difference: then two digits of it are printed
+_ROUNDING = 1e-9  # of a power of ten
+_SAME = 1e-12  # relative: rounding
+_VALUE = 9  # digits of a variable; it is rounded to those of its range
+
+
+def significant(value: float, digits: int, sign: str = "") -> str:
+    """A difference with so many digits that count, zeros at the end left out; "?" for NaN."""
+    if not math.isfinite(value):
+        return "?"
+    if value == 0.0 or not _FINEST <= abs(value) < _LARGEST:
+        return f"{value + 0.0:{sign}.{digits}g}"
+    text = f"{value:{sign}.{max(0, digits - 1 - _power(value))}f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def result(value: float, unit: str, apart: float = 0.0) -> str:
+    """A result as tables print it, with more decimals where it is small, or near to another.
+
+    Args:
+        value: In the unit that is shown.
+        unit: That unit.
+        apart: By how much it differs from what it is compared with; two digits of that are seen.
+    """
+    usual = shown(value, unit)
+    if not math.isfinite(value) or value == 0.0 or not usual.lstrip("-").replace(".", "").isdigit():
+        return usual
+    usual_decimals = len(usual.partition(".")[2])
+    lost = abs(float(usual) - value)
+    least = 1 - _power(value) if lost > _LOST * abs(value) else 0
+    if abs(apart) > _SAME * abs(value) and lost > _LOST * abs(apart):
+        least = max(least, min(1 - _power(apart), _ALL - 1 - _power(value)))
+    if least <= usual_decimals:
+        return usual
+    return (
+        f"{value:.{least}f}" if abs(value) >= _FINEST else f"{value:.{least + _power(value) + 1}g}"
+    )
+
+
+def column(values: Sequence[float], unit: str) -> list[str]:
+    """Results below one another, each told from its neighbours."""
+    found = []
+    for i, value in enumerate(values):
+        near = [abs(value - one) for one in (*values[max(i - 1, 0) : i], *values[i + 1 : i + 2])]
+        found.append(result(value, unit, min((one for one in near if one > 0.0), default=0.0)))
+    return found
+
+
+def variable(value: float) -> str:
+    """A value of a variable."""
+    return f"{value:.{_VALUE}g}"
+
+
+def ends(low: float, high: float) -> tuple[str, str]:
+    """The ends of an interval: four digits, or those that two digits of its width need."""
+    digits, largest = 4, max(abs(low), abs(high))
+    if 0.0 < high - low < largest:
+        digits = min(max(4, _power(largest) - _power(high - low) + 2), _VALUE)
+    return f"{low:.{digits}g}", f"{high:.{digits}g}"
+
+
+def _power(value: float) -> int:
+    """The power of ten of the first digit."""
+    return math.floor(math.log10(abs(value)) + _ROUNDING)

@@ -1,0 +1,118 @@
+"""Polynomials laid through results over places, and through their derivatives where known.
+
+Of second degree in variables and inputs, with the third power of each variable, too: about an
+optimum a corner comes off its wall, and what it gives bends along the taper. A run that carries
+derivatives says as much as one and as many more as it has variables and inputs: far fewer are
+enough (docs/mould_design.md).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+
+import numpy as np
+
+from castfem.base.types import Array
+
+_MORE = 1.4  # runs over coefficients
+_EQUATIONS = 4.3  # over coefficients, of runs that carry derivatives
+# What is missed is of fourth degree or more: it changes at least four times as much as it is large.
+_WEIGHT = 0.25  # of derivatives, whose misfit is to count as that of values
+
+
+def coefficients(variables: int, inputs: int) -> int:
+    """How many coefficients there are, of some variables and inputs."""
+    every = variables + inputs
+    return 1 + every + every * (every + 1) // 2 + variables
+
+
+def samples(variables: int, inputs: int, *, carrying: bool = False) -> int:
+    """How many runs polynomials are laid through.
+
+    Args:
+        variables: How many there are.
+        inputs: Likewise.
+        carrying: Whether the runs carry derivatives by all of them; if not, a power of two.
+    """
+    needed = coefficients(variables, inputs)
+    if carrying:
+        told = int(np.ceil(_EQUATIONS * needed / (1 + variables + inputs)))
+        return max(told, least(variables, inputs, carrying=True))
+    return int(2 ** np.ceil(np.log2(_MORE * needed)))
+
+
+def least(variables: int, inputs: int, *, carrying: bool) -> int:
+    """How many runs fix all coefficients when any of them is left out; see `samples`.
+
+    Derivatives at two places tell how a result bends along the line between them: it takes as
+    many lines as there are variables and inputs.
+    """
+    needed, every = coefficients(variables, inputs), variables + inputs
+    return 1 + (max(every + 1, -(-needed // (1 + every))) if carrying else needed)
+
+
+def fit(
+    places: Array, values: Array, variables: int, slopes: Array | None = None
+) -> tuple[Callable[[Array], Array], Array]:
+    """Return polynomials of runs, and by how much they miss a run that is left out.
+
+    Args:
+        places: Of the runs (r, n), variables first, each of them and each input from -1 to 1.
+        values: Results (r, m).
+        variables: How many there are.
+        slopes: Their derivatives by the places (r, m, n), NaN where there is none; None for none.
+
+    Returns:
+        Results (k, m) at places (k, n); root mean squares of what each run is missed by when the
+        polynomials are laid through all others (m,).
+    """
+    rows, given = _equations(places, values, variables, slopes)
+    each = len(rows) // len(places)
+    weights, missed = np.zeros((rows.shape[1], values.shape[1])), np.zeros(values.shape)
+    for j in range(values.shape[1]):
+        known = ~np.isnan(given[:, j])
+        columns = np.where(known[:, None], rows, 0.0)  # without an equation for what is not known
+        aim = np.where(known, given[:, j], 0.0)
+        inverse = np.linalg.pinv(columns, rcond=1e-10)
+        weights[:, j] = inverse @ aim
+        left = aim - columns @ weights[:, j]
+        for i in range(len(places)):
+            own = slice(i * each, (i + 1) * each)
+            others = np.eye(each) - columns[own] @ inverse[:, own]
+            missed[i, j] = np.linalg.lstsq(others, left[own], rcond=1e-9)[0][0]
+    return (lambda x: _columns(x, variables) @ weights), np.sqrt(np.mean(missed**2, axis=0))
+
+
+def _equations(
+    places: Array, values: Array, variables: int, slopes: Array | None
+) -> tuple[Array, Array]:
+    """Rows of the coefficients, and what they are to give: a run's value, then its derivatives."""
+    rows = _columns(places, variables)
+    if slopes is None:
+        return rows, values
+    by_place = [_WEIGHT * _slopes(places, variables, i) for i in range(places.shape[1])]
+    blocks = np.stack([rows, *by_place], axis=1)
+    given = np.concatenate([values[:, None, :], _WEIGHT * np.swapaxes(slopes, 1, 2)], axis=1)
+    return blocks.reshape(-1, blocks.shape[2]), given.reshape(-1, given.shape[2])
+
+
+def _powers(count: int, variables: int) -> list[tuple[int, ...]]:
+    """The factors of each column: numbers of variables and inputs."""
+    every = range(count)
+    squares = itertools.combinations_with_replacement(every, 2)
+    return [(), *((i,) for i in every), *squares, *((i, i, i) for i in range(variables))]
+
+
+def _columns(x: Array, variables: int) -> Array:
+    factors = _powers(x.shape[1], variables)
+    return np.column_stack([np.prod(x[:, list(one)], axis=1) for one in factors])
+
+
+def _slopes(x: Array, variables: int, i: int) -> Array:
+    """Derivatives of the columns by one variable or input, by the product rule."""
+    found = []
+    for one in _powers(x.shape[1], variables):
+        rests = [[*one[:k], *one[k + 1 :]] for k, factor in enumerate(one) if factor == i]
+        found.append(sum((np.prod(x[:, rest], axis=1) for rest in rests), np.zeros(len(x))))
+    return np.column_stack(found)

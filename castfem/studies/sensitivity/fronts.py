@@ -1,0 +1,136 @@
+"""Derivatives of depths of isotherms, evened out over the cells that a front has passed.
+
+On a mesh a front goes by steps: a vertex cools fast once all round it is solid, then the next.  A
+depth is a staircase, right to a sixth of a cell, but its slope is that of a tread or of a riser,
+by a parameter as well as in time.  In the mean over whole cells the slope is that of the front.  So
+the derivative of a depth is followed from step to step, and a straight line over the depth is laid
+through those of the last cells; its end is what is told (docs/sensitivity.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from castfem.base.types import Array
+from castfem.fem.line_probes import LineProbes, Profile
+from castfem.physics.materials import Steel
+from castfem.runs.results.sample import Sample
+from castfem.studies.sensitivity.perturbed_simulation import Variation
+from castfem.studies.sensitivity.thermal import ThermalDerivatives
+
+LEVELS = {"shell": "solidus", "liquidus_depth": "liquidus"}
+"""Results that are depths of an isotherm, and whose."""
+CELLS = 12.0  # over which a line is laid
+LEAST, FEWEST = 4.0, 8  # cells and steps with which one is
+
+
+@dataclass(slots=True)
+class Front:
+    """A depth along the steps of one zone.
+
+    Attributes:
+        zone: Index of the cooling.
+        rows: Depth, size of the cell there (m), and derivatives by each parameter, of each step.
+    """
+
+    zone: int = -1
+    rows: list[list[float]] = field(default_factory=list)
+
+    def add(self, zone: int, depth: float, cell: float, slopes: Sequence[float]) -> None:
+        """Take in a step; what lies too far back is dropped."""
+        if zone != self.zone:
+            self.zone, self.rows = zone, []
+        if not np.isfinite(cell) or not np.isfinite(slopes).all():
+            self.rows = []  # there is no front
+            return
+        self.rows.append([depth, cell, *slopes])
+        self.rows = [row for row in self.rows if abs(row[0] - depth) <= CELLS * cell]
+
+    def evened(self) -> tuple[Array, Array] | None:
+        """Derivatives by each parameter and their standard errors; None with too few cells."""
+        table = np.array(self.rows)
+        if len(table) < FEWEST:
+            return None
+        depth, cell, slopes = table[:, 0], table[-1, 1], table[:, 2:]
+        if np.ptp(depth) < LEAST * cell:
+            return None
+        line = np.column_stack([np.ones(len(table)), (depth - depth[-1]) / cell])
+        found = np.linalg.lstsq(line, slopes, rcond=None)[0]
+        rest = slopes - line @ found
+        free = max(np.ptp(depth) / cell - 2.0, 1.0)  # steps on one tread are no news
+        scatter = np.sqrt(np.mean(rest**2, axis=0) * np.linalg.inv(line.T @ line)[0, 0])
+        return found[0], scatter * np.sqrt(len(table) / free)
+
+
+class Fronts:
+    """Follows the depths that are asked for.
+
+    Args:
+        derivatives: Of the temperatures.
+        wanted: Kind of depth, of `LEVELS`, and probe of each.
+    """
+
+    def __init__(self, derivatives: ThermalDerivatives, wanted: Sequence[tuple[str, str]]) -> None:
+        self._derivatives = derivatives
+        self.fronts = {one: Front() for one in wanted}
+
+    def follow(self, zone: int, sample: Sample) -> None:
+        """Take in a committed step in a zone (collective)."""
+        if not self.fronts:
+            return
+        probes = sample.simulation.probes
+        variations = self._derivatives.variations
+        warming = [self._along(probes, sample, i) for i in range(len(variations))]
+        for (kind, probe), front in self.fronts.items():
+            profile = sample.profiles[probe]
+            level = _level(sample.simulation.steel, kind)
+            slopes = [
+                _slope(profile, level, along[probe], _level_slope(v, kind))
+                for v, along in zip(variations, warming, strict=True)
+            ]
+            front.add(zone, profile.isotherm_depth(level), profile.cell_at(level), slopes)
+
+    def _along(self, probes: LineProbes, sample: Sample, number: int) -> dict[str, Array]:
+        """How the temperature along every line changes by a parameter, by conduction as it is."""
+        state = sample.state.thermal
+        warming, law = self._derivatives.warming(number, state), probes.conducts
+        if law is None or law.even:
+            return probes.along(warming)
+        k = sample.simulation.problem.curve.conductivity
+        along = probes.along(k(state.point.temperature) * warming)
+        return {name: v / k(sample.profiles[name].temperature) for name, v in along.items()}
+
+    def memory(self) -> list[list[object]]:
+        """What a checkpoint must hold."""
+        return [[front.zone, front.rows] for front in self.fronts.values()]
+
+    def recall(self, memory: Sequence[Sequence[object]]) -> None:
+        """Take up what `memory` gave."""
+        for front, (zone, rows) in zip(self.fronts.values(), memory, strict=True):
+            front.zone, front.rows = int(zone), [list(row) for row in rows]  # type: ignore
+
+
+def _level(steel: Steel, kind: str) -> float:
+    return float(getattr(steel, LEVELS[kind]))
+
+
+def _level_slope(variation: Variation, kind: str) -> float:
+    """Derivative of the level itself, K per unit."""
+    above, below = (_level(s.simulation.steel, kind) for s in (variation.above, variation.below))
+    return (above - below) / variation.span
+
+
+def _slope(profile: Profile, level: float, warming: Array, of_level: float) -> float:
+    """Derivative of the depth of a level along a line, m per unit; NaN where it does not lie."""
+    hot = profile.temperature >= level
+    i = int(np.argmax(hot))
+    if i == 0:
+        return float("nan")
+    x0, x1 = profile.depth[i - 1 : i + 1]
+    t0, t1 = profile.temperature[i - 1 : i + 1]
+    d0, d1 = warming[i - 1 : i + 1]
+    share = (level - t0) / (t1 - t0)
+    return float((x1 - x0) / (t1 - t0) * (of_level - d0 - share * (d1 - d0)))

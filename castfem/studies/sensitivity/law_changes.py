@@ -1,0 +1,247 @@
+"""The law at the points of a slice, differentiated by all parameters at once.
+
+The coefficients of the law hang on temperature and parameter.  By temperature they are
+differentiated once for all parameters; by a parameter at held temperatures, where its law is not
+that of the run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from castfem.base.types import Array
+from castfem.physics.constitutive.base import (
+    Law,
+    MaterialStep,
+    Response,
+    ResponseChange,
+    StepChange,
+)
+from castfem.physics.constitutive.flow_laws import ThermoElastic
+from castfem.physics.mechanics.material_points import FedPoints
+from castfem.physics.mechanics.problem import MechanicalProblem
+from castfem.studies.sensitivity.difference import (
+    WARMER,
+    by_temperature,
+    slope,
+    slope_by_temperature,
+)
+from castfem.studies.sensitivity.perturbed_slices import SliceSides
+from castfem.studies.sensitivity.step_inputs import Beginning, Stressed
+
+STRAIN = 1e-11  # to either side, in differences by strain
+
+
+class LawChanges:
+    """The law at the points with stress, in a step that a run has taken.
+
+    Args:
+        run: The equilibrium of the run, at the solution.
+        sides: Of each parameter.
+        begun: What they begin with.
+        strain: Increments of the step (m, 4).
+    """
+
+    def __init__(
+        self,
+        run: MechanicalProblem,
+        sides: Sequence[SliceSides],
+        begun: Sequence[Beginning],
+        strain: Array,
+    ) -> None:
+        self._run, self._sides, self._begun = run, sides, begun
+        here = self._here = begun[0].stressed
+        self._strain = strain
+        whole = len(here.kept) == run.active.count
+        self._answer = run.response if whole else run.response.part(here.kept)
+        self._directions = _directions(run.slice.law, here.now)
+        self._ways = len(self._directions)
+        self._by = np.concatenate([[one.by for one in sides], np.full(self._ways, STRAIN)])
+        self._longer = self._rows(np.array(its.late[1] - its.late[0]) for its in begun)
+        self._starts = [
+            self._rows(its.start[name][here.rows] for its in begun)
+            for name in ("stress", "internal")
+        ]
+        stiff = run.points.stiffness_temperature
+        self._stiff = [stiff(one)[here.rows] for one in begun[0].points]
+        ends = range(2)
+        self._warming = [self._rows(its.warming[end][here.rows] for its in begun) for end in ends]
+        self._stiff_warming = self._warming
+        if not run.points.whole:
+            self._stiff_warming = [
+                self._rows(stiff(its.warming[end])[here.rows] for its in begun) for end in ends
+            ]
+        self._thermal, self._thermal_changes = self._thermal_strain()
+        first = slice(0, here.deviators)
+        self._parts = [self._part(first, False), self._part(slice(first.stop, None), True)]
+        self._strain_held: Array = np.zeros(0)
+        self._held = self._rise = ResponseChange.empty(0, 0, 0)
+
+    def _rows(self, changes: Iterable[Array]) -> Array:
+        """Changes by the parameters (k, ...), and none along the directions behind them."""
+        given = list(changes)
+        return np.array([*given, *(np.zeros_like(given[0]) for _ in range(self._ways))])
+
+    def _thermal_strain(self) -> tuple[Array, Array]:
+        """Thermal strain of the step (m,), and its derivatives (k, m)."""
+        here, strain = self._here, self._run.slice.thermal_strain
+        ends = here.before, here.after
+        now = [np.asarray(strain(one)) for one in ends]
+        rise = [slope_by_temperature(strain, one, its) for one, its in zip(ends, now, strict=True)]
+        changes = rise[1] * self._warming[1] - rise[0] * self._warming[0]
+        for number, one in enumerate(self._sides):
+            if all(side.thermal_strain == strain for side in one.slices):
+                continue
+            above, below = (
+                np.asarray(side.thermal_strain(here.after)) - side.thermal_strain(here.before)
+                for side in one.slices
+            )
+            changes[number] += slope(above, now[1] - now[0], below, one.by)
+        return now[1] - now[0], changes
+
+    def _part(self, rows: slice, elastic: bool) -> _Part:
+        """The points of one rule; where the mean stress alone counts, the law is its elasticity."""
+        law, fed = _of_part(self._run.slice.law, elastic), self._here.fed
+        before, after = (one[rows] for one in self._stiff)
+        # At the temperatures there are, warmer and colder at the start, warmer and colder at the
+        # end: in one go, for there are few points.
+        starts = [before, before + WARMER, before - WARMER, before, before]
+        ends = [after, after, after, after + WARMER, after - WARMER]
+        every = law.coefficients(np.concatenate(starts), np.concatenate(ends))
+        tables = every.reshape(5, len(before), every.shape[1])
+        now = tables[0]
+        solid = now.copy()
+        for table in tables:
+            _softened(table, fed, rows)
+        changes = by_temperature(tables, np.stack([one[:, rows] for one in self._stiff_warming]))
+        for number, (one, its) in enumerate(zip(self._sides, self._begun, strict=True)):
+            wet = one.fed(fed, its)
+            if one.same_law and wet[0] is fed:
+                continue
+            ends = [solid.copy(), solid.copy()]
+            if not one.same_law:
+                laws = (_of_part(side.law, elastic) for side in one.slices)
+                ends = [its_law.coefficients(before, after) for its_law in laws]
+            above, below = (_softened(t, w, rows) for t, w in zip(ends, wet, strict=True))
+            changes[number] += slope(above, now, below, one.by)
+        return _Part(law, rows, elastic, now, changes)
+
+    def held(self, strain: Array) -> ResponseChange:
+        """Derivatives of what the law answers by all parameters, while the unknowns are held.
+
+        Args:
+            strain: Of the strain increments (k, m, 4).
+        """
+        count, here = len(strain), self._here
+        found = ResponseChange.empty(len(self._by), len(here.rows), here.internal.shape[1])
+        given = StepChange(
+            coefficients=np.zeros(0),
+            strain=np.concatenate([strain, self._directions]),
+            thermal=self._thermal_changes,
+            stress_old=self._starts[0],
+            state_old=self._starts[1],
+            dt=self._longer,
+            by=self._by,
+        )
+        for part in self._parts:
+            strains = self._strain, self._thermal
+            part.differentiate(self._run.dt, here, strains, self._answer, given, found)
+        self._strain_held = strain
+        self._held, self._rise = found.some(slice(0, count)), found.some(slice(count, None))
+        return self._held
+
+    def moved(self, strain: Array, some: list[int] | slice) -> ResponseChange:
+        """The same by some of the parameters, with which the unknowns move, once `held` is known.
+
+        Args:
+            strain: Of the strain increments (k, m, 4).
+            some: Of these k parameters.
+        """
+        held, rise = self._held.some(some), self._rise
+        more = strain - self._strain_held[some]
+        tangent = self._answer.tangent
+        share = np.einsum("knc,dnc->dkn", more, self._directions)
+        return ResponseChange(
+            held.stress + (tangent @ more[..., None])[..., 0],
+            held.state + np.einsum("dkn,dns->kns", share, rise.state),
+            held.dissipation + np.einsum("dkn,dn->kn", share, rise.dissipation),
+        )
+
+
+def _directions(law: Law, stress: Array) -> Array:
+    """Strains (d, n, 4) by which a law is differentiated beside the parameters, to follow a motion.
+
+    The stress follows by its tangent.  Of an isotropic law the rest goes by the length of the trial
+    deviator alone, which grows by what strain there is along the stress deviator; one with a back
+    stress turns its flow with the strain.
+    """
+    if not law.symmetric:
+        return np.repeat(np.eye(4)[:, None], len(stress), axis=1)
+    deviator = stress.copy()
+    deviator[:, :3] -= stress[:, :3].mean(axis=1)[:, None]
+    length = np.linalg.norm(deviator, axis=1)[:, None]
+    return np.divide(deviator, length, out=np.zeros_like(deviator), where=length > 0.0)[None]
+
+
+def _softened(table: Array, fed: FedPoints | None, rows: slice) -> Array:
+    """Coefficients at some of the points, with the stand-in for liquid that is fed."""
+    if fed is not None:
+        fed.soften(rows, table)
+    return table
+
+
+def _of_part(law: Law, elastic: bool) -> Law:
+    """A law, or its elasticity alone."""
+    return ThermoElastic(law.elasticity) if elastic else law
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """Points of one rule.
+
+    Attributes:
+        law: The law there. rows: Of the points with stress, these.
+        elastic: Whether the mean stress alone counts there.
+        coefficients: Of the law (n, columns). changes: As of all that is given (k, n, columns).
+    """
+
+    law: Law
+    rows: slice
+    elastic: bool
+    coefficients: Array
+    changes: Array
+
+    def differentiate(
+        self, dt: float, here: Stressed, strains: tuple[Array, Array], answer: Response,
+        given: StepChange, found: ResponseChange,
+    ) -> None:  # fmt: skip
+        """Differentiate the law at these points.
+
+        Args:
+            dt: Length of the step, s.
+            here: All points with stress.
+            strains: Total and thermal increments there (m, 4), (m,).
+            answer: Of the law there.
+            given: Changes of all but the coefficients, there.
+            found: Derivatives there, to be written to.
+        """
+        rows = self.rows
+        out, internal = found.part(rows), slice(0, 0 if self.elastic else None)
+        answer = answer.part(rows)
+        if self.elastic:  # it remembers nothing
+            out.state[:] = 0.0
+            out = ResponseChange(out.stress, out.state[:, :, :0], out.dissipation)
+        step = MaterialStep(
+            strains[0][rows], strains[1][rows], here.before[rows], here.after[rows], dt
+        )
+        its = StepChange(
+            self.changes, given.strain[:, rows], given.thermal[:, rows],
+            given.stress_old[:, rows], given.state_old[:, rows, internal], given.dt, given.by,
+        )  # fmt: skip
+        self.law.differentiate(
+            step, here.stress[rows], here.internal[rows, internal], answer, its,
+            coefficients=self.coefficients, out=out,
+        )  # fmt: skip

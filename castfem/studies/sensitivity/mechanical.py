@@ -1,0 +1,361 @@
+"""Derivatives of the strained slice, carried through each mechanical step.
+
+A step solves R(x; s, p) = 0 for the unknowns x, displacement and free generalized strains, s being
+the state it begins with (stress, what the law remembers, displacement), p a parameter.  So
+
+    J dx/dp = - dR/dp at held x,     dR/dp = dR/ds ds/dp + dR/dp,
+
+J the consistent tangent at the end of the step, factored once.  On the right are the forces of
+derivatives of stress, pressure and traction (`castfem.studies.sensitivity.linearised_step`).  Those of the
+law are taken at held unknowns first, with the derivatives of the state; taken once more where x
+moves with p they give stress and memory, and so ds/dp at the end.  Points that flow go on flowing,
+elastic ones stay elastic, liquid stays liquid.  All parameters are solved for at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from castfem.base.errors import RunFailure
+from castfem.base.types import Array
+from castfem.fem import dof_values, reductions
+from castfem.model.build.mechanics import make_slice
+from castfem.model.build.simulation import Simulation, case_steel
+from castfem.model.build_machine import build_machine
+from castfem.physics.contact.linearised import WallMet
+from castfem.physics.contact.state import CONTACT
+from castfem.physics.mechanics.definition import Slice
+from castfem.physics.mechanics.force_operators import ForceOperators
+from castfem.physics.mechanics.state import MechanicalState
+from castfem.physics.mechanics.stepper import MechanicalStepper
+from castfem.physics.mechanics.surface_gap import SurfaceGap
+from castfem.physics.mechanics.varied_problem import VariedProblem
+from castfem.studies.sensitivity.linearised_step import LinearisedStep
+from castfem.studies.sensitivity.moved_state import Slopes, moved, none_of
+from castfem.studies.sensitivity.nonlinearities import Kinks
+from castfem.studies.sensitivity.parameters import ELASTIC, EXPANSION, Parameter
+from castfem.studies.sensitivity.perturbed_simulation import Variation, Varied
+from castfem.studies.sensitivity.perturbed_slices import SIGNS, SliceSides
+from castfem.studies.sensitivity.step_inputs import Beginning, Stressed
+
+NARROW = 5e-2  # of the step of a parameter: how far the sides are moved
+EXACT = 1e-4  # of the largest derivative of stress or of pressure: what may be out of balance
+AT_ONCE = 1e-5  # the same, before anything is corrected
+OF_ALL = 1e-7  # of the right-hand side: likewise, where nothing touches
+STALE = 0.1  # of what it was before a correction: what remains is rounding
+SOLVES = 5  # with the tangent, at most
+
+
+def lengthened(variation: Variation, begin: float, end: float) -> float:
+    """Derivative of the time between two times of the run (s), s per unit."""
+    return variation.lateness(end) - variation.lateness(begin)
+
+
+@dataclass(slots=True)
+class Following:
+    """A parameter's part in a step, while its derivatives are sought.
+
+    Attributes:
+        right: What is out of balance per unit of it, with the sign of a load (local,), N/m.
+        whole: Largest of it at held unknowns.
+        left: What was out of balance after the last solution; without bounds before one.
+        rounding: What of `right` may be that, N/m.
+    """
+
+    right: Array
+    whole: float
+    left: float = np.inf
+    rounding: float = 0.0
+
+
+class MechanicalDerivatives:
+    """Derivatives of the mechanical state by each parameter.
+
+    Args:
+        simulation: The run, whose slice is strained by temperatures that do not feel it.
+        variations: Its parameters.
+
+    Attributes:
+        slopes: Of `CARRIED`, per unit of each parameter.
+    """
+
+    def __init__(self, simulation: Simulation, variations: Sequence[Variation]) -> None:
+        assert simulation.mechanics is not None
+        self._simulation, self.variations = simulation, tuple(variations)
+        self._problem = simulation.mechanics.problem
+        self._forces = ForceOperators(self._problem)
+        self._sides = [self._sides_of(variation) for variation in self.variations]
+        for variation in self.variations:
+            for end, sign in ((variation.above, 1.0), (variation.below, -1.0)):
+                self._give_mechanics(variation, end, sign * variation.parameter.step)
+        self.slopes: list[Slopes] = [{} for _ in self.variations]
+        self.marked = self.slopes
+        self.kinks = Kinks(simulation.section.comm)
+
+    def mark(self) -> None:
+        """Keep the derivatives of a committed state: a window that fails begins there again."""
+        self.marked = self.slopes
+
+    def _slice(self, variation: Variation, by: float) -> Slice:
+        """The slice with a parameter moved, in its unit."""
+        simulation, parameter = self._simulation, variation.parameter
+        value = parameter.value + by
+        case = parameter.case_at(simulation.case, value)
+        alike = case.steel == simulation.case.steel
+        steel = parameter.steel_at(simulation.steel if alike else case_steel(case), value)
+        its = replace(simulation, case=case, machine=build_machine(case), steel=steel)
+        return self._made(its, parameter, by)
+
+    def _sides_of(self, variation: Variation) -> SliceSides:
+        """The slice on both sides of a parameter."""
+        case, by = self._simulation.case, NARROW * variation.parameter.step
+        above, below = (self._slice(variation, sign * by) for sign in SIGNS)
+        its = variation.above.simulation.case
+        same = its.mould == case.mould and its.section == case.section
+        return SliceSides(self._problem, (above, below), by, same)
+
+    def _give_mechanics(self, variation: Variation, end: Varied, by: float) -> None:
+        """Let results be read off the slice on one side."""
+        its, parameter = end.simulation, variation.parameter
+        problem = VariedProblem(self._problem, self._made(its, parameter, by))
+        end.simulation = replace(its, mechanics=MechanicalStepper(problem, judge=False))
+
+    def _made(self, its: Simulation, parameter: Parameter, by: float) -> Slice:
+        """The slice of a simulation in which a parameter is moved.
+
+        What the parameter leaves as it is in the run is that of the run, and known by that.
+        """
+        case, run, held = its.case, self._simulation.case, self._problem.slice
+        assert case.mechanics is not None
+        alike = case.steel == run.steel and case.mechanics == run.mechanics
+        law = held.law if alike and parameter.steel not in ELASTIC else None
+        made = make_slice(
+            case, case.mechanics, its.machine, its.steel, its.section, its.probes, law
+        )
+        made = replace(made, law=parameter.law_at(made.law, parameter.value + by))
+        if alike and parameter.steel != EXPANSION:
+            made = replace(made, thermal_strain=held.thermal_strain)
+        if alike and made.ferrostatic is not None and held.ferrostatic is not None:
+            freezing = held.ferrostatic.solid_fraction
+            made = replace(made, ferrostatic=replace(made.ferrostatic, solid_fraction=freezing))
+        return made
+
+    def gaps(self, gap: SurfaceGap, slopes: Sequence[Slopes], state: MechanicalState) -> Array:
+        """Derivatives of the gap that heat crosses by each parameter (k, owned), m (collective).
+
+        Args:
+            gap: Measures it.
+            slopes: Of a state that a step has come to, by each parameter.
+            state: Whose gap it is.
+        """
+        assert state.contact is not None
+        name, none = f"{CONTACT}gap", np.zeros_like(state.contact.gap)
+        changes = np.array([its.get(name, none) for its in slopes])
+        return self._crossed(gap, state.contact.gap, changes)
+
+    def gaps_of_motion(
+        self, gap: SurfaceGap, slopes: Sequence[Slopes], state: MechanicalState
+    ) -> Array:
+        """The same of a state of which the motion alone is known, as `going_on` gives it."""
+        wall = self._problem.contact
+        assert wall is not None
+        position = wall.contact.position(state.time)
+        motion = state.displacement, state.generalized_strains
+        place = WallMet(wall.strand, wall.contact.wall, position, motion)
+        moved = (np.array([its[name] for its in slopes]).T
+                 for name in ("displacement", "generalized_strains"))  # fmt: skip
+        changes = place.change(wall.strand.changes(*moved))[1].T.copy()
+        for number, variation in enumerate(self.variations):
+            sides, late = self._sides[number], variation.lateness(state.time)
+            positions = [
+                side.contact.position(state.time + sign * sides.by * late)
+                for side, sign in zip(sides.walls, SIGNS, strict=True)
+            ]
+            changes[number] += sides.wall_moved(place, positions)[1]
+        return self._crossed(gap, place.gap, changes)
+
+    def _crossed(self, gap: SurfaceGap, here: Array, changes: Array) -> Array:
+        """From changes of the gap at the points (k, n) to those of what heat crosses (k, owned)."""
+        now = gap.of_points(here)
+        open_ = (now > 0.0) & np.isfinite(now)
+        found = np.zeros((len(changes), self._simulation.section.owned))
+        for number in range(len(changes)):
+            found[number, gap.dofs] = np.where(open_, gap.spread(changes[number]), 0.0)
+        return found
+
+    def look(self, state: MechanicalState) -> None:
+        """Note where contact is about to change in a committed state (collective)."""
+        contact = self._problem.contact
+        if contact is None or contact.now is None or state.contact is None:
+            return
+        position = self._simulation.machine.position(state.time)
+        for variation, slopes in zip(self.variations, self.slopes, strict=True):
+            if slopes:
+                self.kinks.look(
+                    variation.parameter, position, state.contact, contact.status[0], slopes
+                )
+
+    def moved(self, number: int, state: MechanicalState, by: float) -> MechanicalState:
+        """A state as it would be with a parameter moved, in its unit."""
+        return moved(state, self.slopes[number], by)
+
+    def step(
+        self, old: MechanicalState, state: MechanicalState, before: Sequence[Array],
+        after: Sequence[Array],
+    ) -> None:  # fmt: skip
+        """Carry the derivatives through a step that has been kept (collective).
+
+        Args:
+            old: The state it began with.
+            state: At its end.
+            before: Derivative of the temperatures at its start by each parameter (owned,), K.
+            after: At its end.
+
+        Raises:
+            RunFailure: The tangent cannot be factored.
+        """
+        problem = self._problem
+        assert problem.residual_state is not None
+        problem.linearise()
+        begun = self._begun(old, state, before, after)
+        step, every = LinearisedStep(problem, self._forces, self._sides, begun), range(len(begun))
+        held = step.evaluate(None, list(every))
+        following = [
+            Following(right, reductions.largest(self._simulation.section.comm, np.abs(right)))
+            for right in held.rights
+        ]
+        moves: Array = np.zeros((len(following), len(problem.residual_state.local)))
+        found = held.slopes
+        asked = [number for number in every if following[number].whole > 0.0]
+        for _ in range(SOLVES):
+            if not asked:
+                break
+            more = problem.solve_linearised(np.array([following[n].right for n in asked]))
+            if more is None:
+                raise RunFailure("the derivative of a mechanical step cannot be solved for")
+            moves[asked] += more
+            left = step.evaluate(moves[asked], asked)
+            for i, number in enumerate(asked):
+                following[number].right, found[number] = left.rights[i], left.slopes[i]
+                following[number].rounding = float(left.rounding[i])
+            asked = [n for n in asked if self._out_of_balance(following[n], found[n])]
+        changes = self._displacements(step, moves)
+        for variation, its, slopes, change in zip(
+            self.variations, begun, found, changes, strict=True
+        ):
+            slopes["displacement"] = change
+            slopes |= self._rates(variation, old, state, its.start, slopes)
+        self.slopes = found
+
+    def _begun(
+        self, old: MechanicalState, state: MechanicalState, before: Sequence[Array],
+        after: Sequence[Array],
+    ) -> list[Beginning]:  # fmt: skip
+        """What a step begins with, by each parameter (collective)."""
+        problem, none, found = self._problem, none_of(old), []
+        points = problem.at_points(old.temperature), problem.at_points(state.temperature)
+        stressed = Stressed.of(problem, old, state, points)
+        warm = [problem.points.vertex @ self._at_vertices(one).T for one in (before, after)]
+        for number, variation in enumerate(self.variations):
+            late = variation.lateness(old.time), variation.lateness(state.time)
+            warming = warm[0][:, number].copy(), warm[1][:, number].copy()
+            start, vertices = self.marked[number] or none, (before[number], after[number])
+            found.append(Beginning(old, state, start, stressed, points, warming, vertices, late))
+        return found
+
+    def _at_vertices(self, owned: Sequence[Array]) -> Array:
+        """Values at this rank's vertices, ghosts included, of several (n, owned) (collective)."""
+        space = self._problem.section.vertex_space
+        return np.array([dof_values.with_ghosts(space, values) for values in owned])
+
+    def _rates(
+        self, variation: Variation, old: MechanicalState, state: MechanicalState, start: Slopes,
+        slopes: Slopes,
+    ) -> Slopes:  # fmt: skip
+        """Derivatives of the rates over a step, whose length may depend on the parameter.
+
+        Args:
+            variation: The parameter.
+            old: The state the step began with.
+            state: At its end.
+            start: Derivatives of the old state.
+            slopes: Of the state, its displacement and scalars among them.
+        """
+        dt, longer = state.time - old.time, lengthened(variation, old.time, state.time)
+        owned = slice(0, self._problem.owned)
+        moved = slopes["displacement"][owned] - start["displacement"][owned]
+        turned = slopes["scalars"] - start["scalars"]
+        return {
+            "rate": np.asarray((moved - longer * state.rate) / dt),
+            "scalar_rate": np.asarray((turned - longer * state.scalar_rate) / dt),
+        }
+
+    def going_on(self, old: MechanicalState, end: float) -> list[Slopes]:
+        """Derivatives of the place of a committed state that goes on moving (collective).
+
+        Args:
+            old: The committed state, to which `marked` belong.
+            end: To when, s; see `MechanicalStepper.going_on`.
+        """
+        problem, dt, found = self._problem, end - old.time, []
+        directions = problem.slice.planes.at(end)[1]
+        for variation, marked in zip(self.variations, self.marked, strict=True):
+            its, longer = marked or none_of(old), lengthened(variation, old.time, end)
+            moved = dof_values.with_ghosts(problem.space, dt * its["rate"] + longer * old.rate)
+            scalars = its["scalars"] + dt * its["scalar_rate"] + longer * old.scalar_rate
+            found.append(
+                {
+                    "displacement": np.asarray(its["displacement"] + moved),
+                    "generalized_strains": np.asarray(directions @ scalars),
+                }
+            )
+        return found
+
+    def _out_of_balance(self, following: Following, slopes: Slopes) -> bool:
+        """Whether the unknowns are to be corrected (collective).
+
+        Newton's tangent may leave something out, as the turn of friction round an arc does: what
+        is out of balance where they have moved corrects them. Where the wall is met it is so stiff
+        that an error of displacement that nothing else shows is one of its pressure.
+        """
+        left = reductions.largest(self._simulation.section.comm, np.abs(following.right))
+        if left <= following.rounding:
+            return False
+        if not self._touches:
+            return left > OF_ALL * following.whole
+        before, first = following.left, np.isinf(following.left)
+        following.left = now = self._unbalanced(following.right, slopes)
+        return now > AT_ONCE if first else EXACT < now <= STALE * before
+
+    def _displacements(self, step: LinearisedStep, moves: Array) -> list[Array]:
+        """Derivatives of the displacements of this rank's nodes, ghosts included (collective)."""
+        problem = self._problem
+        found, held = np.array(moves[:, : problem.owned]), problem.constraints.fixed
+        found[:, held] = step.given.fixed.T[:, held]
+        if problem.liquid is not None:
+            found = problem.liquid.followed(found)
+        return [dof_values.with_ghosts(problem.space, change) for change in found]
+
+    @property
+    def _touches(self) -> bool:
+        """Whether the wall is met at the end of the step (collective)."""
+        contact = self._problem.contact
+        if contact is None:
+            return False
+        return reductions.any_of(self._simulation.section.comm, bool(contact.status[0].any()))
+
+    def _unbalanced(self, left: Array, slopes: Slopes) -> float:
+        """What is out of balance, over the derivatives of stress and of pressure (collective).
+
+        It is looked at by node, as the stress round it that would make such a force.
+        """
+        problem, comm = self._problem, self._simulation.section.comm
+        by_stress = problem.scales.force_per_stress
+        nodal = np.abs(left[: len(by_stress)]) / by_stress
+        nodal[problem.constraints.prescribed] = 0.0
+        sizes = nodal, *(np.abs(slopes[name]) for name in ("stress", f"{CONTACT}pressure"))
+        worst, *derivatives = (reductions.largest(comm, size) for size in sizes)
+        return worst / min((d for d in derivatives if d > 0.0), default=np.inf)

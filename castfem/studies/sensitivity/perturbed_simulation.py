@@ -1,0 +1,242 @@
+"""A simulation with one number changed a little: the same mesh and matrices, other laws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from castfem.base.errors import InputError
+from castfem.base.shown_units import below_meniscus
+from castfem.base.tolerances import EXACT, same_instant
+from castfem.base.types import Array
+from castfem.model import Case
+from castfem.model.build.cooling import Zones
+from castfem.model.build.simulation import (
+    Simulation,
+    case_steel,
+    starting_temperature,
+    stations,
+)
+from castfem.model.build_machine import build_machine
+from castfem.physics.thermal.boundary import Cooling
+from castfem.physics.thermal.problem import Stage
+from castfem.physics.thermal.stepper import ThermalStepper
+from castfem.studies.sensitivity.compare_laws import same_laws
+from castfem.studies.sensitivity.curve_difference import CurveDifference
+from castfem.studies.sensitivity.parameters import Parameter
+
+_COOLING = ("cooling", "secondary", "machine", "mould")
+"""Tables of a case in which the cooling stands."""
+_FINER = (1.0, 0.1, 0.01)  # steps to try where tables of the steel are divided otherwise
+
+
+@dataclass(slots=True)
+class Varied:
+    """A simulation at one end of a difference quotient.
+
+    Attributes:
+        simulation: With its own laws, steel and times; mesh and matrices are those of the run.
+        instants: Of the run and its own that belong together (2, n), s: steps are shares of the
+            time between them.
+        same_curve: Whether T(H) and theta(H) are those of the run.
+        same_cooling: Whether the laws of its cooling are, and their times.
+        same_times: Whether its times are.
+        same_laws: Whether the laws that cool it now are, and their times; see `compare`.
+    """
+
+    simulation: Simulation
+    instants: Array
+    same_curve: bool
+    same_cooling: bool
+    same_times: bool = False
+    same_laws: bool = False
+
+    def time(self, time: float) -> float:
+        """Its own time at a time of the run, s."""
+        return self.step(time)[0]
+
+    def step(self, time: float) -> tuple[float, float]:
+        """Its own time at a time of the run, s, and how much longer its steps from there on are."""
+        if self.same_times:
+            return time, 1.0
+        run, own = self.instants
+        hair = EXACT * run[-1]  # steps end at the instants, but for rounding
+        i = int(np.searchsorted(run, time + hair, side="right")) - 1
+        i = min(max(i, 0), len(run) - 2)
+        pace = (own[i + 1] - own[i]) / (run[i + 1] - run[i])
+        return float(own[i] + pace * (time - run[i])), float(pace)
+
+    def enter(self, zone: int) -> None:
+        """Cool as zone `zone` does from now on."""
+        self.simulation.problem.set_cooling(self.simulation.zones.cooling(zone))
+
+    def compare(self, cooling: Cooling) -> None:
+        """Compare its laws with those of the run, which has this cooling from now on."""
+        self.same_laws = self.same_times and same_laws(self.simulation.problem.cooling, cooling)
+
+    def add_surface(self, stage: Stage, time: float, weight: float, heat: Array) -> None:
+        """Add the heat that leaves each vertex through the surface at its own time (s).
+
+        Args:
+            stage: Of the run: the enthalpies of the vertices, and what belongs to them there.
+            time: Its own, s.
+            weight: By which it is multiplied.
+            heat: To which it is added (owned,), W/m.
+        """
+        for patch, law in self.simulation.problem.cooling.laws:
+            if self.same_curve:
+                temperature = stage.point.temperature[patch.dofs]
+            else:
+                temperature = self.simulation.problem.curve.at(
+                    stage.enthalpy[patch.dofs]
+                ).temperature
+            flux = law.flux(temperature, time)[0]
+            heat[patch.dofs] += weight * patch.weights * flux
+
+
+def surface_heat(cooling: Cooling, temperature: Array, time: float) -> tuple[Array, Array]:
+    """Heat that leaves each vertex through the surface, W/m, and d/dT, W/(m K) (owned,)."""
+    heat, slope = np.zeros_like(temperature), np.zeros_like(temperature)
+    for patch, law in cooling.laws:
+        q, dq = law.flux(temperature[patch.dofs], time)
+        heat[patch.dofs] += patch.weights * q
+        slope[patch.dofs] += patch.weights * dq
+    return heat, slope
+
+
+@dataclass(frozen=True, slots=True)
+class Variation:
+    """A parameter with the simulations on both sides of it.
+
+    Attributes:
+        parameter: With the step that was taken.
+        below: At `value - step`. above: At `value + step`.
+        curves: Difference of their T(H) and theta(H); None where they are those of the run.
+    """
+
+    parameter: Parameter
+    below: Varied
+    above: Varied
+    curves: CurveDifference | None
+
+    def lateness(self, time: float) -> float:
+        """Derivative of the time that belongs to a time of the run (s), s per unit."""
+        return (self.above.time(time) - self.below.time(time)) / self.span
+
+    @property
+    def span(self) -> float:
+        """Between the two, in the unit of the parameter."""
+        return 2.0 * self.parameter.step
+
+
+def vary(simulation: Simulation, parameter: Parameter) -> Variation:
+    """Build the simulations on both sides of a parameter (collective).
+
+    Raises:
+        InputError: The parameter cannot be moved, or it moves what the steps are held by.
+    """
+    for finer in _FINER:
+        step = finer * parameter.step
+        tried = replace(parameter, step=step)
+        below, above = (_varied(simulation, tried, sign * step) for sign in (-1.0, 1.0))
+        curves = [end.simulation.problem.curve for end in (above, below)]
+        if curves[0].divided == curves[1].divided:
+            _check_effect(tried, below, above)
+            alike = below.same_curve and above.same_curve
+            return Variation(tried, below, above, None if alike else CurveDifference(*curves))
+    raise InputError(
+        f"{parameter.name}: the tables of the steel are divided otherwise on both sides of it; "
+        "change it a little"
+    )
+
+
+def _varied(simulation: Simulation, parameter: Parameter, by: float) -> Varied:
+    case = parameter.case_at(simulation.case, parameter.value + by)
+    steel = simulation.steel
+    if case.steel != simulation.case.steel:
+        steel = case_steel(case)
+    steel = parameter.steel_at(steel, parameter.value + by)
+    machine = build_machine(case)
+    start = starting_temperature(case, steel)
+    zones = Zones(case, machine, steel, simulation.zones.surface)
+    held = simulation.problem.curve
+    same = steel is simulation.steel or parameter.of_mechanics
+    # Its ends and its zero are those of the run: what lies beyond its temperatures has no part in
+    # it, and where enthalpies count from is a convention.
+    datum, ends = simulation.start_temperature, (held.knots[0], held.knots[-1])
+    # A slice that moves keeps its mass: what its enthalpy is depends on how the steel was poured.
+    poured = None if simulation.problem.shape is None else start
+    if poured is not None and start != datum and np.ptp(steel.density(held.knots)) > 0.0:
+        same = False
+    curve = held if same else steel.thermal_curve(*ends, datum, poured)
+    problem = simulation.problem.of_curve(curve)
+    stepper = ThermalStepper(problem, simulation.stepper.scheme)
+    other = replace(
+        simulation, case=case, machine=machine, steel=steel, zones=zones, stepper=stepper,
+        start_temperature=start,
+    )  # fmt: skip
+    instants = _instants(simulation, other, parameter)
+    timed_alike = bool(np.array_equal(*instants))
+    cooled_alike = same and timed_alike and _same_tables(case, simulation.case)
+    return Varied(other, instants, same, cooled_alike, timed_alike)
+
+
+def _same_tables(one: Case, other: Case) -> bool:
+    """Whether two cases have the same cooling."""
+    return all(getattr(one, name) == getattr(other, name) for name in _COOLING)
+
+
+def _places(simulation: Simulation) -> list[float]:
+    """Instants that hang on the case: begin, changes of cooling and speed, stations, end, s."""
+    machine, case = simulation.machine, simulation.case
+    found = [*simulation.zones.starts, *simulation.zones.changes, *machine.kinks]
+    found += [machine.time_at(position) for position in stations(case)]
+    return [0.0, case.casting.duration, *found]
+
+
+def _instants(simulation: Simulation, other: Simulation, parameter: Parameter) -> Array:
+    """Instants of the run within it, and those of another that belong to them (2, n), s.
+
+    Raises:
+        InputError: There are not as many, or two that are one come apart.
+    """
+    run, own = _places(simulation), _places(other)
+    end = run[1]
+    if len(run) != len(own) or len(simulation.zones.starts) != len(other.zones.starts):
+        raise InputError(
+            f"{parameter.name}: the least change of it adds or takes away a change of the cooling; "
+            "the run has no derivative there: move it, or the end of the run"
+        )
+    kept: list[tuple[float, float]] = []
+    for one, its in sorted(zip(run, own, strict=True)):
+        if not 0.0 <= one <= end * (1.0 + 1e-12):
+            continue
+        if kept and same_instant(kept[-1][0], one, end):
+            if not same_instant(kept[-1][1], its, end):
+                raise InputError(
+                    f"{parameter.name}: it moves one of two changes that meet "
+                    f"{below_meniscus(simulation.machine.position(one), '.4g')}: the run has no "
+                    "derivative there; move one of them, or the end of the run"
+                )
+            continue
+        kept.append((one, its))
+    return np.array(kept).T
+
+
+def _check_effect(parameter: Parameter, below: Varied, above: Varied) -> None:
+    """Refuse a parameter that the run does not hang on.
+
+    Raises:
+        InputError: Nothing that is computed changes.
+    """
+    if parameter.of_mechanics:
+        return
+    one, other = below.simulation.case, above.simulation.case
+    same = one.casting == other.casting and _same_tables(one, other)
+    same = same and below.simulation.steel is above.simulation.steel
+    if same:
+        raise InputError(
+            f"{parameter.name}: nothing that this run computes hangs on it (its steps and coupling "
+            "windows are held as they are)"
+        )

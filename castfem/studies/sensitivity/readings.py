@@ -1,0 +1,274 @@
+"""Derivatives of a run's results: what is read off the slice, at both ends of each parameter.
+
+A result is read as every run reads it (`castfem.runs.results`), from the temperatures with their
+derivative times the step of the difference quotient added, by the steel, machine and cooling there.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from castfem.base import units
+from castfem.base.errors import InputError
+from castfem.base.tolerances import EXACT
+from castfem.base.types import Array
+from castfem.model.build.simulation import Simulation
+from castfem.physics.coupling.staggered import StrandState
+from castfem.physics.thermal.stepper import ThermalState
+from castfem.runs.output.summary import Quantity
+from castfem.runs.results.of_case import fault_of
+from castfem.runs.results.registry import QuantityDefinition, columns_of, results_of
+from castfem.runs.results.resolution import STAIR
+from castfem.runs.results.sample import Sample
+from castfem.runs.results.thermal import Sampler
+from castfem.studies.sensitivity.fronts import LEVELS, Fronts
+from castfem.studies.sensitivity.perturbed_simulation import Varied
+from castfem.studies.sensitivity.result import Derivative
+from castfem.studies.sensitivity.scatter import Scatter
+from castfem.studies.sensitivity.thermal import ThermalDerivatives
+
+_OF_STEPS = (
+    "step", "newton", "newton_mechanics", "energy_error", "force_error", "solidus_cell",
+    "colder_than_data", "hotter_than_data", "faster_than_data",
+)  # fmt: skip
+"""Results that tell of steps, cells and points, which are held."""
+_OF_POINTS = ("contact_share", "contact_sticking", "mould_contact_least")
+"""Results that count points of the surface: a derivative holds what touches and what sticks."""
+_OF_TEMPERATURE = ("metallurgical_length", "liquid_end", "mould_mean_flux")
+"""Results of the whole way that hang on the temperatures alone."""
+_USUAL = ("heat_removed", "shell", "surface_temperature")
+"""Results that are read if none is named."""
+
+if TYPE_CHECKING:
+    from castfem.physics.mechanics.state import MechanicalState
+
+Asked = dict[str, tuple[QuantityDefinition, str]]
+
+
+def asked_quantities(simulation: Simulation, names: Sequence[str]) -> Asked:
+    """What `--of` names, each with its definition and probe.
+
+    Raises:
+        InputError: With all that the run has no such result of, a line each.
+    """
+    having: Asked = {}
+    refused: dict[str, str] = {}
+    for definition, probe in (*columns_of(simulation), *results_of(simulation)):
+        name, why = definition.named(probe), _refusal(definition)
+        if why:
+            refused[name] = why
+        else:
+            having[name] = definition, probe
+    wanted = [part.strip() for name in names for part in name.split(",")]
+    if not wanted:
+        wanted = [name for name, (one, _) in having.items() if one.name in _USUAL]
+    problems = []
+    for name in wanted:
+        if name not in having:
+            fault = refused.get(name) or fault_of(simulation.case, name)
+            near = units.nearest(name, having)
+            problems.append(f"--of {name}: {fault or f'is no result of this run{near}'}")
+    if problems:
+        raise InputError(problems)
+    return {name: having[name] for name in dict.fromkeys(wanted)}
+
+
+def _refusal(definition: QuantityDefinition) -> str:
+    """Why a result is not differentiated; "" where it is."""
+    if definition.name in _OF_STEPS:
+        return "it tells of steps or cells, which are held"
+    if definition.name in _OF_POINTS:
+        return (
+            "it counts points of the surface; what touches and what sticks is held; compare runs "
+            "(castfem sweep)"
+        )
+    if "quality" in definition.needs:
+        return (
+            "crack indexes and soft reduction are not differentiated; compare runs (castfem sweep)"
+        )
+    return ""
+
+
+class Readings:
+    """Reads the derivatives of results.
+
+    Args:
+        simulation: The run.
+        derivatives: Of its temperatures.
+        asked: The results.
+        errors: Whether the errors of the derivatives are wanted, which takes more readings.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        derivatives: ThermalDerivatives,
+        asked: Asked,
+        *,
+        errors: bool = True,
+    ) -> None:
+        self._simulation, self._derivatives, self.asked = simulation, derivatives, asked
+        way = [one.name for one, _ in asked.values() if one.of_way]
+        self._follows_heat = bool(way)
+        self._follows_all = any(name not in _OF_TEMPERATURE for name in way)
+        depths = [(one.name, probe) for one, probe in asked.values() if one.name in LEVELS]
+        self.fronts = Fronts(derivatives, depths)
+        self.scatter = Scatter() if errors else None
+        self._samplers = [
+            (Sampler(v.above.simulation), Sampler(v.below.simulation))
+            for v in derivatives.variations
+        ]
+
+    @property
+    def reads_all(self) -> bool:
+        """Whether samples of all steps are wanted, not of the last alone."""
+        return self._follows_heat or bool(self.fronts.fronts) or self.scatter is not None
+
+    def follow(self, sample: Sample) -> None:
+        """Note a committed state, for results that hang on the way (collective)."""
+        state = sample.state.thermal
+        zone = self._zone(state.time)
+        self.fronts.follow(zone, sample)
+        probe = next(iter(sample.shell))
+        depth, cell = sample.shell[probe], sample.cell[probe]
+        if self.scatter is not None and self.scatter.due(zone, depth, cell):
+            found = [0.5 * (below + above) for _, below, above in self._slopes(sample)]
+            self.scatter.add(depth, cell, found)
+        elif self._follows_all:
+            for number in range(len(self._samplers)):
+                self._sides(number, sample)
+        elif self._follows_heat:
+            for number, pair in enumerate(self._samplers):
+                for sampler, its in zip(pair, self._states(number, state), strict=True):
+                    sampler.follow(its)
+
+    def _sides(self, number: int, sample: Sample) -> tuple[Sample, Sample]:
+        """Samples above and below a parameter, which their samplers note (collective)."""
+        states, strained = (
+            self._states(number, sample.state.thermal),
+            self._strained(number, sample),
+        )
+        above, below = (
+            sampler.read(StrandState(state, its, np.zeros(0)), None)
+            for sampler, state, its in zip(self._samplers[number], states, strained, strict=True)
+        )
+        return above, below
+
+    def _zone(self, time: float) -> int:
+        """The zone that a step has been in which ends at a time (s); the first at the meniscus."""
+        hair = EXACT * self._simulation.control.end
+        starts = self._simulation.zones.starts
+        return max(bisect_left(starts, time - hair) - 1, 0)
+
+    def _states(self, number: int, state: ThermalState) -> tuple[ThermalState, ThermalState]:
+        """The state above and below a parameter (collective)."""
+        variation = self._derivatives.variations[number]
+        step = variation.parameter.step
+        return (
+            self._state(variation.above, number, state, step),
+            self._state(variation.below, number, state, -step),
+        )
+
+    def _strained(
+        self, number: int, sample: Sample
+    ) -> tuple[MechanicalState | None, MechanicalState | None]:
+        """The strained slice above and below a parameter; None of a case without."""
+        coupling, state = self._simulation.coupling, sample.state.mechanical
+        if coupling is None or state is None:
+            return None, None
+        from castfem.studies.sensitivity.differentiated_steps import FollowedMechanics
+
+        assert isinstance(coupling.mechanics, FollowedMechanics)
+        slopes = coupling.mechanics.mechanical
+        variation = self._derivatives.variations[number]
+        step = variation.parameter.step
+        # Each at its own time, for it meets its wall where it is then.
+        above, below = (
+            replace(slopes.moved(number, state, by), time=end.time(state.time))
+            for end, by in ((variation.above, step), (variation.below, -step))
+        )
+        return above, below
+
+    def _state(self, end: Varied, number: int, state: ThermalState, by: float) -> ThermalState:
+        slopes = self._derivatives
+        end.enter(self._zone(state.time))
+        return end.simulation.stepper.state_from(
+            end.time(state.time),
+            state.enthalpy + by * slopes.enthalpy[number],
+            state.rate + by * slopes.rate[number],
+            state.removed + by * float(slopes.removed[number]),
+            state.generated,
+        )
+
+    def read(self, sample: Sample) -> tuple[dict[str, Quantity], list[Derivative]]:
+        """The results of a sample and their derivatives (collective)."""
+        values = {
+            name: definition.result(_number(definition.value(sample, probe)), probe)
+            for name, (definition, probe) in self.asked.items()
+        }
+        slopes = list(self._slopes(sample))
+        errors = self._errors(len(slopes))
+        found: list[Derivative] = []
+        for (name, below, above), scattered in zip(slopes, errors, strict=True):
+            definition, probe = self.asked[name]
+            number = len(found) // len(self.asked)
+            parameter = self._derivatives.variations[number].parameter
+            evened = self._evened(definition.name, probe, number)
+            error = float("nan") if definition.of_way else float(scattered)
+            if evened is not None:
+                stairs = STAIR * sample.cell[probe] / parameter.spread
+                error = float(np.fmin(error, np.hypot(2.0 * evened[1], stairs)))
+            found.append(Derivative(name, parameter.name, below, above, evened, error))
+        return values, found
+
+    def _slopes(self, sample: Sample) -> Iterator[tuple[str, float, float]]:
+        """Each result, and its derivatives to both sides of each parameter (collective)."""
+        here = {name: _number(d.value(sample, probe)) for name, (d, probe) in self.asked.items()}
+        for number, variation in enumerate(self._derivatives.variations):
+            above, below = self._sides(number, sample)
+            step = variation.parameter.step
+            for name, (definition, probe) in self.asked.items():
+                ends = [_number(definition.value(s, probe)) for s in (below, above)]
+                yield name, (here[name] - ends[0]) / step, (ends[1] - here[name]) / step
+
+    def _errors(self, count: int) -> Array:
+        if self.scatter is None:
+            return np.full(count, np.nan)
+        return self.scatter.errors(count)
+
+    def _evened(self, name: str, probe: str, number: int) -> tuple[float, float] | None:
+        """Derivative of a depth, evened out, and its standard error; None of all others."""
+        front = self.fronts.fronts.get((name, probe))
+        if front is None:
+            return None
+        found = front.evened()
+        if found is None:
+            return float("nan"), float("nan")
+        return float(found[0][number]), float(found[1][number])
+
+    def memory(self) -> dict[str, Any]:
+        """What a checkpoint must hold of what has been noted."""
+        noted = [[sampler.memory() for sampler in pair] for pair in self._samplers]
+        found = {"results": list(self.asked), "noted": noted, "fronts": self.fronts.memory()}
+        if self.scatter is not None:
+            found["scatter"] = [self.scatter.zone, self.scatter.rows]
+        return found
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Take up what `memory` gave."""
+        self.fronts.recall(memory["fronts"])
+        if self.scatter is not None and "scatter" in memory:
+            zone, rows = memory["scatter"]
+            self.scatter = Scatter(int(zone), [list(row) for row in rows])
+        for pair, its in zip(self._samplers, memory["noted"], strict=True):
+            for sampler, known in zip(pair, its, strict=True):
+                sampler.recall(dict(known))
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else float(value)

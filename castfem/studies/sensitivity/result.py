@@ -1,0 +1,232 @@
+"""Sensitivities of a run as they are told, written and read."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from castfem.base.atomic_files import plain, saving, write_json, write_text
+from castfem.runs.output.summary import Quantity, from_si, si_unit, unit_of_difference
+from castfem.studies.sensitivity.parameters import LEVELS, Parameter
+
+JSON_NAME, CSV_NAME = "sensitivity.json", "sensitivity.csv"
+_KINK = 1e-2  # of a derivative: how far its two sides may be apart
+_NOISE = 1e-11  # of a result: what rounding makes of it
+
+
+@dataclass(frozen=True, slots=True)
+class Derivative:
+    """The derivative of a result by a parameter, in SI per unit of the parameter.
+
+    Attributes:
+        quantity: Name of the result.
+        parameter: Name of the parameter.
+        below: Towards smaller values of the parameter; NaN where the result does not exist.
+        above: Towards larger ones.
+        evened: Of a depth that a front has reached, evened out over the cells behind it, and its
+            standard error (`castfem.studies.sensitivity.fronts`); NaN where it has passed too few; None of
+            anything else.
+        error: How far differences of runs may be from what is told
+            (`castfem.studies.sensitivity.scatter`); NaN where that is not known.
+    """
+
+    quantity: str
+    parameter: str
+    below: float
+    above: float
+    evened: tuple[float, float] | None = None
+    error: float = math.nan
+
+    @property
+    def of_mesh(self) -> float:
+        """That of the discrete run: the mean of both sides, which are one where it is smooth."""
+        return 0.5 * (self.below + self.above)
+
+    @property
+    def value(self) -> float:
+        """What is told: evened out where it has to be, else that of the discrete run."""
+        return self.of_mesh if self.evened is None else self.evened[0]
+
+
+@dataclass(frozen=True, slots=True)
+class Kink:
+    """Points of the surface that touch the mould or leave it within a hair of a parameter.
+
+    Attributes:
+        parameter: Its name.
+        position: Of the slice below the meniscus, m.
+        points: Their number.
+        place: Of the outermost of them, (x, y), m.
+    """
+
+    parameter: str
+    position: float
+    points: int
+    place: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A derivative as it is shown.
+
+    Attributes:
+        quantity: The result. name: Its name. parameter: The parameter.
+        value: Derivative, in `unit`. unit: Of the result over that of the parameter.
+        elasticity: Per cent of the result a per cent of the parameter; NaN where either counts from
+            a zero that is a convention, or is 0.
+        change: Of the result by the spread of the parameter, in the unit in which it differs.
+        sides: Derivatives to both sides, in `unit`, where they differ; None where it is smooth.
+        error: How far differences of runs may be from it, in `unit`; NaN where that is not known.
+    """
+
+    quantity: Quantity
+    name: str
+    parameter: Parameter
+    value: float
+    unit: str
+    elasticity: float
+    change: float
+    sides: tuple[float, float] | None
+    error: float = math.nan
+
+
+@dataclass(frozen=True, slots=True)
+class Sensitivity:
+    """Results of a run and their derivatives by parameters of its case.
+
+    Attributes:
+        title: Of the case.
+        position: Where the results hold, m below the meniscus.
+        quantities: Name to result.
+        parameters: By which they are differentiated.
+        derivatives: Each result by each parameter.
+        steps: Thermal steps of the run.
+        kinks: Where contact is about to change: there derivatives are those to one side.
+        strained: Whether the run had mechanics, which a growing shell takes along cell by cell.
+        windows: Coupling windows of the run.
+        cut: How often one was cut for the error of its gap: to a length that is another one where
+            the parameters are others by enough, which the derivatives hold.
+    """
+
+    title: str
+    position: float
+    quantities: dict[str, Quantity]
+    parameters: tuple[Parameter, ...]
+    derivatives: tuple[Derivative, ...]
+    steps: int
+    kinks: tuple[Kink, ...] = ()
+    strained: bool = False
+    windows: int = 0
+    cut: int = 0
+
+    @property
+    def gradient(self) -> dict[str, dict[str, float]]:
+        """Result to parameter to derivative: SI (K) per `unit` of the parameter."""
+        found: dict[str, dict[str, float]] = {name: {} for name in self.quantities}
+        for one in self.derivatives:
+            found[one.quantity][one.parameter] = one.value
+        return found
+
+    def rows(self) -> Iterator[Row]:
+        """The derivatives as they are shown, result by result."""
+        parameters = {p.name: p for p in self.parameters}
+        for name in self.quantities:
+            for one in self.derivatives:
+                if one.quantity == name:
+                    yield self._row(one, parameters[one.parameter])
+
+    def _row(self, one: Derivative, parameter: Parameter) -> Row:
+        quantity = self.quantities[one.quantity]
+        unit = unit_of_difference(quantity.shown_unit)
+        slope, *sides = (from_si(x, unit) for x in (one.value, one.below, one.above))
+        relative = math.nan
+        absolute = quantity.shown_unit not in LEVELS and si_unit(quantity.shown_unit) != "K"
+        if absolute and parameter.has_zero and quantity.value:
+            relative = one.value * parameter.value / quantity.value
+        apart = abs(one.above - one.below)
+        noise = _NOISE * abs(quantity.value) / parameter.step
+        kinked = apart > _KINK * max(abs(one.below), abs(one.above)) + noise
+        kinked = kinked and one.evened is None
+        return Row(
+            quantity, one.quantity, parameter, slope, per(unit, parameter.unit), relative,
+            slope * parameter.spread, (sides[0], sides[1]) if kinked else None,
+            from_si(one.error, unit),
+        )  # fmt: skip
+
+    def write(self, folder: Path) -> None:
+        """Write the derivatives as JSON and as CSV.
+
+        Raises:
+            RunFailure: A file cannot be written.
+        """
+        with saving(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+        write_json(folder / JSON_NAME, plain(self.to_json()))
+        write_text(folder / CSV_NAME, self.to_csv())
+
+    def to_json(self) -> dict[str, Any]:
+        """All of it, every number beside its unit."""
+        return {
+            "title": self.title,
+            "position": {"value": self.position, "unit": "m"},
+            "quantities": {
+                name: {"value": q.shown, "unit": q.shown_unit, "label": q.label}
+                for name, q in self.quantities.items()
+            },
+            "parameters": {
+                p.name: {"value": p.value, "unit": p.unit, "spread": p.spread}
+                for p in self.parameters
+            },
+            "derivatives": [
+                {
+                    "quantity": row.name,
+                    "parameter": row.parameter.name,
+                    "value": row.value,
+                    "unit": row.unit,
+                    "elasticity": row.elasticity,
+                    "error": row.error,
+                    "sides": row.sides,
+                }
+                for row in self.rows()
+            ],
+            "kinks": [asdict(kink) for kink in self.kinks],
+            "windows": self.windows,
+            "windows_cut_for_error": self.cut,
+        }
+
+    def to_csv(self) -> str:
+        """A row for each derivative."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(
+            ("quantity", "value", "unit", "parameter", "at", "unit of parameter", "derivative",
+             "unit of derivative", "error", "elasticity", "spread", "change")
+        )  # fmt: skip
+        for row in self.rows():
+            p, q = row.parameter, row.quantity
+            writer.writerow(
+                (row.name, repr(q.shown), q.shown_unit, p.name, repr(p.value), p.unit,
+                 repr(row.value), row.unit, repr(row.error), repr(row.elasticity), repr(p.spread),
+                 repr(row.change))
+            )  # fmt: skip
+        return text.getvalue()
+
+
+def per(unit: str, other: str, *, level: bool = True) -> str:
+    """The unit of a derivative.
+
+    Args:
+        unit: Of what is differentiated.
+        other: Of that by which.
+        level: Whether degrees Celsius are those of a level, two of which differ by K.
+    """
+    other = "K" if level and other in LEVELS else other
+    own = "1" if unit in ("-", "") else unit
+    if not other:
+        return own
+    return f"{own}/({other})" if any(sign in other for sign in " /") else f"{own}/{other}"

@@ -1,0 +1,187 @@
+"""A run that carries derivatives along: what it refuses, how it is followed, what it gives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mpi4py import MPI
+
+from castfem.base.errors import InputError
+from castfem.fem.root import on_root
+from castfem.model import Case
+from castfem.model.build.simulation import Simulation, build
+from castfem.runs.interrupt import Interrupt, Stopped
+from castfem.runs.results.run_state import RunState
+from castfem.studies.sensitivity.differentiated_steps import (
+    FollowedMechanics,
+    FollowedSteps,
+    followed,
+)
+from castfem.studies.sensitivity.parameters import read_parameters
+from castfem.studies.sensitivity.perturbed_simulation import Variation, vary
+from castfem.studies.sensitivity.readings import Readings, asked_quantities
+from castfem.studies.sensitivity.recorder import CHECKPOINT_NAME, FollowedLoop, Recorder
+from castfem.studies.sensitivity.result import Kink, Sensitivity
+from castfem.studies.sensitivity.thermal import ThermalDerivatives
+
+if TYPE_CHECKING:
+    from castfem.base.progress import Progress
+
+
+def refuse(case: Case) -> None:
+    """Refuse a case whose run has parts that are not differentiated.
+
+    Raises:
+        InputError: Naming each, and what to do instead.
+    """
+    problems = list(_refused_mechanics(case)) if case.mechanics is not None else []
+    start = case.casting.start
+    if start is not None and (start.at == "mould_exit" or start.meniscus is not None):
+        problems.append(
+            "casting.start: what the slice passes before the run begins is not differentiated; "
+            "let it begin at the meniscus"
+        )
+    if problems:
+        raise InputError([f"{case.title}: {problem}" for problem in problems])
+
+
+def _refused_mechanics(case: Case) -> Iterator[str]:
+    """Yield what a case has beside a slice that is strained in its mould."""
+    mechanics, coupling = case.mechanics, case.coupling
+    assert mechanics is not None
+    refused = {
+        "machine": (case.machine is not None, "bending, rolls and drives are not differentiated"),
+        "mechanics.strain": (mechanics.strain == "large", 'take strain = "small"'),
+        "mechanics.bulging": (mechanics.bulging is not None, "bulging is not differentiated"),
+        "coupling.order": (coupling.order != "thermal_first", 'take order = "thermal_first"'),
+        "coupling.mechanical_step": (
+            coupling.mechanical_step is not None, "leave it out: one step a window"
+        ),
+    }  # fmt: skip
+    found = [f"{key}: {why}" for key, (is_there, why) in refused.items() if is_there]
+    yield from found
+    if found:
+        yield (
+            "without [mechanics] the temperatures have their derivatives (as billet125/thermal); "
+            "else compare runs (castfem sweep)"
+        )
+
+
+def sensitivity(
+    case: Case,
+    of: Sequence[str],
+    to: Sequence[str],
+    *,
+    folder: Path | None = None,
+    resume: bool = False,
+    comm: MPI.Comm | None = None,
+    progress: Progress | None = None,
+) -> Sensitivity:
+    """Run a case and differentiate its results at the end by some parameters (collective).
+
+    Args:
+        case: What to run.
+        of: Names of results, several with commas between them; empty for the usual ones.
+        to: Parameters, `castfem.studies.sensitivity.parameters.read_parameters`.
+        folder: For checkpoints and results; None writes nothing.
+        resume: Go on from the checkpoint in `folder`.
+        comm: Ranks of the run; all when None.
+        progress: Told after each step; on rank 0.
+
+    Raises:
+        InputError: Case, results or parameters cannot be used.
+        RunFailure: The run cannot go on.
+    """
+    comm = MPI.COMM_WORLD if comm is None else comm
+    refuse(case)
+    with ExitStack() as freed:
+        simulation = build(case, comm)
+        freed.callback(simulation.destroy)
+        asked = asked_quantities(simulation, of)
+        derivatives = follow(simulation, to)
+        freed.callback(derivatives.destroy)
+        if simulation.coupling is not None:
+            freed.callback(followed(simulation.coupling).destroy)
+        path = folder / CHECKPOINT_NAME if folder is not None else None
+        readings = Readings(simulation, derivatives, asked)
+        recorder = Recorder(simulation, derivatives, readings, path)
+        run = _to_the_end(simulation, recorder, resume, progress)
+        result = result_of(run, derivatives, readings)
+        if folder is not None:
+            on_root(comm, lambda: result.write(folder))
+        return result
+
+
+def result_of(run: RunState, derivatives: ThermalDerivatives, readings: Readings) -> Sensitivity:
+    """Read the results of a run where it stands, and their derivatives (collective)."""
+    assert run.sample is not None
+    simulation, counts = run.simulation, run.counts
+    values, found = readings.read(run.sample)
+    return Sensitivity(
+        simulation.case.title, run.position, values,
+        tuple(v.parameter for v in derivatives.variations), tuple(found), counts.steps,
+        _kinks(simulation), simulation.coupling is not None, counts.windows, counts.cut_for_error,
+    )  # fmt: skip
+
+
+def _kinks(simulation: Simulation) -> tuple[Kink, ...]:
+    """Where contact was about to change in a run."""
+    if simulation.coupling is None:
+        return ()
+    steps = simulation.coupling.mechanics
+    assert isinstance(steps, FollowedMechanics)
+    return tuple(steps.mechanical.kinks.found)
+
+
+def follow(simulation: Simulation, to: Sequence[str]) -> ThermalDerivatives:
+    """Let the steps of a simulation carry derivatives by some parameters (collective).
+
+    Raises:
+        InputError: With all parameters that cannot be used, a line each.
+    """
+    variations: list[Variation] = []
+    problems: list[str] = []
+    for parameter in read_parameters(simulation.case, simulation.steel, to):
+        try:
+            variations.append(vary(simulation, parameter))
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(problems)
+    derivatives = ThermalDerivatives(simulation, variations)
+    simulation.steps = FollowedSteps(simulation.stepper, simulation.steps.control, derivatives)
+    if simulation.coupling is not None:
+        from castfem.studies.sensitivity.coupled import FollowedCoupling
+        from castfem.studies.sensitivity.mechanical import MechanicalDerivatives
+
+        mechanical = MechanicalDerivatives(simulation, variations)
+        coupling = FollowedCoupling(simulation, derivatives, mechanical)
+        coupling.thermal = simulation.steps
+        coupling.mechanics = FollowedMechanics(coupling.mechanics, derivatives, mechanical)
+        simulation.coupling = coupling
+    return derivatives
+
+
+def _to_the_end(
+    simulation: Simulation, recorder: Recorder, resume: bool, progress: Progress | None
+) -> RunState:
+    """Take the slice to the end of the followed length."""
+    interrupt = Interrupt(simulation.section.comm)
+    loop = FollowedLoop(simulation, recorder, progress, interrupt)
+    if resume:
+        recorder.resume(loop.run_state)
+    if progress is not None:
+        progress.start(simulation.case.casting.length, loop.run_state.position)
+    try:
+        with interrupt:
+            loop.run()
+    except Stopped:
+        if recorder.path is not None:
+            recorder.save(loop.run_state)
+        raise
+    if recorder.path is not None:
+        recorder.save(loop.run_state)
+    return loop.run_state

@@ -1,0 +1,95 @@
+"""What a step of the slice begins with: on both sides of a parameter, and for all of them alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from castfem.base.types import Array, Indices
+from castfem.physics.mechanics.material_points import FedPoints
+from castfem.physics.mechanics.problem import MechanicalProblem
+from castfem.physics.mechanics.state import MechanicalState
+from castfem.studies.sensitivity.moved_state import Slopes
+
+
+@dataclass(frozen=True, slots=True)
+class Stressed:
+    """The points of a step that have stress: where liquid is fed those of its deep cells have none.
+
+    Attributes:
+        kept: Of the active points, these (m,).
+        rows: Of all points, these (m,).
+        deviators: How many are of the deviator's rule; they come first.
+        stress: At the start of the step (m, 4), Pa.
+        internal: State of the law there (m, states).
+        before: Temperatures at its start (m,), K.
+        after: At its end.
+        now: Stress at its end (m, 4), Pa.
+        fed: The liquid among them; None where it is an elastic body.
+    """
+
+    kept: Indices
+    rows: Indices
+    deviators: int
+    stress: Array
+    internal: Array
+    before: Array
+    after: Array
+    now: Array
+    fed: FedPoints | None
+
+    @classmethod
+    def of(
+        cls,
+        run: MechanicalProblem,
+        old: MechanicalState,
+        state: MechanicalState,
+        points: tuple[Array, Array],
+    ) -> Stressed:
+        """Those of the step that a run has taken, from the temperatures at all points, K."""
+        active, fed = run.active, run.fed
+        kept = np.arange(active.count) if fed is None else np.flatnonzero(fed.carries)
+        if fed is not None:
+            fed = FedPoints(fed.carries[kept], fed.liquid[kept], fed.young)
+        rows = np.arange(run.points.count)[active.rows][kept]
+        return cls(
+            kept=kept,
+            rows=rows,
+            deviators=int(np.searchsorted(kept, active.deviator_points)),
+            stress=old.stress[rows],
+            internal=old.internal[rows],
+            before=points[0][rows],
+            after=points[1][rows],
+            now=state.stress[rows],
+            fed=fed,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Beginning:
+    """What the sides of a parameter begin a step with.
+
+    Attributes:
+        old: The state it began with.
+        state: At its end.
+        start: Derivatives of the old state.
+        stressed: Points with stress, the same for all parameters.
+        points: Temperatures at all points at its start and end (points,), K.
+        warming: Derivatives of these, by the parameter.
+        vertices: Those at the owned vertices (owned,), K.
+        late: Derivatives of the times at its start and end, s.
+    """
+
+    old: MechanicalState
+    state: MechanicalState
+    start: Slopes
+    stressed: Stressed
+    points: tuple[Array, Array]
+    warming: tuple[Array, Array]
+    vertices: tuple[Array, Array]
+    late: tuple[float, float]
+
+    def times(self, by: float) -> tuple[float, float]:
+        """Start and end of the step with the parameter moved, s."""
+        return self.old.time + by * self.late[0], self.state.time + by * self.late[1]

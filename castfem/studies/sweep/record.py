@@ -1,0 +1,246 @@
+"""sweep.json: the runs of a folder of runs, and which of them need not be run again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Container, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from castfem.base.atomic_files import write_json
+from castfem.base.errors import InputError
+from castfem.base.file_lock import taken
+from castfem.model.portable import portable
+from castfem.runs import existing_run
+from castfem.runs.output.folder import CASE_NAME, PROPERTIES_NAME, OutputFolder
+from castfem.runs.output.run_record import RUN_NAME, RunRecord
+from castfem.studies.sweep.plan import Variant
+from castfem.studies.sweep.work import Job, Outcome
+
+SWEEP_NAME = "sweep.json"
+_LOCK_NAME = ".sweep.lock"
+_FORMAT = "castfem sweep"
+
+
+@dataclass(slots=True)
+class Entry:
+    """A run of the sweep, now or in an earlier call.
+
+    Attributes:
+        given: Key to value of what is varied.
+        label: What tables and figures call it, if not what is varied.
+        physics: Hash of all its fields depend on, property files too.
+        message: Why it failed.
+        seconds: How long it took.
+    """
+
+    given: dict[str, str] = field(default_factory=dict)
+    label: str = ""
+    physics: str = ""
+    message: str = ""
+    seconds: float = 0.0
+
+
+def _untitled(case: str) -> list[str]:
+    """A resolved case without its title, in which no result is."""
+    return [line for line in case.splitlines() if not line.startswith("title = ")]
+
+
+def _is_of(folder: Path, job: Job) -> bool:
+    """Whether a run is that of a case, its copies of property files those of today.
+
+    Raises:
+        OSError, InputError: A file cannot be read.
+    """
+    text, files = portable(job.case, PROPERTIES_NAME)
+    existing = (folder / CASE_NAME).read_text(encoding="utf-8")
+    same = all((folder / name).read_bytes() == content for name, content in files.items())
+    return same and _untitled(existing) == _untitled(text)
+
+
+def check_own(folder: Path, names: Iterable[str]) -> None:
+    """Refuse a folder that has files of names that castfem would write, and not by castfem.
+
+    Raises:
+        InputError: There is one, and no record of runs beside it.
+    """
+    if (folder / SWEEP_NAME).is_file():
+        return
+    for name in names:
+        if (folder / name).exists():
+            raise InputError(
+                f"{folder}: castfem would write its {name}, and has not written the one that is "
+                "there; choose another folder, or move the file"
+            )
+
+
+class Record:
+    """The runs in a folder, by name.
+
+    Attributes:
+        folder: Of the sweep; the folders of its runs lie in it.
+        entries: Name to run.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Reads sweep.json if it is there.
+
+        Raises:
+            InputError: It is not castfem's.
+        """
+        self.folder = folder
+        self.entries: dict[str, Entry] = {}
+        self._read()
+
+    def _read(self) -> None:
+        """Takes the entries of sweep.json for those of this record.
+
+        Raises:
+            InputError: It is not castfem's.
+        """
+        path = self.folder / SWEEP_NAME
+        if not path.is_file():
+            return
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+            if content["format"] != _FORMAT:
+                raise ValueError("not written by castfem")
+            known = {f.name for f in fields(Entry)}
+            for name, entry in content["runs"].items():
+                self.entries[name] = Entry(**{k: v for k, v in entry.items() if k in known})
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise InputError(f"{path}: cannot be read ({error}); choose another folder") from None
+
+    def reload(self) -> None:
+        """Take in what other processes have noted.
+
+        Raises:
+            InputError: The file cannot be read.
+        """
+        mine, self.entries = self.entries, {}
+        self._read()
+        self.entries = mine | self.entries
+
+    @contextmanager
+    def shared(self) -> Iterator[None]:
+        """Change entries while other processes do the same: what they have noted is kept.
+
+        On a file system without locks the last one to write wins; `find` mends that.
+
+        Raises:
+            RunFailure: The file cannot be written.
+        """
+        from filelock import FileLock
+
+        self.folder.mkdir(parents=True, exist_ok=True)
+        with ExitStack() as held:
+            lock = FileLock(self.folder / _LOCK_NAME)
+            if taken(lock):
+                held.callback(lock.release)
+            self.reload()
+            yield
+            self.save()
+
+    def expect(self, variants: Iterable[Variant], mine: Container[str] | None = None) -> None:
+        """Take in the runs that are to be; of those that are not finished nothing is known.
+
+        Args:
+            variants: The runs.
+            mine: Names of those that are to be run here; what is noted of others stays. None: all.
+        """
+        for variant in variants:
+            job = Job(variant.name, self.folder / variant.name, variant.case)
+            here = mine is None or variant.name in mine or variant.name not in self.entries
+            if here and not self.is_finished(job):
+                self.entries[variant.name] = Entry()
+            entry = self.entries[variant.name]
+            entry.given, entry.label = dict(variant.given), variant.label
+
+    def is_finished(self, job: Job) -> bool:
+        """Return whether the very same run has ended well: case, output and property files."""
+        entry = self.entries.get(job.name)
+        if entry is None or not (job.folder / RUN_NAME).is_file():
+            return False
+        if entry.physics != job.case.physics_hash():
+            return False
+        try:
+            existing = (job.folder / CASE_NAME).read_text(encoding="utf-8")
+            status = RunRecord.load(job.folder).status
+        except (OSError, InputError):
+            return False
+        now, _ = portable(job.case, PROPERTIES_NAME)
+        return status == "finished" and _untitled(existing) == _untitled(now)
+
+    def unfinished(self, jobs: Iterable[Job], *, overwrite: bool) -> tuple[Job, ...]:
+        """Return the jobs that are to be run, having looked at the folder of each.
+
+        Args:
+            jobs: All of them.
+            overwrite: Take those that are finished, too, and folders with runs of other cases.
+
+        Raises:
+            InputError: Folders that hold runs of other cases, or where one is at work: each.
+        """
+        found, problems = list[Job](), list[str]()
+        for job in jobs:
+            if not overwrite and self.is_finished(job):
+                continue
+            try:
+                existing_run.check(
+                    job.folder, job.case, resume=False, overwrite=overwrite, goes_on=job.resume
+                )
+                if job.folder.is_dir() and OutputFolder(job.folder).is_running():
+                    raise InputError(f"{job.folder}: a run is at work there; wait for it")
+            except InputError as error:
+                problems += error.problems
+            found.append(job)
+        if problems:
+            raise InputError(problems)
+        return tuple(found)
+
+    def note(self, job: Job, outcome: Outcome) -> None:
+        """Write down how a run has ended, beside other processes that do the same.
+
+        Raises:
+            RunFailure: The file cannot be written.
+        """
+        with self.shared():
+            entry = self.entries.setdefault(job.name, Entry())
+            entry.physics = "" if outcome.failed else job.case.physics_hash()
+            entry.message, entry.seconds = outcome.message, round(outcome.seconds, 3)
+
+    def find(self, variants: Iterable[Variant]) -> None:
+        """Take in what the folders of runs say, whoever has run them.
+
+        A run counts as finished that has ended well with the very case and property files.
+        """
+        for variant in variants:
+            folder = self.folder / variant.name
+            job = Job(variant.name, folder, variant.case)
+            if self.is_finished(job):
+                continue
+            entry = self.entries.setdefault(variant.name, Entry())
+            entry.given, entry.label = dict(variant.given), variant.label
+            entry.physics = ""
+            try:
+                record = RunRecord.load(folder)
+                same = _is_of(folder, job)
+            except (OSError, InputError):
+                continue
+            if not same:
+                continue
+            entry.message = record.reason if record.status == "failed" else ""
+            if record.status == "finished":
+                entry.physics = variant.case.physics_hash()
+                entry.seconds = round(sum(record.wall_time.values()), 3)
+
+    def save(self) -> None:
+        """Write sweep.json.
+
+        Raises:
+            RunFailure: It cannot be written.
+        """
+        runs: dict[str, Any] = {name: asdict(entry) for name, entry in self.entries.items()}
+        write_json(self.folder / SWEEP_NAME, {"format": _FORMAT, "runs": runs})

@@ -1,1 +1,0 @@
-"""Numbers with units, and tables of them."""

@@ -1,0 +1,409 @@
+"""Every kind of mistake is told with file, dotted key, value, what is allowed, nearest name."""
+
+from __future__ import annotations
+
+import pytest
+
+from castfem.base.errors import InputError
+from castfem.model import load_case
+
+# (what is replaced, by what, the dotted key, words of the message)
+MISTAKES = {
+    "unknown key": (
+        'width = "125 mm"\n',
+        'width = "125 mm"\nhieght = "3 mm"\n',
+        "section.hieght",
+        ['("3 mm")', "unknown key", "allowed: shape, width, height", "did you mean height?"],
+    ),
+    "unknown table": (
+        "[mesh]",
+        "[mehs]\nx = 1\n[mesh]",
+        "mehs",
+        ["unknown key", "{ x = 1 }", "did you mean mesh?"],
+    ),
+    "wrong unit": (
+        '"3.6 m/min"',
+        '"3.6 m/mn"',
+        "casting.speed",
+        ['("3.6 m/mn")', "'m/mn' is not known", "did you mean m/min?"],
+    ),
+    "wrong dimension": (
+        '"3.6 m/min"',
+        '"3.6 mm"',
+        "casting.speed",
+        ['("3.6 mm")', "unit of a length, a speed is needed", '"3.6 m/min"'],
+    ),
+    "no unit": (
+        '"600 mm"\nsuperheat',
+        "600\nsuperheat",
+        "casting.length",
+        ["needs its unit", "(600)"],
+    ),
+    "celsius as difference": (
+        '"40 K"',
+        '"40 degC"',
+        "casting.superheat",
+        ['("40 degC")', "written in kelvin", '"40 K"'],
+    ),
+    "missing key": (
+        'speed = "3.6 m/min"\n',
+        "",
+        "casting.speed",
+        ["is missing", "casting speed", '"3.6 m/min"'],
+    ),
+    "missing table": ('[steel]\nname = "carbon_042"\n', "", "steel", ["table [steel] is missing"]),
+    "table for a list of tables": (
+        "[[cooling.surface]]",
+        "[cooling.surface]",
+        "cooling.0.surface",
+        ["must be a list of tables, each of which begins with [[cooling.surface]]"],
+    ),
+    "table expected": ("[mesh]\n", "mesh = 3\n[casting.x]\n", "casting.x", ["unknown key"]),
+    "neither temperature": (
+        'superheat = "40 K"\n',
+        "",
+        "casting",
+        ["neither is given", "exactly one"],
+    ),
+    "both temperatures": (
+        'superheat = "40 K"\n',
+        'superheat = "40 K"\ntemperature = "1540 degC"\n',
+        "casting",
+        ["both are given", "exactly one"],
+    ),
+    "negative length": (
+        '"5 mm"',
+        '"-5 mm"',
+        "section.corner_radius",
+        ['("-5 mm")', "must not be below 0 m"],
+    ),
+    "negative conductivity": (
+        'wall = "160 degC"',
+        'wall = "160 degC"\ngap = "1 mm"\ngap_conductivity = "-0.15 W/(m K)"',
+        "cooling.0.surface.0.gap_conductivity",
+        ['("-0.15 W/(m K)")', "must be above 0"],
+    ),
+    "gap without conductivity": (
+        'wall = "160 degC"',
+        'wall = "160 degC"\ngap = "1 mm"',
+        "cooling.0.surface.0",
+        ["needs its gap_conductivity"],
+    ),
+    "nan": (
+        'ambient = "25 degC"',
+        'ambient = "25 degC"\nemissivity = nan',
+        "cooling.1.surface.0.emissivity",
+        ["(nan)", "finite"],
+    ),
+    "nan in a text": ('"25 degC"', '"nan degC"', "cooling.1.surface.0.ambient", ['("nan degC")']),
+    "emissivity beyond one": (
+        'ambient = "25 degC"',
+        'ambient = "25 degC"\nemissivity = 1.2',
+        "cooling.1.surface.0.emissivity",
+        ["(1.2)", "must not be above 1"],
+    ),
+    "cells too small for the section": (
+        'surface_size = "0.5 mm"',
+        'surface_size = "1 nm"',
+        "mesh.surface_size",
+        ["(1e-06 mm)", "too fine", "at least 0.000625 mm"],
+    ),
+    "water that is ice": (
+        'law = "radiation"\nambient = "25 degC"',
+        'law = "spray"\nwater = "5 L/(m^2 s)"\nwater_temperature = "25 K"\ncorrelation = "nozaki"',
+        "cooling.1.surface.0.water_temperature",
+        ['("25 K")', "must not be below 0 degC"],
+    ),
+    "water that is steam": (
+        'law = "radiation"\nambient = "25 degC"',
+        'law = "spray"\nwater = "5 L/(m^2 s)"\nwater_temperature = "140 degC"\n'
+        'correlation = "nozaki"',
+        "cooling.1.surface.0.water_temperature",
+        ['("140 degC")', "must not be above 100 degC"],
+    ),
+    "a table for a constant": (
+        'length = "600 mm"',
+        'length = { time = [0, 1], value = ["3 m", "4 m"] }',
+        "casting.length",
+        ['a single length is needed here, such as "125 mm"; no table'],
+    ),
+    "unknown law": (
+        '"radiation"',
+        '"radiaton"',
+        "cooling.1.surface.0",
+        ['law = "radiaton"', "one of contact, flux, spray", "did you mean radiation?"],
+    ),
+    "law left out": (
+        'law = "radiation"\n',
+        "",
+        "cooling.1.surface.0",
+        ["'law' is missing", "one of contact"],
+    ),
+    "unknown shape": (
+        '"rectangle"',
+        '"rectangel"',
+        "section",
+        ['shape = "rectangel"', "did you mean rectangle?"],
+    ),
+    "key of another law": (
+        'ambient = "25 degC"',
+        'ambient = "25 degC"\nwall = "1 K"',
+        "cooling.1.surface.0.wall",
+        ["unknown key", "allowed: on, law, emissivity"],
+    ),
+    "unknown choice": (
+        'core_size = "8 mm"',
+        'core_size = "8 mm"\ncell = "triangel"',
+        "mesh.cell",
+        ['("triangel")', "one of quadrilateral, triangle", "did you mean triangle?"],
+    ),
+    "order": ('core_size = "8 mm"', 'core_size = "8 mm"\norder = 3', "mesh.order", ["(3)", "1, 2"]),
+    "unknown field": (
+        "[mesh]",
+        '[output]\nfields = ["temprature"]\n[mesh]',
+        "output.fields.0",
+        ['("temprature")', "did you mean temperature?"],
+    ),
+    "field twice": (
+        "[mesh]",
+        '[output]\nfields = ["temperature", "temperature"]\n[mesh]',
+        "output.fields",
+        ["stands there twice"],
+    ),
+    "text for a truth value": (
+        "[mesh]",
+        '[output]\nfigures = "yes"\n[mesh]',
+        "output.figures",
+        ['("yes")', "true or false"],
+    ),
+    "text for a number": (
+        "[mesh]",
+        '[output]\ncheckpoint_every = "5"\n[mesh]',
+        "output.checkpoint_every",
+        ['("5")', "whole number"],
+    ),
+    "unknown group": (
+        'law = "radiation"',
+        'law = "radiation"\non = ["wide_fase"]',
+        "cooling.1.surface.0.on",
+        ['"wide_fase"', "allowed: wide_face, narrow_face, corner", "did you mean wide_face?"],
+    ),
+    "line of symmetry cooled": (
+        'law = "radiation"',
+        'law = "radiation"\non = ["symmetry_x"]',
+        "cooling.1.surface.0.on",
+        ["no boundary group"],
+    ),
+    "on is empty": (
+        'law = "radiation"',
+        'law = "radiation"\non = []',
+        "cooling.1.surface.0.on",
+        ["must not be empty"],
+    ),
+    "given temperature and another law": (
+        'ambient = "25 degC"\n',
+        'ambient = "25 degC"\n[[cooling.surface]]\nlaw = "temperature"\nvalue = "900 degC"\n',
+        "cooling.1.surface.1",
+        ["given temperature on corner, narrow_face, wide_face excludes"],
+    ),
+    "zones not in order": (
+        'name = "air"',
+        'name = "air"\nto = "500 mm"',
+        "cooling.1.to",
+        ["(500 mm)", "end of the zone before (600 mm)"],
+    ),
+    "zones end too early": (
+        'length = "600 mm"\nsuperheat',
+        'length = "2 m"\nsuperheat',
+        None,
+        [],
+    ),
+    "zone without end before the last": (
+        'to = "600 mm"\n',
+        "",
+        "cooling.0",
+        ["'to' is missing", "only the last zone"],
+    ),
+    "zone name twice": ('name = "air"', 'name = "mould"', "cooling.1.name", ['("mould")', "twice"]),
+    "radius too large": (
+        '"5 mm"',
+        '"80 mm"',
+        "section.corner_radius",
+        ["(80 mm)", "no flat face", "below half the smaller side (62.5 mm)"],
+    ),
+    "cells larger than the section": (
+        'core_size = "8 mm"',
+        'core_size = "8 m"',
+        "mesh.core_size",
+        ["(8000 mm)", "larger than half the section (62.5 mm)"],
+    ),
+    "surface cells larger than the core's": (
+        'surface_size = "0.5 mm"',
+        'surface_size = "9 mm"',
+        "mesh.surface_size",
+        ["(9 mm)", "core_size (8 mm)"],
+    ),
+    "step and adaptive": (
+        "[mesh]",
+        '[thermal.time]\nstep = "50 ms"\nadaptive = { tolerance = "1 K" }\n[mesh]',
+        "thermal.time",
+        ["exclude each other"],
+    ),
+    "bounds of the step": (
+        "[mesh]",
+        '[thermal.time.adaptive]\nsmallest = "1 s"\n[mesh]',
+        "thermal.time.adaptive",
+        ["smallest (1 s) <= first (0.001 s)"],
+    ),
+    "unknown scheme": (
+        "[mesh]",
+        '[thermal.time]\nscheme = "sdirk"\n[mesh]',
+        "thermal.time.scheme",
+        ['("sdirk")', "did you mean sdirk2?"],
+    ),
+    "cooling is no array": ('[[cooling]]\nname = "mould"', "[cooling]\nname = 1", None, []),
+    "reference without unit": (
+        "[mesh]",
+        '[[reference]]\nquantity = "x"\nvalue = "4.75 mn"\nsource = "y"\n[mesh]',
+        "reference.0.value",
+        ['("4.75 mn")', "did you mean"],
+    ),
+    "composition": (
+        'name = "carbon_042"\n',
+        'name = "carbon_042"\ncomposition = { C = 120 }\n',
+        "steel.composition.C",
+        ["(120)", "must not be above 100"],
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "said"),
+    [m for m in MISTAKES.values() if m[2]],
+    ids=[name for name, m in MISTAKES.items() if m[2]],
+)
+def test_mistake_is_told(write, sound, old, new, key, said):
+    assert old in sound
+    path = write(sound.replace(old, new, 1))
+    with pytest.raises(InputError) as caught:
+        load_case(path)
+    lines = [line for line in caught.value.problems if line.startswith(f"{path}: {key}")]
+    assert lines, caught.value.problems
+    for words in said:
+        assert any(words in line for line in lines), lines
+
+
+def test_zones_that_are_missing_are_asked_for_as_they_are_written(write, sound):
+    without = sound[: sound.index("[[cooling]]")]
+    with pytest.raises(
+        InputError, match=r"cooling: is missing; at least one table \[\[cooling\]\]"
+    ):
+        load_case(write(without))
+
+
+def test_zones_must_reach_the_end(write, sound):
+    text = sound.replace('length = "600 mm"', 'length = "2 m"').replace(
+        'name = "air"', 'name = "air"\nto = "1 m"'
+    )
+    with pytest.raises(
+        InputError, match=r"cooling\.1\.to .*\(1000 mm\) ends before casting.length"
+    ):
+        load_case(write(text))
+
+
+def test_all_problems_in_one_go(write, sound):
+    """A wrong unit hides neither an unknown key, nor a missing one, nor a check across keys."""
+    text = (
+        sound.replace('"3.6 m/min"', '"3.6 m"')
+        .replace('superheat = "40 K"\n', "")
+        .replace('name = "air"', 'name = "air"\nto = "500 mm"')
+        .replace('core_size = "8 mm"\n', 'cor_size = "8 mm"\n')
+        .replace('"radiation"', '"radiaton"')
+    )
+    with pytest.raises(InputError) as caught:
+        load_case(write(text))
+    told = str(caught.value)
+    for words in (
+        "casting.speed: ",
+        "casting: neither",
+        "cooling.1.to",
+        "mesh.cor_size: unknown",
+        "mesh.core_size: is missing",
+        "radiaton",
+    ):
+        assert words in told
+    assert len(caught.value.problems) == 6
+
+
+def test_zone_is_told_by_its_name(write, sound):
+    with pytest.raises(InputError, match=r'cooling\.1\.surface\.0\.ambient \(zone "air"\)'):
+        load_case(write(sound.replace('"25 degC"', '"25"')))
+
+
+def test_file_not_found_names_the_nearest(write, tmp_path):
+    write(name="billet.toml")
+    with pytest.raises(
+        InputError, match=r"billte\.toml: file not found; did you mean billet\.toml"
+    ):
+        load_case(tmp_path / "billte.toml")
+
+
+def test_folder_instead_of_file(tmp_path):
+    with pytest.raises(InputError, match="cannot be read"):
+        load_case(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('title = "x"\nspeed = \n', "line 2, column 9"),
+        ('title = "x"\n[casting\n', "line 2"),
+        ("a = 1\na = 2\n", "line 2"),
+        ('title = "x', "line 1"),
+    ],
+)
+def test_syntax_error_names_the_line(write, text, said):
+    path = write(text)
+    with pytest.raises(InputError) as caught:
+        load_case(path)
+    assert str(caught.value).startswith(f"{path}: {said}")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[mould.tube]\na = 1\n[ mould . tube ]\n", "3, column 16: [ mould . tube ] is there alr"
+         "eady, in line 1; "),
+        ('[[cooling]]  # one\nname = "a"\n[cooling]\n', "3, column 9: [cooling] is one of several "
+         "tables; write [[cooling]]"),
+        ("[mould]\ntube.above = 1\n[mould.tube]\n", "3, column 12: [mould.tube] is there already, "
+         "by a key; "),
+        ("mould.tube = {}\n[[mould.tube]]\n", "2, column 13: Cannot mutate immutable namespace "
+         "mould.tube: "),
+    ],
+)  # fmt: skip
+def test_a_table_that_is_there_twice_is_named_as_it_is_written(write, text, said):
+    path = write(text)
+    with pytest.raises(InputError) as caught:
+        load_case(path)
+    assert str(caught.value).startswith(f"{path}: line {said}")
+
+
+def test_not_utf8(tmp_path):
+    path = tmp_path / "latin.toml"
+    path.write_bytes(b'title = "x"\n# \xe9\n')
+    with pytest.raises(InputError, match="line 2: not a text in UTF-8"):
+        load_case(path)
+
+
+def test_byte_order_mark_is_no_error(tmp_path, sound):
+    path = tmp_path / "bom.toml"
+    path.write_text(sound, encoding="utf-8-sig")
+    assert load_case(path).title == "billet"
+
+
+def test_a_count_that_begins_at_one(write, sound):
+    with pytest.raises(InputError, match=r"coupling\.passes: must be at least 1 \(0\)"):
+        load_case(write(sound), ["mechanics.law=norton_hoff_kozlowski", "coupling.passes=0"])
+    with pytest.raises(InputError, match=r"checkpoint_every: must not be negative \(-1\)"):
+        load_case(write(sound), ["output.checkpoint_every=-1"])

@@ -1,0 +1,418 @@
+"""Loading: `extends`, overrides, the resolved case, the hash of the physics."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tomllib
+
+import pytest
+
+from castfem.api import load
+from castfem.base.errors import InputError
+from castfem.model import Adaptive, Contact, from_document, load_case
+from castfem.model.shipped_cases import shipped
+
+MOULD = ("mould.length=600 mm", "mechanics.law=norton_hoff_kozlowski", "mesh.order=2",
+    "cooling.mould.surface.0.gap_conductivity=0.15 W/(m K)",
+)  # fmt: skip
+
+
+def test_values_are_si(write):
+    case = load_case(write())
+    assert case.casting.speed == 0.06
+    assert case.casting.duration == pytest.approx(10.0)
+    assert case.section.corner_radius == 0.005
+    law = case.cooling[0].surface[0]
+    assert isinstance(law, Contact)
+    assert (law.coefficient, law.wall, law.gap) == (1600.0, 433.15, None)
+    assert case.thermal.time.adaptive == Adaptive.model_validate({})
+
+
+def test_zones_are_cut_at_the_followed_length(write, sound):
+    spans = load_case(write()).zones()
+    assert [(s.name, s.start, s.end) for s in spans] == [("mould", 0.0, 0.6)]
+    spans = load_case(write(), ["casting.length=20 m"]).zones()
+    assert [(s.name, s.start, s.end) for s in spans] == [("mould", 0.0, 0.6), ("air", 0.6, 20.0)]
+    assert spans[1].laws[0][0] == ("wide_face", "narrow_face", "corner")
+    assert [span.whole for span in spans] == [True, False]  # the air goes on below
+    (within,) = load_case(write(), ["casting.length=0.4 m"]).zones()
+    assert (within.end, within.whole) == (0.4, False)
+
+
+def test_the_mould_ends_where_its_table_or_its_zones_say(write, sound):
+    assert load_case(write()).mould_exit() == 0.6
+    assert load_case(write(), MOULD).mould_exit() == 0.6
+    deeper = load_case(write(), ["casting.length=0.4 m", *MOULD[1:], "mould.length=800 mm"])
+    assert deeper.mould_exit() == 0.8  # its end lies beyond the run
+    parts = "".join(
+        f'[[cooling]]\nname = "{name}"\nto = "{to} mm"\n[[cooling.surface]]\nlaw = "{law}"\n'
+        for name, to, law in (
+            *((f"mould {i}", 150 * i, 'flux"\nvalue = "2 MW/m^2') for i in (1, 2, 3, 4)),
+            ("foot rolls", 700, 'contact"\ncoefficient = "900 W/(m^2 K)"\nwall = "90 degC'),
+            ("mould of another name", 900, 'flux"\nvalue = "1 MW/m^2'),
+        )
+    )
+    zones = sound[: sound.index("[[cooling]]")] + parts
+    assert load_case(write(zones)).mould_exit() == 0.6
+    # Without the name it is the wall that tells, without a wall there is no mould.
+    assert load_case(write(), ["cooling.0.name=A"]).mould_exit() == 0.6
+    assert load_case(write(zones), ["cooling.0.name=A"]).mould_exit() is None
+
+
+def test_tables_left_out_have_their_keys_by_bare_names(write):
+    case = load_case(write(), ["figures=false", "every=1 s", "largest=1 s"])
+    assert not case.output.figures and case.output.every == 1.0
+    assert case.thermal.time.adaptive.largest == 1.0
+    with pytest.raises(InputError, match=r"did you mean mould\.friction"):
+        load_case(write(), ["friction=1"])
+    with pytest.raises(InputError, match=r"did you mean coupling\.interval"):
+        load_case(write(), ["interval=1 s"])
+
+
+def test_a_key_of_the_adaptive_step_takes_the_place_of_a_fixed_one(write, sound):
+    text = sound + '[thermal.time]\nstep = "1 s"\n'
+    case = load_case(write(text), ['thermal.time.adaptive.tolerance="0.3 K"'])
+    assert case.thermal.time.step is None
+    assert case.thermal.time.adaptive.tolerance == 0.3
+    assert load_case(write(text), ["tolerance=0.3 K", "step=2 s"]).thermal.time.adaptive is None
+
+
+def test_sharp_corners_have_no_corner_group(write, sound):
+    case = load_case(write(sound.replace('corner_radius = "5 mm"\n', "")))
+    assert case.zones()[0].laws[0][0] == ("wide_face", "narrow_face")
+
+
+def test_a_strip_is_cooled_at_its_surface(write, sound):
+    text = sound.replace('shape = "rectangle"', 'shape = "strip"\nlength = "50 mm"').replace(
+        'width = "125 mm"\nheight = "125 mm"\ncorner_radius = "5 mm"', 'width = "1 mm"'
+    )
+    assert load_case(write(text)).zones()[0].laws[0][0] == ("surface",)
+
+
+def test_extends_merges_tables_and_replaces_arrays(write, sound):
+    write(sound, "base/base.toml")
+    write('extends = "base.toml"\n[casting]\nspeed = "1 m/min"\n', "base/middle.toml")
+    path = write(
+        'extends = "base/middle.toml"\ntitle = "top"\n[[cooling]]\nname = "all"\n', "top.toml"
+    )
+    case = load_case(path)
+    assert case.title == "top"
+    assert case.casting.speed == pytest.approx(1 / 60)
+    assert case.casting.length == 0.6
+    assert [zone.name for zone in case.cooling] == ["all"]
+    assert case.zones()[0].laws == ()
+
+
+def test_later_of_two_exclusive_keys_wins(write, sound):
+    write(sound + '[thermal.time.adaptive]\ntolerance = "1 K"\n', "base.toml")
+    path = write(
+        'extends = "base.toml"\n[casting]\ntemperature = "1550 degC"\n'
+        '[thermal.time]\nstep = "50 ms"\n'
+    )
+    case = load_case(path)
+    assert (case.casting.superheat, case.casting.temperature) == (None, 1823.15)
+    assert (case.thermal.time.step, case.thermal.time.adaptive) == (0.05, None)
+    again = load_case(path, ["casting.superheat=10 K"])
+    assert (again.casting.superheat, again.casting.temperature) == (10.0, None)
+
+
+def test_another_shape_replaces_the_section(write, sound):
+    write(sound, "base.toml")
+    path = write('extends = "base.toml"\n[section]\nshape = "round"\ndiameter = "200 mm"\n')
+    assert load_case(path).section.diameter == 0.2
+
+
+def test_problems_name_the_file_of_the_chain(write, sound):
+    base = write(sound.replace('"5 mm"', '"5 kg"'), "base.toml")
+    top = write('extends = "base.toml"\n[casting]\nsped = "1 m/s"\n', "top.toml")
+    with pytest.raises(InputError) as caught:
+        load_case(top, ["mesh.order=7"])
+    assert [line.partition(": ")[0] for line in sorted(caught.value.problems)] == [
+        "--set",
+        str(base),
+        str(top),
+    ]
+
+
+def test_what_two_keys_of_a_table_make_wrong_is_said_of_the_file_that_joined_it_last(write, sound):
+    base = write(sound, "base.toml")
+    both = '[casting]\nsuperheat = "30 K"\ntemperature = "1540 degC"\n'
+    top = write(f'extends = "base.toml"\n{both}', "top.toml")
+    with pytest.raises(InputError) as caught:
+        load_case(top)
+    (line,) = caught.value.problems
+    assert line.startswith(f"{top}: casting: both are given")
+    write('extends = "top.toml"\n[mesh]\norder = 2\n', "last.toml")
+    with pytest.raises(InputError, match=f"^{top}: casting: both are given"):
+        load_case(top.parent / "last.toml")
+    write('casting = 3\nextends = "top.toml"\n', "last.toml")  # of which nothing was joined
+    with pytest.raises(InputError, match=f"^{top.parent}/last.toml: casting: "):
+        load_case(top.parent / "last.toml")
+    write(sound.replace('"5 mm"', '"70 mm"'), "base.toml")
+    write('extends = "base.toml"\n[casting]\nspeed = "3 m/min"\n', "top.toml")
+    with pytest.raises(InputError, match=f"^{base}: section.corner_radius"):
+        load_case(top)
+
+
+def test_extends_in_a_circle(write):
+    write('extends = "b.toml"\n', "a.toml")
+    path = write('extends = "a.toml"\n', "b.toml")
+    with pytest.raises(InputError, match=r"goes in a circle: b\.toml -> a\.toml -> b\.toml"):
+        load_case(path)
+
+
+def test_extended_file_not_found(write, sound):
+    write(sound, "base.toml")
+    path = write('extends = "bsae.toml"\n')
+    with pytest.raises(InputError) as caught:
+        load_case(path)
+    assert str(caught.value) == (
+        f'{path}: extends ("bsae.toml"): no such case file, and no shipped case of that name '
+        "(castfem cases lists them); did you mean base.toml?"
+    )
+
+
+def test_extends_a_shipped_case_by_its_name(write):
+    """As `castfem run` takes it; a file of that name beside the case comes first."""
+    path = write('extends = "billet125/thermal"\n[casting]\nlength = "20 mm"\n')
+    case, whole = load_case(path), load_case(shipped()["billet125/thermal"])
+    assert case.casting.length == 0.02
+    assert case.cooling == whole.cooling and case.section == whole.section
+    write('extends = "slab1200/thermal"\ntitle = "beside"\n', "billet125/thermal.toml")
+    assert load_case(path).title == "beside"
+    with pytest.raises(InputError, match=r'extends \("billet125/themal"\).*did you mean billet125'):
+        load_case(write('extends = "billet125/themal"\n'))
+
+
+def test_syntax_error_in_the_extended_file(write):
+    base = write("[casting\n", "base.toml")
+    with pytest.raises(InputError, match="line 1"):
+        load_case(write('extends = "base.toml"\n'))
+    with pytest.raises(InputError) as caught:
+        load_case(write('extends = "base.toml"\n'))
+    assert str(caught.value).startswith(str(base))
+
+
+@pytest.mark.parametrize(
+    ("assignment", "attribute", "value"),
+    [
+        ("casting.length=20 m", lambda c: c.casting.length, 20.0),
+        ('casting.length="20 m"', lambda c: c.casting.length, 20.0),
+        ("mesh.order=2", lambda c: c.mesh.order, 2),
+        ("output.figures=false", lambda c: c.output.figures, False),
+        ('output.fields=["temperature"]', lambda c: c.output.fields, ("temperature",)),
+        ("output.fields=[]", lambda c: c.output.fields, ()),
+        ("cooling.0.surface.0.wall=200 degC", lambda c: c.cooling[0].surface[0].wall, 473.15),
+        ("cooling.mould.surface.0.wall=200 degC", lambda c: c.cooling[0].surface[0].wall, 473.15),
+        ("thermal.solver.snes_rtol=1e-9", lambda c: c.thermal.solver, {"snes_rtol": 1e-9}),
+        ("steel.composition.C=0.2", lambda c: c.steel.composition, {"C": 0.2}),
+        ("thermal.time.step=50 ms", lambda c: c.thermal.time.step, 0.05),
+    ],
+)
+def test_override(write, assignment, attribute, value):
+    assert attribute(load_case(write(), [assignment])) == value
+
+
+@pytest.mark.parametrize(
+    ("assignment", "said"),
+    [
+        ("casting.length", "write it as key=value"),
+        ("casting.lenght=1 m", "casting.lenght: unknown key"),
+        ("casting.speed.x=1", "casting.speed is a single value"),
+        ("cooling.7.to=1 m", "'7' is no entry of cooling; give an index from 0 to 1"),
+        ("cooling.moult.to=1 m", "did you mean mould?"),
+        ("casting.length=3", "needs its unit"),
+        ("friction.law=coulomb", 'unknown key ({ law = "coulomb" }); allowed: title'),
+        ("friction.law=coulomb", "; did you mean mould.friction?"),
+        ("time.step=1 s", "; did you mean thermal.time?"),
+        ("mehs.order=2", "; did you mean mesh?"),
+    ],
+)
+def test_bad_override(write, assignment, said):
+    with pytest.raises(InputError) as caught:
+        load_case(write(), [assignment])
+    assert all(line.startswith("--set: ") for line in caught.value.problems)
+    assert said in str(caught.value)
+
+
+MOULD_WORD = "[mould]\ncontact = %s\n"
+
+
+def test_keys_join_the_model_of_bulging_that_one_word_gave():
+    case = shipped()["slab1200/bulging"]
+    bulging = load_case(case, ["mechanics.bulging.axial_strain=true"]).mechanics.bulging
+    assert bulging.model == "creep" and bulging.axial_strain
+    assert load_case(case, ["mechanics.bulging.model=elastic"]).mechanics.bulging.model == "elastic"
+    again = ["mechanics.bulging.axial_strain=true", "mechanics.bulging=elastic"]
+    bulging = load_case(case, again).mechanics.bulging
+    assert bulging.model == "elastic" and not bulging.axial_strain
+
+
+def test_keys_join_the_method_of_contact_that_one_word_gave(write, tmp_path):
+    """In the same case, and in one that extends it: the method stays."""
+    nitsche = [*MOULD, "mould.contact=nitsche"]
+    touch = load_case(write(), [*nitsche, "mould.contact.factor=9"]).mould.contact
+    assert (touch.method, touch.factor) == ("nitsche", 9.0)
+    base = load_case(write(), nitsche)
+    (tmp_path / "base.toml").write_text(base.resolved_toml())
+    inherits = tmp_path / "more.toml"
+    for text, method in [("factor = 9", "nitsche"), ('factor = 9\nmethod = "penalty"', "penalty")]:
+        base_text = MOULD_WORD % '"nitsche"'
+        inherits.write_text(f'extends = "word.toml"\n[mould.contact]\n{text}\n')
+        (tmp_path / "word.toml").write_text(f'extends = "base.toml"\n{base_text}')
+        touch = load_case(inherits).mould.contact
+        assert (touch.method, touch.factor) == (method, 9.0)
+    inherits.write_text('extends = "word.toml"\n[mould.contact]\nfactor = 2\n')
+    with pytest.raises(InputError, match="factor: too small for Nitsche"):
+        load_case(inherits)
+
+
+def test_a_word_that_stands_for_no_table_is_told_what_does(write):
+    """What the message proposes can be used."""
+    with pytest.raises(InputError) as caught:
+        load_case(write(), [*MOULD, "mould.friction=coulomb"])
+    (line,) = caught.value.problems
+    mend = line.partition("such as ")[2].partition(" (")[0]
+    assert load_case(write(), [*MOULD, f"mould.friction={mend}"]).mould.friction.law == "coulomb"
+
+
+def test_resolved_case_reads_back_equal(write, sound, tmp_path):
+    text = sound + (
+        '[cooling.surface.emissivity]\ntemperature = ["20 degC", "333 K"]\nvalue = [0.1, 0.3]\n'
+        '[[reference]]\nquantity = "shell_mid_face"\nvalue = "4.75 mm"\nsource = "x"\n'
+        '[thermal]\nsolver = { snes_rtol = 1e-9, ksp_type = "preonly" }\n'
+    )
+    case = load_case(write(text), ["casting.length=1.7 m", "casting.speed=1.1 m/min"])
+    resolved = case.resolved_toml()
+    again = load_case(write(resolved, "elsewhere/case.toml"))
+    assert again == case
+    assert again.resolved_toml() == resolved
+    assert "extends" not in tomllib.loads(resolved)
+
+
+def test_resolved_case_finds_its_steel_file(write, sound):
+    path = write(sound.replace('"carbon_042"', '"../steels/mine.toml"'), "cases/case.toml")
+    case = load_case(path)
+    assert case.steel.name == str(path.parent.parent / "steels" / "mine.toml")
+    assert load_case(write(case.resolved_toml(), "out/case.toml")) == case
+
+
+def test_hash_follows_the_physics_alone(write, sound, tmp_path):
+    case = load_case(write())
+    same = case.with_(
+        {"title": "x", "output.every": "1 s", "output.fields": [], "casting.length": "2 m"}
+    )
+    assert same.physics_hash() == case.physics_hash()
+    for key, value in {
+        "casting.speed": "3.5 m/min",
+        "mesh.surface_size": "0.4 mm",
+        "cooling.mould.surface.0.wall": "150 degC",
+        "steel.composition": {"C": 0.2},
+        "thermal.time.step": "50 ms",
+        "section.symmetry": "half",
+    }.items():
+        assert case.with_({key: value}).physics_hash() != case.physics_hash(), key
+
+
+def test_hash_follows_the_content_of_the_steel_file(write, sound):
+    steel = write("a = 1\n", "steel.toml")
+    case = load_case(write(sound.replace('"carbon_042"', '"./steel.toml"')))
+    before = case.physics_hash()
+    assert case.physics_hash() == before
+    steel.write_text("a = 2\n")
+    assert case.physics_hash() != before
+
+
+def test_with_changes_a_copy(write):
+    case = load_case(write())
+    changed = case.with_({"casting.speed": "1.2 m/min"}, title="slow")
+    assert (changed.casting.speed, changed.title) == (0.02, "slow")
+    assert case.casting.speed == 0.06
+    with pytest.raises(InputError, match=r"with_: casting\.speed: .* a speed is needed"):
+        case.with_({"casting.speed": "1.2 m"})
+
+
+def test_from_document(write, sound):
+    assert from_document(tomllib.loads(sound)) == load_case(write())
+    with pytest.raises(InputError, match=r"table \[casting\] is missing"):
+        from_document({"title": "x"})
+
+
+def test_references_hold_where_the_run_ends(write, sound):
+    text = (
+        sound + '[[reference]]\nquantity = "gap_max"\nvalue = "1 mm"\nsource = "s"\nat = "600 mm"\n'
+    )
+    path = write(text)
+    assert [r.si for r in load_case(path).expected()] == [0.001]
+    assert load_case(path, ["casting.length=1 m"]).expected() == ()
+
+
+def test_cases_are_loaded_without_heavy_modules(write):
+    """Neither DOLFINx nor MPI nor gmsh nor plotting comes along."""
+    code = (
+        "import sys; from castfem.model import load_case; load_case(sys.argv[1]); "
+        "bad = {'dolfinx', 'gmsh', 'mpi4py', 'petsc4py', 'ufl', 'matplotlib', 'pandas', "
+        "'click', 'rich'} & set(sys.modules); assert not bad, bad"
+    )
+    subprocess.run([sys.executable, "-c", code, str(write())], check=True)
+
+
+def test_the_commands_are_known_without_the_models_of_cases():
+    """`castfem --help` and the shell's completion answer without numpy and pydantic."""
+    code = (
+        "import sys, castfem.cli.app; bad = {'numpy', 'pydantic', 'pint', 'castfem.model'} "
+        "& set(sys.modules); assert not bad, bad"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_overrides_take_bare_names(write, sound):
+    case = load_case(write(sound), ("speed=3 m/min",))
+    assert case.casting.speed == pytest.approx(0.05)
+    with pytest.raises(InputError, match=r"--set: sped: .* did you mean casting\.speed\?"):
+        load_case(write(sound), ("sped=3 m/min",))
+
+
+@pytest.mark.parametrize(
+    ("short", "value", "full"),
+    [
+        ("cooling.mould.coefficient", "1200 W/(m^2 K)", "cooling.mould.surface.0.coefficient"),
+        ("cooling.0.contact.wall", "90 degC", "cooling.0.surface.0.wall"),
+        ("cooling.mould.gap", "0.1 mm", "cooling.mould.surface.0.gap"),  # of its default
+        ("cooling.spray 1.emissivity", "0.7", "cooling.spray 1.surface.1.emissivity"),
+        ("cooling.spray 1.spray.water", "5 L/(m^2 s)", "cooling.spray 1.surface.0.water"),
+        ("cooling.spray 1.to", "2 m", "cooling.spray 1.to"),  # the zone's own
+    ],
+)
+def test_the_heat_law_of_a_zone_may_be_left_out(short, value, full):
+    short_case, full_case = (load("billet125/thermal").with_({k: value}) for k in (short, full))
+    assert short_case.document() == full_case.document()
+    assert short_case.document() != load("billet125/thermal").document()
+
+
+@pytest.mark.parametrize(
+    ("key", "text"),
+    [
+        ("cooling.air.ambient", r"several heat laws of zone air have it \(radiation, convection\)"),
+        ("cooling.air.watr", "unknown key .*; allowed: name, to, surface"),
+        ("cooling.moud.coefficient", "'moud' is no entry of cooling"),
+    ],
+)
+def test_a_heat_law_that_is_not_clear_is_asked_for(key, text):
+    with pytest.raises(InputError, match=text):
+        load("billet125/thermal").with_({key: "20 degC"})
+
+
+def test_the_title_says_what_was_changed(write, sound):
+    plain = load_case(write()).title
+    changes = ["casting.speed=3 m/min", "output.figures=false"]
+    case = load_case(write(), changes)
+    assert case.title == f"{plain}; casting.speed = 3 m/min"
+    assert case.with_(speed="4 m/min").title == f"{plain}; casting.speed = 4 m/min"
+    assert case.with_(title="mine").title == "mine"
+    assert case.physics_hash() == case.with_(title="mine").physics_hash()
+    many = [f"mesh.{k}_size=9 mm" for k in ("surface", "corner", "face", "core")]
+    assert load_case(write(), many).title.endswith("; mesh.face_size = 9 mm; and 1 more")
+    title = load_case(write(), [*many, "casting.speed=3 m/min"]).title
+    assert title.startswith(f"{plain}; casting.speed = 3 m/min; mesh.surface_size")

@@ -1,0 +1,421 @@
+"""Values that a case may have, but that were probably not meant."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from castfem.base import log
+from castfem.cli.checking import problems_of
+from castfem.model import Case, read_case, shipped_cases
+from castfem.model.plausibility import warnings_with
+from castfem.physics.materials import load_steel
+
+TAPERED = Path(__file__).parents[2] / "cases" / "billet125" / "taper_0.toml"
+ROUGH = 'mould.friction={ law = "coulomb", coefficient = %s }'
+TWO = 'mould.taper=[{ to = "100 mm", taper = "%s" }, { taper = "0.5 %%/m" }]'
+WALL = 'mould.taper={ position = [0, 600], position_unit = "mm", value = [0, %s], unit = "mm" }'
+
+
+def _warnings(*changes: str) -> tuple[str, ...]:
+    reading = read_case(TAPERED, changes)
+    assert not reading.problems
+    return reading.warnings
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("mould.taper=20 %/m", "mould.taper: the mould closes by 12 %; did you mean 2 %/m?"),
+        ("mould.taper=-20 %/m", "mould.taper: the mould opens by 12 %; did you mean -2 %/m?"),
+        ("mould.taper=50 %/m", "mould.taper: the mould closes by 30 %"),
+        (
+            'mould.taper={ face = "1 %/m", narrow_face = "15 %/m" }',
+            "mould.taper: narrow_face: the mould closes by 9 %; did you mean 1.5 %/m?",
+        ),
+        # 62.5 mm / 57.5 mm
+        (WALL % 5, "mould.taper: the mould closes by 8.7 %"),
+        ("casting.speed=360 m/min", "casting.speed: (360 m/min) is far from what strands are"),
+        ("coupling.interval=1 km", "coupling.interval: (1000 m of strand) is longer than"),
+        ("coupling.interval=10 s", "coupling.interval: (0.6 m of strand) is longer than"),
+        (ROUGH % 30, "(30) is more than 2 times the pressure; did you mean 0.3?"),
+        (ROUGH % 2.5, "(2.5) is more than 2 times the pressure"),
+    ],
+)
+def test_what_was_hardly_meant(change: str, said: str) -> None:
+    (line,) = _warnings(change)
+    assert line.startswith("--set: ")
+    assert said in line
+    assert ("did you mean" in line) == ("did you mean" in said)
+
+
+def test_cells_as_thick_as_a_shell() -> None:
+    sizes = (f"mesh.{place}_size=25 mm" for place in ("surface", "corner", "face", "core"))
+    thick, corner = _warnings(*sizes)
+    assert "mesh.surface_size: (25 mm) is as thick as a shell" in thick
+    assert "mesh.corner_size: cells of 25 mm along a corner of radius 5 mm" in corner
+
+
+def test_cells_longer_than_a_sixth_of_the_corners_radius() -> None:
+    (line,) = _warnings("mesh.corner_size=0.9 mm")
+    assert "mesh.corner_size: cells of 0.9 mm" in line and "0.833333 mm or less" in line
+    assert not _warnings("mesh.corner_size=0.83 mm")
+
+
+ROWS = 'mould.taper={ position = %s, position_unit = "mm", value = %s, unit = "mm" }'
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        (("[0, 600]", "[125.8, 124.9]"), "125.8 mm at the meniscus look like a size of the cavity"),
+        (("[0, 600]", "[-62.9, -62.45]"), "-62.9 mm at the meniscus look like a size"),
+        (("[100, 600]", "[0.1, 0.5]"), "the table begins 100 mm below the meniscus with 0.1 mm,"),
+        (("[0, 700]", "[0, 0.5]"), "the table goes on to 700 mm below the meniscus, the mould end"),
+        (("[0, 400]", "[0, 0.5]"), "the table ends 400 mm below the meniscus, the mould ends 600 "),
+        (("[0, 600]", "[0.2, 0.7]"), ""),  # the value at the meniscus is taken off
+        (("[100, 600]", "[0, 0.5]"), ""),
+        (("[0, 300, 300.1]", "[0, 0, 0.5]"), ""),  # a step
+        (("[0, 300, 400]", "[0, 0.5, 0.5]"), ""),
+    ],
+)
+def test_a_wall_measured_otherwise_than_it_is_taken(rows: tuple[str, str], said: str) -> None:
+    told = _warnings(ROWS % rows)
+    assert [line.removeprefix("--set: mould.taper: ")[: len(said)] for line in told] == (
+        [said] if said else []
+    )
+
+
+@pytest.mark.parametrize(
+    ("written", "percent"),
+    [("0.18", 0.18), ("'0.18'", 0.18), ("'0.18 %'", 0.18), ("'1800 ppm'", 0.18)],
+)
+def test_a_composition_in_per_cent_is_one(written: str, percent: float) -> None:
+    """`"0.18 %"` is no share of 0.0018."""
+    changes = ("steel.name=plain_carbon", f"steel.composition={{ C = {written} }}")
+    case = read_case(TAPERED, changes).case
+    assert isinstance(case, Case)
+    assert case.steel.composition == {"C": pytest.approx(percent)}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("casting.temperature=2500 degC", ["--set: casting.temperature: 997.5 K above the liq"]),
+        ("casting.superheat=150 K", []),
+        ("casting.temperature=1600 degC", []),
+    ],
+)
+def test_steel_hotter_than_any_is_poured(change: str, said: list[str]) -> None:
+    reading = read_case(TAPERED, (change,))
+    assert isinstance(reading.case, Case)
+    problems = warnings_with(reading.case, load_steel("carbon_042"))
+    found = [line for line in map(reading.line, problems) if "above the liquidus" in line]
+    assert [line[: len(one)] for line, one in zip(found, said, strict=True)] == said
+
+
+HEAT = "cooling.mould.surface=[%s]"
+CONTACT = (
+    '{law="contact", coefficient="1600 W/(m^2 K)", gap_conductivity="0.15 W/(m K)", '
+    'wall="160 degC"%s}'
+)
+RADIATION = '{law="radiation", emissivity=0.8, ambient="160 degC"%s}'
+FOLLOWS = 'is not changed by the gap that opens in the mould; heat that is to follow it is law = "c'
+
+
+@pytest.mark.parametrize(
+    ("laws", "said"),
+    [
+        (['{law="flux", value="1 MW/m^2"}'], "0: a given flux " + FOLLOWS),
+        (['{law="temperature", value="1000 degC"}'], "0: a given temperature " + FOLLOWS),
+        ([CONTACT % ', gap="0 mm"'], "0: contact with a gap of its own " + FOLLOWS),
+        ([CONTACT % "", '{law="flux", value="1 MW/m^2"}'], "1: a given flux " + FOLLOWS),
+        ([CONTACT % ', on=["wide"]', RADIATION % ""], "1: radiation " + FOLLOWS),
+    ],
+)
+def test_heat_that_the_gap_does_not_change(laws: list[str], said: str) -> None:
+    (line,) = _warnings(HEAT % ", ".join(laws))
+    assert f"cooling.0.surface.{said}" in line.replace(' (zone "mould")', "")
+
+
+def test_radiation_beside_contact_without_a_gap_is_in_vain() -> None:
+    thermal = TAPERED.with_name("thermal.toml")
+    both = HEAT % ", ".join([CONTACT % "", RADIATION % ""])
+    (line,) = read_case(thermal, [both]).warnings
+    assert "surface.1" in line
+    assert "radiation has no effect beside contact without a gap" in line
+    assert (
+        read_case(thermal, [HEAT % ", ".join([CONTACT % ', gap="1 mm"', RADIATION % ""])]).warnings
+        == ()
+    )
+    apart = [CONTACT % ', on=["wide"]', RADIATION % ', on=["narrow"]']
+    assert read_case(thermal, [HEAT % ", ".join(apart)]).warnings == ()
+    assert _warnings(both) == ()  # there is a mould, and its gap
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "mould.taper=10 %/m",
+        "mould.taper=-10 %/m",
+        TWO % "20 %/m",  # steep, but 2.3 % in all
+        WALL % 3,
+        "casting.speed=18 m/min",
+        ROUGH % 1,
+    ],
+)
+def test_what_may_be_meant(change: str) -> None:
+    assert _warnings(change) == ()
+
+
+THERMAL = TAPERED.with_name("thermal.toml")
+SPRAYED = (
+    'cooling.0.surface=[{law="spray",water="%s",water_temperature="25 degC",correlation="%s"},'
+    '{law="radiation",ambient="25 degC",emissivity=0.8}]'
+)
+
+
+@pytest.mark.parametrize(
+    ("water", "correlation", "said"),
+    [
+        ("72 L/(m^2 s)", "wendelstorf", "measured for, 3 to 30 L/(m^2 s): the coefficient is that"),
+        ("1 L/(m^2 s)", "wendelstorf", "3 to 30 L/(m^2 s): extrapolated"),
+        ("9 L/(m^2 s)", "bolle", "1 to 7 L/(m^2 s): extrapolated"),
+        ("25 L/(m^2 s)", "mizikar", "at most 20.3 L/(m^2 s): extrapolated"),
+        ("1 L/(m^2 s)", "sasaki", "1.67 to 41.7"),
+        ("0 L/(m^2 s)", "bolle", None),
+        ("5 L/(m^2 s)", "wendelstorf", None),
+        ("50 L/(m^2 s)", "nozaki", None),
+    ],
+)
+def test_water_beyond_what_was_measured_is_told(water, correlation, said) -> None:
+    found = read_case(THERMAL, [SPRAYED % (water, correlation)]).warnings
+    assert len(found) == (said is not None)
+    assert all(said in line and "cooling.0.surface.0.water" in line for line in found)
+
+
+def test_a_spray_without_radiation_is_told() -> None:
+    alone = SPRAYED.replace(',{law="radiation",ambient="25 degC",emissivity=0.8}', "")
+    (line,) = read_case(THERMAL, [alone % ("5 L/(m^2 s)", "nozaki")]).warnings
+    assert "a spray without radiation" in line
+
+
+def test_kelvin_for_degrees_is_told() -> None:
+    (line,) = read_case(THERMAL, ["cooling.mould.surface.0.wall=160 K"]).warnings
+    assert '(160 K) is -113.2 degC; did you mean "160 degC"?' in line
+
+
+def _with(steel: dict[str, object], law_carbon: float | None, *changes: str) -> list[str]:
+    written = ", ".join(f"{element} = {share}" for element, share in steel.items())
+    named = ("steel.name=plain_carbon", f"steel.composition={{ {written} }}")
+    reading = read_case(TAPERED, [*named, *changes])
+    assert isinstance(reading.case, Case) and not reading.problems
+    made = load_steel("plain_carbon", composition=steel)
+    return [problem.text for problem in warnings_with(reading.case, made, law_carbon)]
+
+
+@pytest.mark.parametrize(
+    ("changes", "mend"),
+    [
+        ([], None),
+        (["mechanics.law=kozlowski_zhu"], 'give "kozlowski_zhu_signed"'),
+        (["mechanics.law=norton_hoff_kozlowski"], 'give "norton_hoff_kozlowski_signed"'),
+        (["mechanics.law=norton_hoff_kozlowski_p1"], 'give "norton_hoff_kozlowski_signed"'),
+        (["mechanics.law=%s"], 'give it hardening = "signed"'),
+        (["mechanics.law=kozlowski_zhu", "mechanics.bulging=elastic"], None),
+        (["mechanics.law=weiner_boley"], None),
+    ],
+)
+def test_a_strip_whose_law_hardens_for_good_is_told_once(
+    changes: list[str], mend: str | None, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    from castfem.cli.checking import check_case
+    from castfem.physics.constitutive import parameters
+
+    own = tmp_path / "own.toml"
+    own.write_text((Path(parameters.__file__).parent / "data" / "kozlowski_zhu.toml").read_text())
+    given = [change.replace("%s", str(own)) for change in changes]
+    check_case("slab", TAPERED.parents[1] / "slab1200" / "bulging.toml", given)
+    out, err = capfd.readouterr()
+    told = [line for line in (out + err).splitlines() if "hardens further" in line]
+    assert len(told) == (mend is not None)
+    if mend is not None:
+        assert "mechanics.law: (" in told[0] and "what 4 pitches make of virgin steel" in told[0]
+        assert mend in told[0]
+
+
+@pytest.mark.parametrize(("limit", "told"), [("automatic", True), ("0 MPa", False)])
+def test_signed_strain_that_finds_its_yield_limit_is_told(
+    limit: str, told: bool, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The shipped set has none; one that finds it ends a bent slab without equilibrium."""
+    from castfem.cli.checking import check_case
+    from castfem.physics.constitutive import parameters
+
+    shipped = Path(parameters.__file__).parent / "data" / "norton_hoff_kozlowski_signed.toml"
+    text = shipped.read_text()
+    assert 'yield_limit = "0 MPa"' in text
+    own = tmp_path / "own.toml"
+    own.write_text(text.replace('yield_limit = "0 MPa"', f'yield_limit = "{limit}"'))
+    slab = TAPERED.parents[1] / "slab1200" / "bending.toml"
+    check_case("slab", slab, [f"mechanics.law={own}"])
+    assert ('give it yield_limit = "0 MPa"' in "".join(capfd.readouterr())) == told
+
+
+def test_what_does_not_fit_the_steel_is_told() -> None:
+    assert _with({"C": 0.1}, 0.1) == []
+    assert _with({"C": 0.2}, None) == []
+    (line,) = _with({"C": 0.2}, 0.1)
+    assert "numbers of a steel of 0.1 %C, plain_carbon has 0.2 %C" in line
+    (line,) = _with({"C": 0.1, "V": 0.05, "Nb": 0.02}, 0.1)
+    assert line == "there are no data for V, Nb; the steel is computed without"
+    cold = ("casting.temperature=1500 degC",)
+    (line,) = _with({"C": 0.1}, 0.1, *cold)
+    assert "lies below the liquidus of plain_carbon" in line and "% of solid" in line
+
+
+# Slabs whose upper rows of nozzles reach the edges on purpose, and spray past them a little.
+OVER_THE_EDGE = ("edges", "warm_edges", "nozzles_47_52")
+
+
+@pytest.mark.parametrize(
+    ("end", "roll", "off"),
+    [("4.1101 m", 15, "0.014"), ("4.11 m", 15, "0.086"), ("2.322 m", 8, "0.5")],
+)
+def test_a_zone_that_ends_beside_a_roll_is_told(end: str, roll: int, off: str) -> None:
+    """Between the two lies a window of milliseconds, whose strain rate is that of a jump."""
+    slab = TAPERED.parents[1] / "slab1200" / "slab.toml"
+    zone = "bender" if roll == 15 else "top"
+    (line,) = read_case(slab, (f"cooling.{zone}.to={end}",)).warnings
+    place = {15: "4.110086", 8: "2.3225"}[roll]
+    assert f"({end}) is {off} mm off roll {roll}: " in line and f'give "{place} m"' in line
+    assert not read_case(slab, (f"cooling.{zone}.to={place} m",)).warnings
+    assert not read_case(slab, (f"cooling.{zone}.to={float(place) - 0.05} m",)).warnings
+    thermal = slab.with_name("thermal.toml")  # a step of milliseconds does heat no harm
+    assert not read_case(thermal, (f"cooling.{zone}.to={end}",)).warnings
+
+
+@pytest.mark.parametrize("path", shipped_cases.shipped().values(), ids=shipped_cases.shipped())
+def test_shipped_cases_are_meant(path: Path) -> None:
+    told = read_case(path).warnings
+    if path.stem in OVER_THE_EDGE:
+        assert len(told) == 2 and all("4 % of the water misses the face" in one for one in told)
+    else:
+        assert told == ()
+
+
+def test_a_faulty_case_has_other_worries() -> None:
+    reading = read_case(TAPERED, ["mould.taper=20 %/m", "casting.length=3"])
+    assert len(reading.problems) == 1
+    assert reading.warnings == ()
+
+
+SLABS = TAPERED.parents[1] / "slab1200"
+
+
+@pytest.mark.parametrize(
+    ("case", "changes", "said"),
+    [
+        (
+            TAPERED,
+            ("coupling.passes=1", "coupling.window_error=3 K"),
+            "error: has no effect with p",
+        ),
+        (
+            TAPERED,
+            ("coupling.order=mechanics_first", "coupling.settled=3 K"),
+            'coupling.settled: has no effect with order = "mechanics_first"',
+        ),
+        (SLABS / "bulging.toml", ("coupling.passes=3",), "passes: has no effect without [mould]"),
+        (SLABS / "bulging.toml", ("coupling.strain_error=1e-6",), "without coupling.growth"),
+        (SLABS / "thermal.toml", ("coupling.interval=1 s",), "no effect without [mechanics]"),
+        (TAPERED, ("mechanics.liquid_stiffness=1e-3",), "liquid_stiffness: has no effect: liquid"),
+        (
+            SLABS / "reference.toml",
+            ("machine.extraction.friction_axis=0.02",),
+            "friction_axis: has no effect beside a maker's curve",
+        ),
+        (
+            SLABS / "locked_48.toml",
+            ("machine.extraction.friction_axis=0.02", "machine.extraction.bending=hinges"),
+            "extraction.bending: has no effect beside a maker's curve",
+        ),
+    ],
+)
+def test_keys_that_change_nothing(case: Path, changes: tuple[str, ...], said: str) -> None:
+    """They are told; the same keys where they do something are not."""
+    plain = read_case(case)
+    assert not plain.problems and not any("no effect" in line for line in plain.warnings)
+    reading = read_case(case, changes)
+    assert not reading.problems
+    (line,) = (line for line in reading.warnings if "no effect" in line)
+    assert said in line
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (("thermal.time.step=1 s",), "thermal.time.step: (1 s) is cut to output.every (0.5 s)"),
+        (("thermal.time.adaptive={largest='2 s'}",), "adaptive.largest: (2 s) is cut to output"),
+        (("thermal.time.step=1 s", "output.every=1 s"), ""),
+        (("thermal.time.step=1 s", "output.fields=[]"), ""),
+    ],
+)
+def test_a_step_beyond_the_next_state_of_the_fields_is_told(
+    changes: tuple[str, ...], said: str
+) -> None:
+    reading = read_case(TAPERED.with_name("thermal.toml"), changes)
+    assert not reading.problems
+    told = [line for line in reading.warnings if "output.every" in line]
+    assert len(told) == bool(said) and said in "".join(told)
+
+
+def test_what_an_accuracy_sets_is_no_fault_of_the_user(capsys: pytest.CaptureFixture[str]) -> None:
+    size = "thermal.time.adaptive={largest='1 s'}"
+    told = []
+    for overrides, sizes in (((size,), ()), ((), (size,))):
+        log.setup()
+        try:
+            case, _, problems = problems_of(TAPERED.with_name("thermal.toml"), overrides, sizes)
+        finally:
+            log.close()
+        assert case is not None and not problems
+        told.append(capsys.readouterr().err.count("is cut to output.every"))
+    assert told == [1, 0]
+
+
+def test_an_accuracy_says_which_results_its_cells_cannot_give(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    log.setup()
+    try:
+        case, _, problems = problems_of(TAPERED, (), ("mesh.corner_size=2 mm",))
+    finally:
+        log.close()
+    assert case is not None and not problems
+    assert "--accuracy: mesh.corner_size: cells of 2 mm along a corner" in capsys.readouterr().err
+
+
+def test_keys_of_the_coupling_that_do_something() -> None:
+    for changes in (("coupling.passes=3", "coupling.window_error=3 K"), ("coupling.passes=1",)):
+        assert not any("no effect" in line for line in _warnings(*changes))
+
+
+@pytest.mark.parametrize(
+    ("case", "changes"),
+    [
+        (SLABS / "bulging.toml", ()),
+        (SLABS / "reference.toml", ()),
+        (TAPERED.with_name("thermal.toml"), ("output.every=0.1 s", "thermal.time.adaptive={}")),
+    ],
+)
+def test_a_resolved_case_says_no_more_than_the_case(
+    case: Path, changes: tuple[str, ...], tmp_path: Path
+) -> None:
+    """It names every key with its default, which nobody has asked for."""
+    written = read_case(case, changes)
+    assert written.case is not None
+    (tmp_path / "case.toml").write_text(written.case.resolved_toml(), encoding="utf-8")
+    again = read_case(tmp_path / "case.toml")
+    assert len(again.warnings) == len(written.warnings)

@@ -1,0 +1,155 @@
+"""The JSON schema and the reference page agree with the models and with the shipped cases."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from castfem.cli.starter import starter
+from castfem.model import load_any, load_case
+from castfem.model.case import Case
+from castfem.model.json_schema import case_schema
+from castfem.model.problems import submodels
+from castfem.model.reference_page import markdown_page
+from castfem.model.shipped_cases import shipped
+from castfem.model.tensile import TensileCase
+from castfem.model.variants import tag_of
+
+ROOT = Path(__file__).parents[2]
+FILES = sorted((ROOT / "cases").glob("*/*.toml"))
+
+
+def _references(node):
+    if isinstance(node, dict):
+        if "$ref" in node:
+            yield node["$ref"]
+        for inner in node.values():
+            yield from _references(inner)
+    elif isinstance(node, list):
+        for inner in node:
+            yield from _references(inner)
+
+
+def test_references_lead_somewhere():
+    schema = case_schema()
+    found = set(_references(schema))
+    assert found
+    assert all(ref.removeprefix("#/$defs/") in schema["$defs"] for ref in found)
+
+
+def test_schema_knows_the_keys_and_their_units():
+    schema = case_schema()
+    assert set(schema["properties"]) >= {"extends", "title", "casting", "section", "cooling"}
+    length = schema["$defs"]["Casting"]["properties"]["length"]
+    assert length["type"] == "string"
+    assert length["examples"] == ["600 mm"]
+    speed = schema["$defs"]["Casting"]["properties"]["speed"]
+    assert speed["examples"] == ["3.6 m/min"]
+    single, columns, _ = speed["anyOf"]
+    assert single["type"] == "string"
+    assert columns["required"] == ["time", "value"]
+    assert "null" not in str(schema)
+
+
+@pytest.fixture(scope="module")
+def validator():
+    jsonschema = pytest.importorskip("jsonschema")
+    jsonschema.Draft202012Validator.check_schema(case_schema())
+    return jsonschema.Draft202012Validator(case_schema())
+
+
+def test_schema_is_valid(validator):
+    assert not validator.is_valid({})
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
+def test_schema_accepts_the_shipped_cases(path, validator):
+    validator.validate(tomllib.loads(path.read_text()))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"titel": "x"},
+        {"casting": {"speed": 3.6}},
+        {"casting": {"sped": "3.6 m/min"}},
+        {"mesh": {"cell": "triangel"}},
+        {"section": {"shape": "square"}},
+        {"cooling": [{"name": "x", "surface": [{"law": "contact"}]}]},
+        {"cooling": []},
+        {"output": {"fields": ["temprature"]}},
+        {"tensile": {"material": 3}},
+        {"tensile": {"segment": [{"rate": "1e-3 1/s"}]}},
+    ],
+)
+def test_schema_refuses(change, validator):
+    with pytest.raises(pytest.importorskip("jsonschema").ValidationError):
+        validator.validate({"extends": "base.toml", **change})
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
+def test_shipped_cases_are_sound_and_survive_resolving(path, tmp_path):
+    case = load_any(path)
+    copy = tmp_path / "case.toml"
+    copy.write_text(case.resolved_toml())
+    assert load_any(copy) == case
+
+
+def test_one_key_makes_the_billet_a_whole_caster():
+    case = load_case(shipped()["billet125/thermal"], ["casting.length=20 m"])
+    spans = case.zones()
+    assert [span.name for span in spans] == ["mould", "foot spray", "spray 1", "spray 2", "air"]
+    assert spans[-1].end == 20.0
+    assert [r.si for r in load_case(shipped()["billet125/thermal"]).expected()] == [
+        0.00475,
+        0.0099,
+        1515.15,
+        1328.15,
+        142700.0,
+    ]
+
+
+def test_starter_has_a_mould_in_reserve(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        starter("mine.toml", "mine")
+        .replace("# [m", "[m")
+        .replace("# law", "law")
+        .replace("# length", "length")
+        .replace("# taper", "taper")
+    )
+    case = load_case(path)
+    assert case.mechanics is not None and case.mould is not None
+    assert case.mould.length == pytest.approx(0.8)
+
+
+def test_starter_is_a_sound_case_with_every_key_known(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(starter("mine.toml", "mine"))
+    assert load_case(path).title == "mine"
+
+
+def test_reference_page_is_up_to_date():
+    page = (ROOT / "docs" / "case_files.md").read_text(encoding="utf-8")
+    assert page == markdown_page(), "write it anew: castfem schema --markdown > docs/case_files.md"
+
+
+def test_reference_page_has_every_table_and_key():
+    missing, todo, seen = [], [Case, TensileCase], set()
+    page = markdown_page()
+    while todo:
+        model = todo.pop()
+        for key, field in model.model_fields.items():
+            inner = submodels(field.annotation)
+            todo += [m for m in inner if m not in seen]
+            seen.update(inner)
+            tag = tag_of(model) is not None and key in ("law", "shape")
+            if not (inner or tag) and f"| `{key}` |" not in page:
+                missing.append(f"{model.__name__}.{key}")
+        first = (model.__doc__ or "").strip().splitlines()[0]
+        if model not in (Case, TensileCase) and first not in page:
+            missing.append(model.__name__)
+    assert not missing
+    assert "| `law` |" in page

@@ -1,0 +1,297 @@
+"""What each quantity usually is and can be: one table that has every key."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from castfem.base.quantities import Kind
+from castfem.base.ranges import RANGES
+from castfem.model import read_case
+from castfem.model.base import TableModel
+from castfem.model.bounds import _kinds
+from castfem.model.case import Case
+from castfem.model.problems import submodels
+from castfem.model.tensile import TensileCase
+from castfem.physics.constitutive.flow_laws import RadialReturn
+from castfem.physics.machine.rolls import KINDS as ROLLS
+from castfem.physics.materials import load_steel
+from castfem.physics.materials.plausible import unusual
+
+CASES = Path(__file__).parents[2] / "cases"
+THERMAL, TAPERED = CASES / "billet125" / "thermal.toml", CASES / "billet125" / "taper_1.toml"
+SLAB, HOT = CASES / "slab1200" / "bending.toml", CASES / "billet125" / "hot.toml"
+# Choices of the numerics, places that are checked against the section, numbers that the kind of
+# quantity bounds, on both sides or because any is as good as another.
+WITHOUT = {
+    *("casting.start.time", "mesh.surface_size", "mesh.corner_size", "mesh.face_size"),
+    *("mesh.core_size", "mesh.surface_depth", "mesh.core_depth", "thermal.time.step"),
+    *("thermal.time.adaptive.tolerance", "thermal.time.adaptive.first", "output.every"),
+    *("thermal.time.adaptive.smallest", "thermal.time.adaptive.largest", "mould.tube.cell_size"),
+    *("coupling.mechanical_step", "coupling.settled", "coupling.window_error"),
+    *("output.shell_at", "output.probe.x", "output.probe.y", "output.probe.depth", "reference.at"),
+}
+
+
+def numeric(model: type[TableModel], key: str = "") -> Iterator[tuple[str, Kind]]:
+    """Keys of a case that hold a quantity, with their units."""
+    for name, field in model.model_fields.items():
+        own = f"{key}.{name}" if key else name
+        for kind in _kinds([field.annotation, *field.metadata]):
+            yield own, kind
+        for inner in submodels(field.annotation):
+            yield from numeric(inner, own)
+
+
+def bounded(kind: Kind) -> bool:
+    """Whether the kind itself has both ends."""
+    return kind.most is not None
+
+
+def test_every_key_has_its_range() -> None:
+    keys = dict(numeric(Case)) | {k: v for k, v in numeric(TensileCase) if k.startswith("tensile")}
+    shared = {"cooling.surface.water": "spray", "cooling.surface.value": "flux"}
+    shared["mould.friction.speed"] = "viscous"
+    lacking = {
+        key
+        for key, kind in keys.items()
+        if key not in RANGES and key not in WITHOUT and not bounded(kind)
+        if f"{key.rpartition('.')[0]}.{shared.get(key)}.{key.rpartition('.')[2]}" not in RANGES
+    }
+    assert lacking == set()
+    assert {f"machine.rolls.{key}" for key in ROLLS} <= RANGES.keys()
+    laws = {f"law.{key}" for law in RadialReturn.laws.values() for key in law.parameters}
+    assert laws | {"law.young"} == {key for key in RANGES if key.startswith("law.")}
+
+
+def test_no_range_is_of_a_key_that_is_not_there() -> None:
+    keys = set(dict(numeric(Case))) | set(dict(numeric(TensileCase)))
+    own = {"steel", "law"}
+    for key in RANGES:
+        table, name = key.split(".")[:-1], key.rpartition(".")[2]
+        if table[0] not in own and table != ["machine", "rolls"]:
+            assert key in keys or ".".join([*table[:-1], name]) in keys, key
+
+
+@pytest.mark.parametrize("bounds", RANGES.values())
+def test_what_is_usual_is_possible(bounds) -> None:
+    (low, high), (least, most) = bounds.usual, bounds.possible
+    assert least <= low < high <= most
+
+
+def start(low: float, high: float) -> str:
+    return (
+        'casting.start={profile={depth=[0,50],depth_unit="mm",'
+        f'value=[{low},{high}],unit="degC"}}}}'
+    )
+
+
+@pytest.mark.parametrize(
+    ("case", "changes", "said"),
+    [
+        (THERMAL, ("casting.superheat=280 K",), "superheat: (280 K) is far from what metal is pou"),
+        (THERMAL, ("section.width=18 mm", "mesh.core_depth=8 mm"), "width: (18 mm) is far from"),
+        (THERMAL, ("cooling.1.surface.0.machine_factor=40",), "(40) is far from what correlations"),
+        (THERMAL, ("cooling.0.surface.0.coefficient=1.6 W/(m^2 K)",), "20 to 100000 W/(m^2 K)"),
+        (
+            THERMAL,
+            ('cooling.0.surface=[{law="flux", value="1.9e-6 MW/m^2"}]',),
+            "(1.9e-06 MW/m^2) is far from what moulds and sprays take, 0.001 to 20 MW/m^2",
+        ),
+        (
+            THERMAL,
+            ('cooling.0.surface=[{law="flux", value="-3 MW/m^2"}]',),
+            "(-3 MW/m^2) is far from",
+        ),
+        (
+            THERMAL,
+            (
+                'cooling.1.surface=[{law="spray", flow="16000 L/min", correlation="nozaki", '
+                'water_temperature="25 degC"}, '
+                '{law="radiation", emissivity=0.8, ambient="25 degC"}]',
+            ),
+            "(16000 L/min) is far from what a zone is sprayed with, 1 to 8000 L/min",
+        ),
+        (THERMAL, (start(-100, 1500),), "profile: at 0 mm: (173.15 K) is -100 degC; did you mean"),
+        (
+            THERMAL,
+            ("cooling.0.surface.0.wall=160 K",),
+            '(160 K) is -113.2 degC; did you mean "160 ',
+        ),
+        (SLAB, ('machine.defect=[{kind="misaligned",roll=30,by="15 mm"}]',), "by: (15 mm) is far"),
+        (HOT, ("mould.tube.thickness=200 mm",), "thickness: (200 mm) is far from what tubes have"),
+        (
+            HOT,
+            ("mould.tube.water_temperature=120 degC",),
+            "(120 degC) is far from what cooling wat",
+        ),
+        (TAPERED, ("mould.friction={law='coulomb',coefficient=30}",), "did you mean 0.3?"),
+    ],
+)
+def test_what_is_absurd_is_told(case: Path, changes: tuple[str, ...], said: str) -> None:
+    reading = read_case(case, changes)
+    assert not reading.problems
+    assert [line for line in reading.warnings if said in line], reading.warnings
+
+
+@pytest.mark.parametrize(
+    ("case", "change", "said"),
+    [
+        (THERMAL, "casting.temperature=1e300 degC", "(1e+300 degC) is beyond what cast metal has"),
+        (THERMAL, "casting.temperature=-273.15 degC", "(-273.15 degC) is beyond what cast metal"),
+        (THERMAL, "casting.start={meniscus='500 mm'}", "menisci measure, 0.001 to 300 mm"),
+        (THERMAL, start(1600, 30000), "profile: at 50 mm: (30000 degC) is beyond"),
+        (THERMAL, "section.width=200 m", "width: (200000 mm) is beyond what strands measure"),
+        (
+            THERMAL,
+            "cooling.0.surface.0.coefficient=1e200 W/(m^2 K)",
+            "(1e+200 W/(m^2 K)) is beyond",
+        ),
+        (THERMAL, "cooling.0.surface.0.gap_conductivity=1e200 W/(m K)", "gases and slags have"),
+        (TAPERED, "mould.contact={factor=1e10}", "(1e+10) is beyond what contact factors are"),
+        (
+            TAPERED,
+            "mould.friction={law='limited',coefficient=0.3,yield_stress='1e-6 MPa'}",
+            "yield_stress: (1e-06 MPa) is beyond what surfaces of hot steel bear",
+        ),
+        (HOT, "mould.tube.thickness=0.01 mm", "thickness: (0.01 mm) is beyond what tubes have"),
+        (HOT, "mould.tube.water_temperature=500 degC", "(500 degC) is beyond what cooling water"),
+        (HOT, "mould.tube.cell_size=1 um", "makes about 1.8e+11 cells of the tube, at most 300000"),
+        (SLAB, "machine.defect=[{kind='misaligned',roll=30,by='1 m'}]", "(1000 mm) is beyond what"),
+    ],
+)
+def test_what_cannot_be_is_refused(case: Path, change: str, said: str) -> None:
+    reading = read_case(case, (change,))
+    assert [line for line in reading.problems if said in line], reading.problems
+
+
+@pytest.mark.parametrize("apertures", [100, 500])
+def test_rolls_that_do_not_fit_the_strand_are_told(apertures: int) -> None:
+    rolls = (
+        'machine.rolls={position=[0.9,1.2,1.5],position_unit="m",diameter=[200,200,200],'
+        f'diameter_unit="mm",aperture=[{apertures},{apertures},{apertures}],aperture_unit="mm"}}'
+    )
+    reading = read_case(SLAB, (rolls, "mechanics.planes.force_contains_bending=false"))
+    said = f"aperture ({apertures} mm) of a section"
+    assert [line for line in reading.warnings if said in line], reading.problems
+
+
+def test_a_start_hotter_than_the_steel_was_poured_is_told() -> None:
+    from castfem.model.plausibility import warnings_with
+
+    case = read_case(THERMAL, (start(1600, 2900),)).case
+    assert isinstance(case, Case)
+    texts = [p.text for p in warnings_with(case, load_steel("carbon_042"))]
+    assert any("(2900 degC) is hotter than the steel was poured (1542.5 degC)" in t for t in texts)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "usual"),
+    [
+        ("conductivity", "3 W/(m K)", False),
+        ("density", "1.5 g/cm^3", False),
+        ("density", "7.4 g/cm^3", True),
+        ("emissivity", 0.03, False),
+    ],
+)
+def test_a_doubtful_steel_is_told(key: str, value: object, usual: bool) -> None:
+    steel = load_steel("carbon_042", overrides={key: value})
+    assert bool(list(unusual(steel))) != usual
+
+
+def test_a_formula_is_held_against_the_same_range() -> None:
+    from castfem.base.errors import InputError
+
+    change = {
+        "conductivity": {
+            "formula": "harste_conductivity",
+            "parameters": {"liquid_factor": 100, "liquid_conductivity": "100 W/(m K)"},
+        }
+    }
+    with pytest.raises(
+        InputError, match=r"formula harste_conductivity at .* is beyond what metals"
+    ):
+        load_steel("plain_carbon", composition={"C": 0.1}, overrides=change)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('law = "perfectly_plastic"\nyield_stress = "1e6 GPa"\n', "yield_stress: (1e+09 MPa) is b"),
+        ('law = "norton_creep"\nstress = "1 uPa"\nrate = "1 1/s"\nexponent = 3\n', "stress: (1e-"),
+    ],
+)
+def test_a_law_is_held_against_its_ranges(tmp_path: Path, text: str, said: str) -> None:
+    from castfem.base.errors import InputError
+    from castfem.physics.constitutive.parameters import load_elasticity, load_law
+
+    (tmp_path / "own.toml").write_text(text)
+    with pytest.raises(InputError) as error:
+        load_law("own.toml", load_elasticity(), tmp_path)
+    assert said in str(error.value)
+
+
+def test_a_modulus_of_no_metal_is_refused(tmp_path: Path) -> None:
+    from castfem.base.errors import InputError
+    from castfem.physics.constitutive.parameters import load_elasticity
+
+    (tmp_path / "own.toml").write_text('young = "1e6 GPa"\npoisson = 0.3\n')
+    with pytest.raises(InputError, match=r"young: \(1000000 GPa\) is beyond what metals have"):
+        load_elasticity(str(tmp_path / "own.toml"))
+
+
+FLUX = (
+    'cooling.0.surface=[{{law="flux", value={{position=[0, {end}], position_unit="mm", '
+    'value=[2.5, {last}], unit="MW/m^2"}}}}]'
+)
+
+
+@pytest.mark.parametrize(
+    ("end", "last", "told"), [(300, 1.5, True), (300, 2.5, False), (590, 1.5, False)]
+)
+def test_a_table_that_ends_long_before_its_zone_is_told(end: int, last: float, told: bool) -> None:
+    reading = read_case(THERMAL, (FLUX.format(end=end, last=last),))
+    said = f'value (zone "mould"): the table ends at {end} mm, the zone at 600 mm'
+    assert any(said in line for line in reading.warnings) == told, reading.warnings
+
+
+@pytest.mark.parametrize(("size", "told"), [(125.0, False), (125.1, False), (126.0, True)])
+def test_a_cavity_that_liquid_would_fill_is_told(size: float, told: bool) -> None:
+    reading = read_case(TAPERED, (f"mould.width={size} mm", f"mould.height={size} mm"))
+    assert any("liquid fills its mould" in line for line in reading.warnings) == told
+
+
+MANY = list(range(5000))
+ROWS = (
+    f"mould.wall_temperature={{position={MANY},position_unit='um',"
+    f"value={[150 + i % 2 for i in MANY]},unit='degC'}}"
+)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (("casting.length=10 km", "coupling.interval=0.1 s"), "coupling.interval: (0.1 s) makes"),
+        ((ROWS, "cooling.0.surface.0.wall=mould"), "has 5 000 rows, each of which ends one of"),
+    ],
+    ids=["length", "rows"],
+)
+def test_what_would_take_hours_is_told_before_it_is_run(
+    changes: tuple[str, ...], said: str
+) -> None:
+    reading = read_case(TAPERED, changes)
+    told = [line[:200] for line in (*reading.warnings, *reading.problems)]
+    assert any(said in line for line in told), told[:9]
+
+
+def test_a_machine_without_any_pair_is_refused() -> None:
+    rolls = (
+        'machine.rolls={position=[0.9,1.2,1.5],position_unit="m",diameter=[200,200,200],'
+        'diameter_unit="mm"}'
+    )
+    lost = ", ".join(f'{{kind="lost",roll={n}}}' for n in (1, 2, 3))
+    changes = (rolls, f"machine.defect=[{lost}]", "mechanics.planes.force_contains_bending=false")
+    problems = read_case(SLAB, changes).problems
+    assert any("leave fewer than two pairs" in line for line in problems), problems

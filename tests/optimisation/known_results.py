@@ -1,0 +1,39 @@
+"""A search of known functions: no run is made, each is told its results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from small_case import small
+
+from castfem.studies.optimisation import Evaluation, Optimum, Study, Wanted
+
+SPEED = {"key": "casting.speed", "range": ["2 m/min", "5 m/min"]}
+STRESS, HEAT = "von_mises_max", "heat_removed"
+Given = Callable[[Wanted], Mapping[str, float] | Evaluation]
+
+
+def solve(one: Study, given: Given) -> Optimum:
+    """The answer of a study whose runs give what the function does."""
+
+    def obtain(wanted: Sequence[Wanted]) -> None:
+        for run in wanted:
+            one.tell(run, given(run))
+
+    return one.solve(obtain=obtain)
+
+
+def study(*variables: dict[str, Any], **table: Any) -> Study:
+    asked = {"minimise": STRESS, "variable": list(variables or (SPEED,)), **table}
+    return Study(small({"casting.length": "6 mm", "optimise": asked}))
+
+
+def bowl(wanted: Wanted) -> dict[str, float]:
+    speed = wanted.values[0]
+    return {STRESS: 10.0 + 2.0 * (speed - 3.3) ** 2, HEAT: 1e6 * (speed - 2.2)}
+
+
+def covered(optimum: Optimum, *truth: float) -> bool:
+    ends = [(v.low, v.high) for v in optimum.values]
+    return all(low <= x <= high for (low, high), x in zip(ends, truth, strict=True))

@@ -1,0 +1,216 @@
+"""Derivatives that runs carry for the spread of an optimum: units, files, fits, refusals."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from known_results import HEAT, SPEED, STRESS
+from ranks import needs_mpirun, python_on
+from small_case import small, write_small
+
+from castfem.runs.output.folder import DERIVATIVES_NAME
+from castfem.studies.optimisation import Evaluation, Study, Wanted
+from castfem.studies.optimisation.carried import of_run
+from castfem.studies.optimisation.given import quantities_of
+from castfem.studies.optimisation.outputs import Outputs
+from castfem.studies.optimisation.store import Store
+from castfem.studies.sensitivity.run import sensitivity
+from castfem.studies.sensitivity.slopes import Slope, read_slopes
+from castfem.studies.sweep.work import Derivatives, Job, work
+
+LENGTH = {"casting.length": "6 mm"}
+H = {"key": "cooling.mould.surface.0.coefficient", "relative": ["-10 %", "10 %"]}
+SUPERHEAT = {"key": "casting.superheat", "range": ["20 K", "40 K"]}
+WALL = {"key": "cooling.mould.surface.0.wall", "range": ["300 degF", "340 degF"]}
+BY = (SPEED["key"], H["key"], SUPERHEAT["key"])
+
+
+def study(folder: Path | None = None, **table: Any) -> Study:
+    asked = {"maximise": HEAT, "variable": [SPEED], "input": [H, SUPERHEAT], **table}
+    return Study(small({**LENGTH, "optimise": asked}), folder)
+
+
+def test_a_run_is_as_without(tmp_path: Path) -> None:
+    """Its results to the last digit, and the derivatives those of the command."""
+    case = small(LENGTH)
+    plain = Job("plain", tmp_path / "plain", case)
+    carries = replace(plain, folder=tmp_path / "own", derivatives=Derivatives((HEAT,), BY))
+    assert not work(plain).failed
+    assert not work(carries).failed
+    one, other = (
+        json.loads((job.folder / "summary.json").read_text())["quantities"]
+        for job in (plain, carries)
+    )
+    assert one == other
+    history = [(job.folder / "history.csv").read_bytes() for job in (plain, carries)]
+    assert history[0] == history[1]
+    assert read_slopes(plain.folder) is None
+    slopes = read_slopes(carries.folder)
+    assert slopes is not None
+    alone = sensitivity(case, [HEAT], BY)
+    for p in alone.parameters:
+        found = slopes[HEAT][p.name]
+        assert found.value == pytest.approx(alone.gradient[HEAT][p.name], rel=1e-12)
+        assert (found.at, found.unit) == (p.value, p.unit)
+    assert not work(replace(plain, folder=carries.folder)).failed
+    assert read_slopes(carries.folder) is None, "they are those of another run"
+
+
+def test_shares_of_ranges(tmp_path: Path) -> None:
+    """Against runs a little to either side: other units, factors, differences of temperatures."""
+    one = study(tmp_path / "runs", input=[H, WALL])
+    middle, ranges = Wanted((3.5,), "default", inputs=(1.04, 320.0), carries=True), (3.0, 0.2, 40.0)
+    one.run([middle])
+    outputs = Outputs(one.question, one.known)
+    outputs.fetch([middle])
+    found = outputs.slopes(middle)
+    assert found is not None
+    assert found.shape == (1, 3)
+    at = np.array([*middle.values, *middle.inputs])
+    for i, width in enumerate(ranges):
+        ends = []
+        for sign in (1.0, -1.0):
+            place = at + sign * 2e-3 * width * np.eye(3)[i]
+            run = Wanted((place[0],), "default", inputs=(place[1], place[2]))
+            one.run([run])
+            outputs.fetch([run])
+            ends.append(outputs.cost(run))
+        assert found[0, i] == pytest.approx((ends[0] - ends[1]) / 4e-3, rel=2e-3)
+
+
+def test_runs_without_are_made_again(tmp_path: Path) -> None:
+    case, wanted = small(LENGTH), Derivatives((HEAT,), BY)
+    store = Store(tmp_path)
+    job = store.job(case, {})
+    store.note(job, work(job))
+    assert store.find(case) is not None
+    assert store.find(case, wanted) is None
+    again = store.job(case, {}, wanted)
+    assert again.folder == job.folder
+    store.note(again, work(again))
+    for known in (store, Store(tmp_path)):
+        given = known.find(case, wanted)
+        assert given is not None
+        assert given == known.find(case)
+    assert Store(tmp_path).find(case, Derivatives((HEAT,), (*BY, "casting.length"))) is None
+
+
+def test_what_has_no_derivatives_is_run_all_the_same(tmp_path: Path) -> None:
+    """Steps are no function of a key: the run is made, says so, and is not made again for them."""
+    wanted = Derivatives((HEAT, "steps"), BY)
+    job = Job("run", tmp_path / "run", small(LENGTH), derivatives=wanted)
+    assert not work(job).failed
+    assert read_slopes(job.folder) == {}
+    assert "the run has no derivatives: --of steps" in (job.folder / "run.log").read_text()
+    assert Evaluation(slopes={}).has(wanted)
+    (job.folder / DERIVATIVES_NAME).write_text("{")
+    assert read_slopes(job.folder) is None
+
+
+@needs_mpirun
+def test_on_two_ranks(tmp_path: Path) -> None:
+    """One run on both of them, its derivatives as on one."""
+    write_small(tmp_path)
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import castfem\nfrom pathlib import Path\nfrom mpi4py import MPI\n"
+        "from castfem.studies.sweep.work import Derivatives, Job, work\n"
+        "case = castfem.load('small').with_(length='6 mm')\n"
+        f"asked = Derivatives(('{HEAT}',), {BY})\n"
+        "done = work(Job('run', Path('two'), case, derivatives=asked), comm=MPI.COMM_WORLD)\n"
+        "assert not done.failed, done.message\n"
+    )
+    done = python_on(2, str(script), folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    one = Job("one", tmp_path / "one", small(LENGTH), derivatives=Derivatives((HEAT,), BY))
+    assert not work(one).failed
+    alone, both = read_slopes(one.folder), read_slopes(tmp_path / "two")
+    assert alone is not None and both is not None
+    for key in BY:
+        assert both[HEAT][key].value == pytest.approx(alone[HEAT][key].value, rel=1e-8)
+
+
+def told(one: Study, slope: Callable[[float], Slope] | None) -> Callable[[Wanted], Evaluation]:
+    """Heat is largest at 3.3 + 0.06 a + 0.03 b, of inputs a and b from -1 to 1."""
+
+    def given(wanted: Wanted) -> Evaluation:
+        h, warm = wanted.inputs or (1.0, 30.0)
+        a, b = (h - 1.0) / 0.1, (warm - 30.0) / 10.0
+        off = wanted.values[0] - (3.3 + 0.06 * a + 0.03 * b)
+        quantities = quantities_of(one.question, wanted, {HEAT: 9.0 - 2.0 * off**2})
+        slopes = None
+        if wanted.carries and slope is not None:
+            by = (-4.0 * off, 4.0 * off * 0.06, 4.0 * off * 0.03)
+            # Per m/min, per per cent of h, per K.
+            units = ("m/min", "percent", "K")
+            per = (by[0], by[1] / 0.1 / (100.0 / h), by[2] / 10.0)
+            at = (wanted.values[0], 100.0, warm)
+            each = zip(BY, per, at, units, strict=True)
+            slopes = {HEAT: {key: Slope(v, x, unit) for key, v, x, unit in each}}
+        return Evaluation(quantities, slopes=slopes)
+
+    return given
+
+
+@pytest.mark.parametrize("carries", [True, False])
+def test_a_spread_by_derivatives(tmp_path: Path, carries: bool) -> None:
+    """The same from fewer runs; where one tells no derivatives, from as many as it takes."""
+    one = study(tmp_path / "runs")
+    given = told(one, Slope if carries else None)  # type: ignore[arg-type]
+    drawn = set()
+    while wanted := one.ask():
+        for run in wanted:
+            one.tell(run, given(run))
+            drawn |= {run.inputs} if run.inputs else set()
+    found = one.result()
+    assert found.spread is not None
+    assert found.spread.derivatives == carries
+    assert found.spread.runs == len(drawn) == (12 if carries else 16)
+    ends = 0.09 - np.sqrt(8.0 * 0.06 * 0.03 * 0.05)  # 5 and 95 % of 0.06 a + 0.03 b
+    (value,) = found.values
+    assert value.drawn == pytest.approx((3.3 - ends, 3.3 + ends), abs=0.006)
+    _, place = found.spread.rows
+    assert place.first == pytest.approx((0.8, 0.2), abs=0.06)
+
+
+def test_what_runs_carry() -> None:
+    """The run in the idealised mould has neither its tapers nor what is to be best."""
+    from castfem.api import load
+
+    asked = {"minimise": STRESS, "input": [H], "constraints": [f"{HEAT} >= 99 % of idealised"],
+             "variable": [{"key": "mould.taper", "range": ["0 %/m", "1 %/m"]}]}  # fmt: skip
+    one = Study(load("billet125/taper_1").with_({"optimise": asked}))
+    run = Wanted((0.5,), "coarse", inputs=(1.0,))
+    assert of_run(one.question, run) == Derivatives((STRESS, HEAT), ("mould.taper", H["key"]))
+    ideal = of_run(one.question, one.question.ideal(run))
+    assert ideal == Derivatives((HEAT,), (H["key"],))
+
+
+@pytest.mark.parametrize("inputs", [(), (1.0,)])
+def test_a_share_of_what_the_idealised_mould_gives(inputs: tuple[float, ...]) -> None:
+    """It hangs on the inputs, and not on the taper: without inputs there is nothing to carry."""
+    from castfem.api import load
+
+    asked = {"minimise": STRESS, "input": [H], "constraints": [f"{HEAT} >= 50 % of idealised"],
+             "variable": [{"key": "mould.taper", "range": ["0 %/m", "2 %/m"]}]}  # fmt: skip
+    one = Study(load("billet125/taper_1").with_({"optimise": asked}))
+    run = Wanted((0.5,), "coarse", inputs=inputs, carries=True)
+    by = {"mould.taper": Slope(3.0, 0.5, "%/m"), H["key"]: Slope(0.4, 1600.0, "W/(m^2 K)")}
+    ideal = {H["key"]: Slope(0.2, 1600.0, "W/(m^2 K)")} if inputs else None
+    given = quantities_of(one.question, run, {STRESS: 1e7, HEAT: 9e6})
+    one.tell(run, Evaluation(given, slopes={STRESS: by, HEAT: by}))
+    slopes = None if ideal is None else {HEAT: ideal}
+    one.tell(one.question.ideal(run), Evaluation(given, slopes=slopes))
+    outputs = Outputs(one.question, one.known)
+    outputs.fetch([run])
+    found = outputs.slopes(run)
+    assert found is not None
+    factor = 1600.0 * 0.2  # by the share of a range of 20 % of 1600
+    expected = [[6.0, 0.4 * factor], [6.0, (0.4 - 0.5 * 0.2) * factor]]
+    assert found == pytest.approx(np.array(expected)[:, : 1 + len(inputs)])

@@ -1,0 +1,202 @@
+"""`castfem optimise`: the answer printed, written and drawn; it goes on where it was."""
+
+from __future__ import annotations
+
+import csv
+import json
+import subprocess
+import sys
+
+import pytest
+from ranks import killed_on, needs_mpirun, python_on
+from small_case import SMALL
+
+from castfem.api import load
+from castfem.base.errors import InputError
+from castfem.cli.app import app
+from castfem.studies.optimisation.mould_table import mould_table
+
+pytestmark = pytest.mark.slow
+
+TABLE = """
+[optimise]
+minimise = "surface_temperature_mid_face"
+constraints = ["heat_removed >= 0.05 MJ/m", "heat_removed <= 9 MJ/m"]
+fidelity = "coarse"
+
+[[optimise.variable]]
+key = "casting.speed"
+range = ["2 m/min", "5 m/min"]
+"""
+
+
+@pytest.fixture
+def case(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    short = SMALL.replace('"60 mm"', '"6 mm"').replace("[output]", "[output]\ncheckpoint_every = 0")
+    (tmp_path / "small.toml").write_text(short + TABLE)
+    return tmp_path
+
+
+def status_of(*words: str) -> int:
+    """Of a command that is done in this process."""
+    try:
+        app(list(words), standalone_mode=False)
+    except SystemExit as end:
+        return int(end.code or 0)
+    return 0
+
+
+def test_command(case, capsys):
+    def call(*words: str) -> int:
+        return status_of("optimise", "small", *words)
+
+    call("-j", "1", "-o", "out")
+    first = capsys.readouterr()
+    content = json.loads((case / "out" / "optimum.json").read_text())
+    # The slower, the colder: the range's end, where nothing binds.
+    assert content["status"] == "found"
+    assert content["values"][0]["value"] == 2.0
+    assert content["values"][0]["at_end"] == "lowest"
+    assert content["checked"] == "fine"
+    assert (case / "out" / "optimum.png").stat().st_size > 10_000
+    assert "casting.speed at the lowest of its range" in first.out
+    assert "[m/min]" in first.out
+    said = first.err.splitlines()
+    search, error = (next(i for i, line in enumerate(said) if line.startswith(w))
+                     for w in ("search", "numerical error: "))  # fmt: skip
+    assert said[search + 1].startswith("run ") and not any("fine" in one for one in said[:error])
+    assert any("fine" in one for one in said[error + 1 :])
+    with (case / "out" / "sweep.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == content["runs"]["all"]
+    assert {row["fidelity"] for row in rows} == {"coarse", "", "fine"}
+    # Again: nothing is run, the same is said.
+    call("-j", "1", "-o", "out", "--no-figures")
+    again = capsys.readouterr()
+    assert "run 1, " not in again.err
+    assert json.loads((case / "out" / "optimum.json").read_text()) == content
+    call("-j", "1", "-o", "out", "--no-figures", "--units", "si")
+    assert "[degC]" in again.out and "[degC]" not in capsys.readouterr().out
+    assert json.loads((case / "out" / "optimum.json").read_text()) == content
+    # What cannot be met, with a status that is not zero.
+    call("-j", "1", "-o", "out", "--no-figures", "--set",
+         'optimise.constraints=["heat_removed >= 3 MJ/m"]')  # fmt: skip
+    last = capsys.readouterr()
+    assert "the constraints cannot be met; nearest, heat_removed >= 3 MJ/m is missed by" in last.out
+    assert json.loads((case / "out" / "optimum.json").read_text())["status"] == "impossible"
+
+
+@needs_mpirun
+def test_over_ranks(case):
+    """Two ranks do the runs that rank 0 asks for, until the answer is there; errors end all."""
+    words = ("-m", "castfem.cli", "optimise", "small", "--no-figures")
+    done = python_on(3, *words, "-o", "out", folder=case)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("casting.speed at the lowest of its range") == 1
+    assert json.loads((case / "out" / "optimum.json").read_text())["status"] == "found"
+    refused = python_on(2, *words, "-o", "small.toml", folder=case)
+    assert refused.returncode == 1
+    assert refused.stderr.count("small.toml: is a file") == 1
+
+
+@needs_mpirun
+def test_on_groups_of_ranks(case):
+    """Killed in the middle it goes on, and its answer is that of one process."""
+    words = ("optimise", "small", "--no-figures")
+    tight = ("--set", 'optimise.constraints=["heat_removed <= 0.12 MJ/m"]')
+    assert status_of(*words, *tight, "-j", "1", "-o", "alone") == 0
+    in_groups = ("-m", "castfem.cli", *words, *tight, "--ranks", "2", "-o", "out")
+
+    def half_way() -> bool:
+        return len(list((case / "out").glob("*/summary.json"))) >= 12
+
+    killed_on(2, *in_groups, folder=case, when=half_way)
+    assert not (case / "out" / "optimum.json").exists()
+    done = python_on(2, *in_groups, folder=case)
+    assert done.returncode == 0, done.stderr
+    assert "run 1, " in done.stderr and "run 10, " not in done.stderr
+    alone, out = (
+        json.loads((case / name / "optimum.json").read_text()) for name in ("alone", "out")
+    )
+    assert alone["status"] == out["status"] == "found"
+    assert alone["runs"] == out["runs"]
+    for key in ("value", "low", "high", "checked"):
+        assert out["values"][0][key] == pytest.approx(alone["values"][0][key], rel=1e-4), key
+    assert out["objective"]["value"] == pytest.approx(alone["objective"]["value"], rel=1e-9)
+    records = [json.loads(path.read_text()) for path in (case / "out").glob("*/run.json")]
+    assert {record["ranks"] for record in records} == {2}
+
+
+@needs_mpirun
+def test_from_python(case):
+    """On all ranks the answer of the command, and what is wrong."""
+    (case / "script.py").write_text(
+        "import castfem\nfrom mpi4py import MPI\n"
+        "best = castfem.optimise('small', 'out', ranks=MPI.COMM_WORLD.size)\n"
+        "said = best.status, best.changes()\n"
+        "for asked in ('smal', 'none'):\n"
+        "    try:\n        castfem.optimise(asked, 'out')\n"
+        "    except castfem.InputError as error:\n        said += (error.problems[0],)\n"
+        "said = MPI.COMM_WORLD.gather(said)\n"
+        "if said:\n    print(len(set(map(str, said))), said[0])\n"
+    )
+    (case / "none.toml").write_text(SMALL)
+    for ranks in (2, 1):  # the second one finds the runs of the first
+        done = python_on(ranks, "script.py", folder=case)
+        assert done.returncode == 0, done.stderr
+        assert done.stdout.startswith("1 ('found', {'casting.speed': '2 m/min'}, 'smal: no such")
+        assert "none: optimise: the table is missing" in done.stdout
+
+
+@needs_mpirun
+def test_ranks_that_cannot_be(case):
+    words = ("-m", "castfem.cli", "optimise", "small", "-o", "out", "--ranks", "2")
+    for more, message in (
+        ((), "castfem: --ranks 2: 3 ranks cannot be parted so; start it with"),
+        (("-j", "2"), "castfem: -j is for one machine"),
+    ):
+        refused = python_on(3, *words, *more, folder=case)
+        assert refused.returncode == 1
+        assert refused.stderr.count(message) == 1
+        assert not (case / "out").exists()
+    with pytest.raises(InputError, match="--ranks 2: 1 rank cannot be parted so"):
+        status_of(*words[2:])
+
+
+@pytest.mark.parametrize("name", ["sweep.csv", "optimum.json", "mould.csv", "front.csv"])
+def test_a_file_of_the_user_stays(case, name):
+    (case / "out").mkdir()
+    mine = case / "out" / name
+    mine.write_text("mine")
+    with pytest.raises(InputError, match=f"out: castfem would write its {name}, and has not writ"):
+        status_of("optimise", "small", "-j", "1", "-o", "out")
+    assert mine.read_text() == "mine"
+
+
+def test_table_of_the_mould():
+    case = load("billet125/taper_1").with_(
+        {"mould.taper": [{"to": "125 mm", "taper": "2 %/m"}, {"taper": "0.5 %/m"}]}
+    )
+    head, rows = mould_table(case, every=0.1)
+    assert head == ["distance [mm]", "width [mm]", "diagonal [mm]"]
+    assert [round(row[0]) for row in rows] == [0, 100, 125, 200, 300, 400, 500, 600]
+    width = 125.0 / 1.0025
+    assert rows[2][1] == pytest.approx(width)
+    assert rows[-1][1] == pytest.approx(width / (1.0 + 0.005 * 0.475))
+    cold = case.with_({"mould.condition": "cold", "mould.wall_temperature": "160 degC"})
+    head, rows = mould_table(cold)
+    assert head[-2:] == ["cold width [mm]", "cold diagonal [mm]"]
+    assert rows[0][1] == pytest.approx(rows[0][3] * (1.0 + 17e-6 * 135.0))
+
+
+def test_a_plain_run_imports_nothing_of_it(case):
+    """Nor, of the temperature alone, scipy.sparse: it doubled the imports of a run."""
+    script = (
+        "import sys, castfem\ncastfem.run(castfem.load('small')).close()\n"
+        "print([n for n in sys.modules if n.startswith(('castfem.studies.optimisation', 'scipy.sparse'))])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=case, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,228 @@
+"""[optimise]: what it asks for, and one line for each mistake in it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from small_case import SMALL, small
+
+from castfem.api import load
+from castfem.base.errors import InputError
+from castfem.model import read_case
+from castfem.studies.optimisation.question import Question
+
+TABLE = """
+[optimise]
+minimise = "surface_temperature_mid_face"
+constraints = ["shell_mid_face >= 1 mm"]
+
+[[optimise.variable]]
+key = "casting.speed"
+range = ["2 m/min", "5 m/min"]
+"""
+
+
+def test_round_trip(tmp_path):
+    path = tmp_path / "case.toml"
+    path.write_text(SMALL + TABLE)
+    case = load(path)
+    other = tmp_path / "again.toml"
+    other.write_text(case.resolved_toml())
+    assert load(other) == case
+    assert case.physics_hash() == small().physics_hash()
+    (axis,) = Question(case).axes
+    assert (axis.low, axis.high, axis.unit) == (2.0, 5.0, "m/min")
+    assert axis.value(0.5) == 3.5
+    (bound,) = case.optimise.bounds
+    assert (bound.value, bound.sign, bound.relative) == (1e-3, 1.0, False)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        ('"surface_temperature_mid_face"', '"shel_mid_face"',
+         'optimise.minimise: ("shel_mid_face") is no result of a run; did you mean shell_mid'),
+        ('minimise = "surface_temperature_mid_face"', "",
+         "optimise: nothing is to become best; give minimise ="),
+        (">= 1 mm", ">= 1 MPa",
+         'optimise.constraints.0: ("1 MPa") does not measure shell_mid_face; it has a unit'),
+        (">= 1 mm", "> 1 mm",
+         'optimise.constraints.0: is no constraint; write it with >= or <=, not ">", as "heat'),
+        (">= 1 mm", ">= 99 % of idealised", "the case has no [mould], it is idealised"),
+        ('"shell_mid_face >= 1 mm"', '"heat >= 1 MJ/m"', '("heat") is no result of a run'),
+        ('["2 m/min", "5 m/min"]', '["5 m/min", "5 m/min"]',
+         "optimise.variable.0.range: is empty: the first value must lie below the second"),
+        ('["2 m/min", "5 m/min"]', '["2 m/min", "5 K"]',
+         "optimise.variable.0.range: its ends measure different things (m/s and K)"),
+        ('["2 m/min", "5 m/min"]', '["2 m/min"]', 'two values are needed, such as ["0 %/m"'),
+        ('["2 m/min", "5 m/min"]', '["2 furlongs", "5 m/min"]', "optimise.variable.0.range: "),
+        ("[[optimise.variable]]", "[[optimise.variables]]", "did you mean variable?"),
+        ('"5 m/min"]', '"5 m/min"]\nstart = "0.09 m/s"',
+         'optimise.variable.0.start: ("0.09 m/s") is not within the range, 2 m/min to 5 m/min'),
+        ('"5 m/min"]', '"5 m/min"]\nstart = "swift"', "optimise.variable.0.start: "),
+        ('"5 m/min"]', '"5 m/min"]\n[[optimise.input]]\nkey = "casting.speed"\nrange = [1, 2]',
+         'optimise.input.0.key: ("casting.speed") is a variable, too'),
+    ],
+)  # fmt: skip
+def test_mistakes_in_the_file(tmp_path: Path, old: str, new: str, line: str):
+    path = tmp_path / "case.toml"
+    path.write_text(SMALL + TABLE.replace(old, new))
+    problems = read_case(path).problems
+    assert problems
+    assert all(problem.startswith(f"{path}: ") for problem in problems)
+    assert any(line in problem for problem in problems), problems
+
+
+@pytest.mark.parametrize(
+    ("key", "ends", "line"),
+    [
+        ("casting.sped", ["2 m/min", "5 m/min"], "casting.sped"),
+        ("casting.speed", ["2 mm", "5 mm"], "casting.speed: "),
+        ("mould.taper", ["0 %/m", "1 %/m"], "mould"),
+        ("casting.speed", ["-1 m/min", "5 m/min"], "casting.speed: "),
+    ],
+)
+def test_keys_that_cannot_be_varied(key: str, ends: list[str], line: str):
+    asked: dict[str, Any] = {"minimise": "heat_removed", "variable": [{"key": key, "range": ends}]}
+    with pytest.raises(InputError) as error:
+        Question(small({"optimise": asked}), "file.toml")
+    assert all(p.startswith("file.toml: optimise.variable.0: ") for p in error.value.problems)
+    assert any(line in problem for problem in error.value.problems)
+
+
+@pytest.mark.parametrize(
+    ("key", "line"),
+    [
+        ("steel.name", 'steel.name: is a text ("carbon_042"); a number is varied: name a key that'),
+        ("title", 'title: is a text ("coarse billet"); a number is varied: name a key that has'),
+        ("section.symmetry", "one of quarter, half, whole; a number is varied: name a key that"),
+        ("thermal.time.scheme", "one of sdirk2, backward_euler; a number is varied: name a key"),
+    ],
+)
+def test_a_text_is_no_variable_and_is_told_once(key: str, line: str):
+    variable = {"key": key, "range": ["0 mm", "1 mm"]}
+    with pytest.raises(InputError) as error:
+        Question(
+            small({"optimise": {"minimise": "heat_removed", "variable": [variable]}}), "f.toml"
+        )
+    (problem,) = error.value.problems
+    assert problem.startswith("f.toml: optimise.variable.0: ") and line in problem
+
+
+def test_a_missing_unit_is_told_once_and_a_constraint_may_stand_alone():
+    asked = {
+        "minimise": "heat_removed",
+        "constraints": "shell_mid_face >= 1 mm",
+        "variable": [{"key": "casting.speed", "range": [2, 5]}],
+    }
+    case = small({"optimise": asked})
+    assert case.optimise is not None and len(case.optimise.bounds) == 1
+    with pytest.raises(InputError) as error:
+        Question(case, "f.toml")
+    (problem,) = error.value.problems
+    assert "casting.speed: a speed needs its unit, such as" in problem
+
+
+def test_results_that_no_run_has_are_refused_before_one():
+    asked = {
+        "minimise": "von_mises_max",
+        "constraints": ["gap_max <= 1 mm", "shell_tip >= 1 mm", "shell_mid_face >= 1 mm"],
+        "front": {"maximise": "negative_strip_time"},
+        "variable": [{"key": "casting.speed", "range": ["2 m/min", "5 m/min"]}],
+    }
+    with pytest.raises(InputError) as error:
+        Question(small({"optimise": asked}), "f.toml").check_results()
+    for problem, key in zip(
+        error.value.problems,
+        ('minimise: ("von_mises_max") is none of this case, for it has no [mechanics]; add it, or',
+         'constraints.0: ("gap_max") is none of this case, for it has no [mechanics] and [mould]',
+         'constraints.1: ("shell_tip") has no place "tip" on this section; allowed: mid_face',
+         'front.maximise: ("negative_strip_time") is none of this case'),
+        strict=True,
+    ):  # fmt: skip
+        assert problem.startswith(f"f.toml: optimise.{key}"), problem
+
+
+def test_two_variables_of_one_key():
+    twice = [{"key": "casting.speed", "range": ["2 m/min", "5 m/min"]}] * 2
+    with pytest.raises(InputError, match="is given twice; leave one out"):
+        small({"optimise": {"minimise": "heat_removed", "variable": twice}})
+
+
+def test_a_case_that_asks_for_nothing():
+    with pytest.raises(InputError, match=r"optimise: the table is missing; add \[optimise\]"):
+        Question(small(), "file.toml")
+
+
+def test_numbers_without_unit():
+    mould = {"length": "600 mm", "friction": {"law": "coulomb", "coefficient": 0.2}}
+    case = load("billet125/taper_1").with_({"mould": mould})
+    variable = {"key": "mould.friction.coefficient", "range": [0, 0.5]}
+    asked = case.with_({"optimise": {"minimise": "heat_removed", "variable": [variable]}})
+    question = Question(asked)
+    wanted = question.at(question.start(None))
+    assert question.changes(wanted) == {"mould.friction.coefficient": 0.2}
+
+
+@pytest.mark.parametrize(
+    ("key", "ends", "expected"),
+    [
+        ("cooling.mould.surface.0.coefficient", ["1 kW/(m^2 K)", "3 kW/(m^2 K)"], 0.3),
+        ("cooling.0.surface.0.coefficient", ["1 kW/(m^2 K)", "3 kW/(m^2 K)"], 0.3),
+        ("speed", ["2 m/min", "6 m/min"], 0.4),
+        ("casting.speed", ["0.02 m/s", "0.07 m/s"], 0.8),
+    ],
+)
+def test_a_search_begins_with_the_value_of_the_case(key: str, ends: list[str], expected: float):
+    """Zones are called by their names or numbers, keys with or without their tables."""
+    case = small({"casting.speed": "3.6 m/min"})
+    asked = {"minimise": "heat_removed", "variable": [{"key": key, "range": ends}]}
+    question = Question(case.with_({"optimise": asked}))
+    assert question.start(None) == pytest.approx([expected])
+
+
+def test_a_list_of_one_result_is_that_result(tmp_path: Path):
+    """It means the same, and is written as a list where the case is."""
+    alone, listed = tmp_path / "alone.toml", tmp_path / "listed.toml"
+    alone.write_text(SMALL + TABLE)
+    name = '"surface_temperature_mid_face"'
+    listed.write_text(SMALL + TABLE.replace(name, f"[{name}]"))
+    assert load(listed) == load(alone)
+    assert load(listed).optimise.objectives == (("surface_temperature_mid_face", 1.0),)
+
+
+@pytest.mark.parametrize("two", ['["von_mises_max", "heat_removed"]', '["gap_max", "gap_max"]'])
+def test_a_list_of_two_results_is_refused(tmp_path: Path, two: str) -> None:
+    path = tmp_path / "two.toml"
+    path.write_text(SMALL + TABLE.replace('"surface_temperature_mid_face"', two))
+    with pytest.raises(InputError) as caught:
+        load(path)
+    (line,) = caught.value.problems
+    assert "two.toml: optimise: 2 results are to become best; give minimise = " in line
+    assert line.endswith("one of them, and weigh it against another by [optimise.front]")
+
+
+def test_what_temperature_alone_knows_nothing_of() -> None:
+    """Mould, shares of what an idealised one gives, and results of the mechanics: a line each."""
+
+    def asked(**table: object) -> list[str]:
+        speed = {"key": "casting.speed", "range": ["1 m/min", "2 m/min"]}
+        table = {"fidelity": "thermal", "maximise": "heat_removed", "variable": [speed], **table}
+        case = load("billet125/taper_1").with_({"optimise": table})
+        try:
+            Question(case).check_results()
+        except InputError as error:
+            return list(error.problems)
+        return []
+
+    assert asked() == []
+    taper = {"key": "mould.taper", "range": ["0 %/m", "1 %/m"]}
+    (line,) = asked(variable=[taper])
+    assert "optimise.fidelity: thermal runs have no mould: mould.taper changes nothing" in line
+    (line,) = asked(constraints=["heat_removed >= 99 % of idealised"])
+    assert 'thermal runs have no mould, to hold "heat_removed >= 99 % of idealised" against' in line
+    (line,) = asked(maximise=[], minimise="von_mises_max")
+    assert 'optimise.minimise: ("von_mises_max") is no result of temperature alone' in line
+    assert line.endswith('take fidelity = "coarse"')

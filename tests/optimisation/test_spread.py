@@ -1,0 +1,186 @@
+"""The spread of an optimum by its inputs: known variances, places by hand, failures, mistakes."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from known_results import HEAT, SPEED, STRESS, Given, solve
+from small_case import small
+
+from castfem.api import load
+from castfem.base.errors import InputError
+from castfem.physics.constitutive.parameters import given_set
+from castfem.studies.optimisation import Evaluation, Study, Wanted
+from castfem.studies.optimisation.question import Question
+from castfem.studies.optimisation.told import told
+
+H = {"key": "cooling.mould.surface.0.coefficient", "relative": ["-10 %", "10 %"]}
+SUPERHEAT = {"key": "casting.superheat", "range": ["20 K", "40 K"]}
+
+
+def study(**table: Any) -> Study:
+    asked = {"minimise": STRESS, "variable": [SPEED], "input": [H, SUPERHEAT], **table}
+    return Study(small({"casting.length": "6 mm", "optimise": asked}))
+
+
+def drawn(wanted: Wanted) -> tuple[float, float, float]:
+    """Speed, and both inputs from -1 to 1."""
+    h, superheat = wanted.inputs or (1.0, 30.0)
+    return wanted.values[0], (h - 1.0) / 0.1, (superheat - 30.0) / 10.0
+
+
+def shifted(wanted: Wanted) -> dict[str, float]:
+    """Stress is least at 3.3 + 0.06 a + 0.03 b; there it is 10 + 0.5 a, of which b says nothing."""
+    speed, a, b = drawn(wanted)
+    least = 3.3 + 0.06 * a + 0.03 * b
+    return {STRESS: 10.0 + 0.5 * a + 2.0 * (speed - least) ** 2}
+
+
+def test_where_the_optimum_is_for_other_inputs():
+    found = solve(study(), shifted)
+    assert found.spread is not None
+    json.dumps(found.to_json(), allow_nan=False)
+    (value,) = found.values
+    assert value.value == pytest.approx(3.3, abs=0.01)
+    # Quantiles of 0.06 a + 0.03 b for even a and b: 5 % at -(0.09 - sqrt(8 x 0.06 x 0.03 / 20)).
+    ends = 0.09 - np.sqrt(8.0 * 0.06 * 0.03 * 0.05)
+    assert value.drawn == pytest.approx((3.3 - ends, 3.3 + ends), abs=0.006)
+    assert value.low < value.drawn[0] < value.drawn[1] < value.high
+    objective, place = found.spread.rows
+    # Variances 0.06^2 and 0.03^2 over 3 of the place: 80 and 20 %.
+    assert place.first == pytest.approx((0.8, 0.2), abs=0.06)
+    assert place.total == pytest.approx((0.8, 0.2), abs=0.06)
+    assert objective.first == pytest.approx((1.0, 0.0), abs=0.02)
+    assert objective.change == pytest.approx((-0.45e-6, 0.45e-6), abs=0.02e-6)
+    assert objective.error == pytest.approx(0.0, abs=1e-12)
+    assert found.spread.failed == 0
+    said = " ".join(line for line in told(found) if isinstance(line, str))
+    assert "spread by the inputs, 16 runs" in said
+
+
+def test_a_bound_that_inputs_move():
+    """Heat 2 (speed - 3) + a/10 must be 1: 3.5 - a/20 m/min; safe in 95 % of the draws at 3.545."""
+
+    def given(wanted: Wanted) -> dict[str, float]:
+        speed, a, b = drawn(wanted)
+        heat = 2.0 * (speed - 3.0) + 0.1 * a + 0.02 * a * b
+        return {STRESS: 10.0 + speed**2, HEAT: 1e6 * heat}
+
+    found = solve(study(constraints=["heat_removed >= 1 MJ/m"]), given)
+    assert found.spread is not None
+    (value,) = found.values
+    assert value.value == pytest.approx(3.5, abs=0.01)
+    assert value.drawn == pytest.approx((3.455, 3.545), abs=0.01)
+    assert value.safe == pytest.approx(3.545, abs=0.012)
+    _, heat, _ = found.spread.rows
+    assert heat.met == pytest.approx(0.5, abs=0.1)
+    # Of a and the product a b: variances 0.1^2/3 and 0.02^2/9.
+    ratio = 0.02**2 / 9.0 / (0.1**2 / 3.0)
+    assert heat.first[1] == pytest.approx(0.0, abs=0.01)
+    assert heat.total[1] == pytest.approx(ratio / (1.0 + ratio), abs=0.01)
+    said = " ".join(line for line in told(found) if isinstance(line, str))
+    assert "best of what meets all constraints in 95 % of the draws: casting.speed" in said
+
+
+def test_a_single_input_makes_all_of_a_single_result():
+    """One variable, one input, no constraint: its indices are numbers, not arrays, to scipy."""
+
+    def given(wanted: Wanted) -> dict[str, float]:
+        a = ((wanted.inputs or (1.0,))[0] - 1.0) / 0.1
+        return {STRESS: 10.0 + 0.5 * a + 2.0 * (wanted.values[0] - 3.3 - 0.06 * a) ** 2}
+
+    found = solve(study(input=[H]), given)
+    assert found.spread is not None
+    objective, place = found.spread.rows
+    for row in (objective, place):
+        assert row.first == pytest.approx((1.0,), abs=0.03)
+        assert row.total == pytest.approx((1.0,), abs=0.03)
+
+
+def test_the_error_of_the_quadratics_is_told():
+    def given(wanted: Wanted) -> dict[str, float]:
+        _, a, b = drawn(wanted)
+        return {STRESS: shifted(wanted)[STRESS] + 0.1 * np.sin(9.0 * a) * np.cos(7.0 * b)}
+
+    found = solve(study(samples=64), given)
+    assert found.spread is not None
+    assert 0.03 < 1e6 * (found.spread.rows[0].error or 0.0) < 0.2
+
+
+def test_draws_that_fail():
+    """Some are left out; too many, and there is no spread, but still an answer."""
+
+    def given(threshold: float) -> Given:
+        def one(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+            if drawn(wanted)[1] > threshold and wanted.inputs:
+                return Evaluation({}, 0.5, "breakout")
+            return shifted(wanted)
+
+        return one
+
+    some = solve(study(samples=32), given(0.7))
+    assert some.spread is not None
+    assert 0 < some.spread.failed < 8
+    assert some.values[0].drawn == pytest.approx((3.243, 3.357), abs=0.02)
+    none = solve(study(), given(-0.9))
+    assert none.spread is None
+    assert none.values[0].value == pytest.approx(3.3, abs=0.01)
+
+
+def test_asked_run_by_run():
+    one, at_once = study(), solve(study(), shifted)
+    while wanted := one.ask():
+        for run in wanted:
+            one.tell(run, shifted(run))
+    assert one.result() == at_once
+
+
+def test_what_is_relative_is_multiplied():
+    """A number, a table, a property of the steel, a parameter of the law; by its own file."""
+    table = {"time": [0, 1], "time_unit": "s", "value": [1600, 1200], "unit": "W/(m^2 K)"}
+    case = load("billet125/taper_1").with_({"cooling.mould.surface.0.coefficient": table})
+    keys = ["cooling.mould.surface.0.coefficient", "casting.superheat", "steel.conductivity",
+            "mechanics.law.strength", "mechanics.elasticity.young"]  # fmt: skip
+    asked = {
+        "minimise": STRESS,
+        "variable": [{"key": "mould.taper", "range": ["0 %/m", "1 %/m"]}],
+        "input": [{"key": key, "relative": ["-10 %", "20 %"]} for key in keys],
+    }
+    question = Question(case.with_({"optimise": asked}))
+    wanted = Wanted((0.5,), "coarse", inputs=(1.2,) * len(keys))
+    changed = case.with_(question.changes(wanted))
+    document = changed.document()
+    assert changed.cooling[0].surface[0].coefficient(0.5) == pytest.approx(1.2 * 1400.0)
+    assert changed.casting.superheat == pytest.approx(48.0)
+    assert document["steel"]["overrides"]["conductivity"]["value"] == "36 W/(m K)"
+    law = tomllib.loads(Path(document["mechanics"]["law"]).read_text())
+    assert law["strength"]["value"][0] == pytest.approx(1.2 * 108.62)
+    assert law["p3"]["value"][0] == 0.1215
+    young = tomllib.loads(Path(document["mechanics"]["elasticity"]).read_text())["young"]
+    plain = given_set("elastic_steel")["young"]
+    assert young["value"] == pytest.approx([1.2 * v for v in plain["value"]])
+
+
+@pytest.mark.parametrize(
+    ("asked", "line"),
+    [
+        ({"key": "casting.speed"}, "optimise.input.0: one of range and relative is needed"),
+        ({**H, "range": ["1 W/(m^2 K)", "2 W/(m^2 K)"]}, "optimise.input.0: one of range and rel"),
+        ({**H, "relative": ["10 %", "-10 %"]}, "optimise.input.0.relative: is empty"),
+        ({**H, "relative": ["-10 K", "10 K"]}, "optimise.input.0.relative: "),
+        ({**SUPERHEAT, "key": "casting.superhat"}, "optimise.input.0: casting.superhat"),
+        ({**H, "key": "steel.conductivty"}, "optimise.input.0: steel.conductivty: there is no"),
+        ({**H, "key": "steel.solidus"}, "optimise.input.0: steel.solidus: a temperature is not"),
+        ({**H, "key": "casting.speedy"}, "optimise.input.0: "),
+    ],
+)
+def test_mistakes(asked: dict[str, Any], line: str):
+    with pytest.raises(InputError) as error:
+        study(input=[asked])
+    assert any(line in problem for problem in error.value.problems), error.value.problems

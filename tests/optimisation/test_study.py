@@ -1,0 +1,421 @@
+"""The search: what it finds of results that are known, and what cannot stop or mislead it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+from known_results import HEAT, SPEED, STRESS, Given, bowl, covered, solve, study
+
+from castfem.base.atomic_files import plain
+from castfem.base.errors import InputError
+from castfem.runs.output.summary import Quantity
+from castfem.studies.accuracy.estimate import SAFETY
+from castfem.studies.accuracy.levels import LEVELS
+from castfem.studies.optimisation import Evaluation, Wanted
+from castfem.studies.optimisation.numerical import Numerical, error, sides
+from castfem.studies.optimisation.told import told
+
+SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
+
+
+def test_least_value():
+    found = solve(study(), bowl)
+    assert found.status == "found"
+    assert found.values[0].value == pytest.approx(3.3, abs=0.01)
+    assert covered(found, 3.3)
+    assert not found.constraints
+    json.dumps(found.to_json(), allow_nan=False)
+
+
+def test_largest_value():
+    table = {"minimise": [], "maximise": STRESS}
+    found = solve(study(**table), lambda w: {STRESS: -bowl(w)[STRESS]})
+    assert found.values[0].value == pytest.approx(3.3, abs=0.01)
+    assert found.objective is not None
+    assert found.objective.value == pytest.approx(-10.0, abs=1e-3)
+    assert all(step.objective < 0.0 for step in found.away)
+
+
+def test_constraint_binds():
+    found = solve(study(constraints=["heat_removed >= 2 MJ/m"]), bowl)
+    assert found.values[0].value == pytest.approx(4.2, abs=0.002)
+    assert covered(found, 4.2)
+    (kept,) = found.constraints
+    assert kept.met
+    assert kept.binding
+    slack = solve(study(constraints=["heat_removed >= 0.5 MJ/m"]), bowl)
+    assert not slack.constraints[0].binding
+    assert covered(slack, 3.3)
+
+
+def test_two_variables_that_trade_off():
+    """A quadratic with a cross term under a linear bound: its optimum by hand is 3.9046, 29.54."""
+
+    def given(wanted: Wanted) -> dict[str, float]:
+        a, b = wanted.values[0] - 3.0, wanted.values[1] - 30.0
+        stress = 10.0 + 2.0 * a**2 + 0.01 * b**2 + 0.05 * a * b
+        return {STRESS: stress, HEAT: 1e6 * (a + 0.01 * b + 1.1)}
+
+    found = solve(study(SPEED, SUPERHEAT, constraints=["heat_removed >= 2 MJ/m"]), given)
+    assert found.objective is not None
+    assert found.objective.value == pytest.approx(11.6179, abs=2e-3)
+    assert covered(found, 3.9046, 29.536)
+    assert found.constraints[0].binding
+
+
+def converging(order: float) -> Given:
+    """Results whose heat converges: cells of no size take off 0.2 MJ/m, those of a case 0.1."""
+
+    def given(wanted: Wanted) -> dict[str, float]:
+        off = 0.2e6 - 0.1e6 * LEVELS[wanted.fidelity].cells ** order
+        return {**bowl(wanted), HEAT: bowl(wanted)[HEAT] - off}
+
+    return given
+
+
+@pytest.mark.parametrize("order", [0.9, 1.0, 2.0])
+@pytest.mark.parametrize("fidelity", ["coarse", "default", "fine"])
+def test_interval_holds_the_converged_optimum(fidelity: str, order: float):
+    """The bound at no cell size is met at 4.4 m/min; it is on one side, and not far beyond."""
+    asked = {"constraints": ["heat_removed >= 2 MJ/m"], "fidelity": fidelity}
+    found = solve(study(**asked), converging(order))
+    (value,), (kept,) = found.values, found.constraints
+    cells = LEVELS[fidelity].cells ** order
+    assert value.value == pytest.approx(4.4 - 0.1 * cells, abs=0.01)
+    stated = SAFETY * 0.1 * cells
+    if order >= 1.0:
+        assert kept.known.numerical == pytest.approx(1e6 * stated, rel=1e-3)
+    else:  # that of first order is stated, which is less
+        stated = 1e-6 * kept.known.numerical
+        assert 0.1 * cells < stated < SAFETY * 0.1 * cells
+    assert found.checked == ("default" if fidelity == "fine" else "fine")
+    there = LEVELS[found.checked].cells ** order
+    assert kept.checked == pytest.approx(kept.left + 0.1e6 * (there - cells))
+    assert value.checked == pytest.approx(4.4 - 0.1 * there, abs=0.02)
+    assert covered(found, 4.4)
+    assert value.high == pytest.approx(value.value + stated, abs=0.02)
+    assert value.low == pytest.approx(value.value, abs=0.02)
+
+
+@pytest.mark.parametrize("order", [1.0, 2.0])
+@pytest.mark.parametrize("fidelity", ["coarse", "default", "fine"])
+def test_a_tilted_objective(fidelity: str, order: float):
+    """Larger cells move the least stress itself, from 3.3 m/min to 3.35 by those of the case."""
+
+    def given(wanted: Wanted) -> dict[str, float]:
+        off = 0.05 * LEVELS[wanted.fidelity].cells ** order
+        return {STRESS: 10.0 + 2.0 * (wanted.values[0] - 3.3 - off) ** 2}
+
+    found = solve(study(fidelity=fidelity), given)
+    (value,) = found.values
+    assert value.value == pytest.approx(3.3 + 0.05 * LEVELS[fidelity].cells ** order, abs=0.01)
+    assert covered(found, 3.3)
+    assert value.high - value.low < 12.0 * abs(value.value - 3.3)
+
+
+@pytest.mark.parametrize(
+    ("heat", "sides"),
+    [
+        ({"coarse": 3.0, "default": 1.0, "fine": 2.0}, (2.143, 2.143)),  # to and fro
+        ({"coarse": 3.0, "default": 2.0, "fine": 0.2}, (6.0, 0.0)),  # one way, without an order
+        ({"coarse": 3.0, "default": 2.0, "fine": np.nan}, (3.75, 3.75)),
+        ({"coarse": 3.0}, (0.0, 0.0)),
+    ],
+)
+def test_numerical_error_without_an_order(
+    heat: Mapping[str, float], sides: tuple[float, float]
+) -> None:
+    """As of first order, with a quarter more; on both sides unless all three go one way."""
+    known = Numerical.of("coarse", {word: np.array([1.0, v]) for word, v in heat.items()})
+    assert (known.below[1], known.above[1]) == pytest.approx(sides, rel=1e-3)
+    assert (known.checked == "") == (len(heat) == 1)
+
+
+def test_levels_that_cannot_be_run():
+    """The finest one fails, the next one checks; where all fail nothing is known."""
+
+    def given(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+        return Evaluation({}, 0.5, "breakout") if wanted.fidelity in failing else bowl(wanted)
+
+    asked = {"constraints": ["heat_removed >= 2 MJ/m"], "fidelity": "coarse"}
+    failing = ["fine"]
+    assert solve(study(**asked), given).checked == "default"
+    failing = ["fine", "default"]
+    found = solve(study(**asked), given)
+    assert found.checked == ""
+    assert found.values[0].checked is None
+    assert covered(found, 4.2)
+
+
+def test_a_flat_variable_does_not_blur_the_other():
+    """Runs are taken farther apart along the one whose interval is open; heat bends in the other.
+
+    The bound is met at 20 + 4 artanh 0.5 = 22.197 K, by the finest level at 22.473 K.
+    """
+
+    def given(wanted: Wanted) -> dict[str, float]:
+        speed, superheat = wanted.values
+        scatter = np.random.default_rng([round(1e4 * v) for v in wanted.values]).normal()
+        stress = superheat + 1e-4 * (speed - 3.4) ** 2 + 1e-3 * scatter
+        off = {"coarse": 0.0, "default": 0.03, "fine": 0.05}[wanted.fidelity]
+        return {STRESS: stress, HEAT: 1e6 * (np.tanh((superheat - 20.0) / 4.0) - off)}
+
+    asked = {"constraints": ["heat_removed >= 0.5 MJ/m"], "fidelity": "coarse"}
+    speed, superheat = solve(study(SPEED, SUPERHEAT, **asked), given).values
+    assert speed.high - speed.low > 0.5
+    assert superheat.value == pytest.approx(22.197, abs=0.2)
+    assert superheat.checked == pytest.approx(22.473, abs=0.15)
+    assert 21.6 < superheat.low < 22.2 < 22.4 < superheat.high < 23.0
+
+
+@pytest.mark.parametrize("size", [0.01, 0.3])
+def test_noise(size: float):
+    """Scatter is measured, widens the interval, and stops the search."""
+
+    def given(wanted: Wanted) -> dict[str, float]:
+        scatter = np.random.default_rng(round(1e4 * wanted.values[0])).normal()
+        return {**bowl(wanted), STRESS: bowl(wanted)[STRESS] + size * scatter}
+
+    found = solve(study(), given)
+    assert found.objective is not None
+    assert found.objective.noise == pytest.approx(size, rel=0.7)
+    assert covered(found, 3.3)
+    assert found.step > solve(study(), bowl).step or size < 0.1
+    assert found.runs["search"] < 40
+
+
+def test_nothing_but_noise():
+    def given(wanted: Wanted) -> dict[str, float]:
+        return {STRESS: np.random.default_rng(round(1e4 * wanted.values[0])).normal()}
+
+    found = solve(study(), given)
+    (value,) = found.values
+    assert value.high - value.low > 0.3
+    assert found.runs["search"] < 40
+    assert any("flat" in str(line) for line in told(found) if isinstance(line, str))
+
+
+def test_an_objective_of_steps():
+    """Without a slope, or with one that is no help: a place on the lowest step."""
+    found = solve(study(), lambda w: {STRESS: 5.0 + 2.0 * np.floor(abs(w.values[0] - 3.3) / 0.25)})
+    assert found.objective is not None
+    assert found.objective.value == pytest.approx(5.0)
+    assert covered(found, 3.3)
+
+
+def test_constraints_that_cannot_be_met():
+    """Heat is largest at 4.2 m/min, 5 MJ/m where 9 are asked for."""
+
+    def given(wanted: Wanted) -> dict[str, float]:
+        speed = wanted.values[0]
+        return {**bowl(wanted), HEAT: 1e6 * (5.0 - (speed - 4.2) ** 2)}
+
+    asked = ["heat_removed >= 9 MJ/m", "von_mises_max <= 1 GPa"]
+    found = solve(study(constraints=asked), given)
+    assert found.status == "impossible"
+    assert found.values[0].value == pytest.approx(4.2, abs=0.05)
+    assert found.worst is not None
+    assert found.worst.text == asked[0]
+    assert found.worst.left == pytest.approx(-4e6, rel=1e-3)
+    first = next(iter(told(found)))
+    assert "cannot be met; nearest, heat_removed >= 9 MJ/m is missed by 4 MJ/m" in str(first)
+
+
+def test_a_range_that_ends_before_the_constraints_are_met_is_named():
+    found = solve(study(constraints=["heat_removed >= 9 MJ/m"]), bowl)
+    assert found.status == "impossible" and found.values[0].at_end == "highest"
+    first = str(next(iter(told(found))))
+    assert first.endswith(
+        "with casting.speed at the highest of its range: a wider one may meet them"
+    )
+
+
+def test_two_equal_optima():
+    """One is found; that runs elsewhere are as good is told where such were seen."""
+
+    def given(wanted: Wanted) -> dict[str, float]:
+        speed = wanted.values[0]
+        scatter = np.random.default_rng(round(1e4 * speed)).normal()
+        return {STRESS: 10.0 + ((speed - 3.2) ** 2 - 0.04) ** 2 + 1e-3 * scatter}
+
+    found = solve(study({**SPEED, "start": "3.2 m/min"}), given)
+    assert min(abs(found.values[0].value - x) for x in (3.0, 3.4)) < 0.1
+    assert found.elsewhere or (
+        covered(
+            found,
+            3.0,
+        )
+        and covered(found, 3.4)
+    )
+
+
+def test_objective_with_a_kink():
+    found = solve(study(), lambda w: {STRESS: 10.0 + abs(w.values[0] - 3.3)})
+    assert found.values[0].value == pytest.approx(3.3, abs=0.02)
+    assert covered(found, 3.3)
+
+
+def test_best_at_the_end_of_a_range():
+    found = solve(study(), lambda w: {STRESS: 10.0 + w.values[0]})
+    assert found.values[0].value == 2.0
+    assert found.values[0].at_end == "lowest"
+
+
+def test_asks_tells_and_comes_to_the_same():
+    """Asked run by run, in any order, by objects that know nothing of one another."""
+    at_once = solve(study(constraints=["heat_removed >= 2 MJ/m"]), bowl)
+    told_so_far: dict[Wanted, Mapping[str, float]] = {}
+    for _ in range(100):
+        one = study(constraints=["heat_removed >= 2 MJ/m"])
+        for run, values in told_so_far.items():
+            one.tell(run, values)
+        wanted = one.ask()
+        if not wanted:
+            break
+        with pytest.raises(InputError, match="has not come to its end"):
+            one.result()
+        told_so_far.update({run: bowl(run) for run in reversed(wanted)})
+    assert one.result() == at_once
+
+
+def test_runs_that_are_used_up():
+    found = solve(study(most_runs=8), bowl)
+    assert found.spent and found.runs["looked_at"] <= 8 < found.runs["all"]
+    assert any("most_runs" in str(line) for line in told(found))
+
+
+def test_a_result_that_is_not_there():
+    found = Evaluation({HEAT: Quantity(1.0, "J/m", "heat")})
+    with pytest.raises(
+        InputError, match=r'objective \("von_mises_max"\) is no result of this case'
+    ):
+        solve(study(), lambda w: found)
+    with pytest.raises(InputError, match=r"an Evaluation or a Result is needed, .*, not 3"):
+        study().tell(study().ask()[0], 3)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="without a folder runs nothing"):
+        one = study()
+        one.run(one.ask())
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ((5.01,), r"casting.speed = 5.01 m/min lies outside of it, 2 to 5 m/min; widen the range"),
+        ((np.nan,), r"casting.speed = nan m/min lies outside of it"),
+        ((3.0, 20.0), r"optimise.variable: a run has 2 values where 1 are needed: casting.speed"),
+    ],
+)
+def test_a_run_outside_of_the_ranges_is_refused(values: tuple[float, ...], said: str) -> None:
+    """In a line; nothing is kept of it. The ends of a range belong to it."""
+    one = study()
+    with pytest.raises(InputError, match=said) as caught:
+        one.tell(Wanted(values, "default"), {STRESS: 1.0})
+    assert len(caught.value.problems) == 1 and not one._told
+    for end in (2.0, 5.0):
+        one.tell(Wanted((end,), "default"), {STRESS: 1.0})
+    assert len(one._told) == 2
+
+
+def test_noise_about_the_best_run():
+    """Where windows are cut for their error, neighbours of the best run may differ by that."""
+
+    def given(cut: int) -> Given:
+        def one(wanted: Wanted) -> Evaluation:
+            speed = wanted.values[0]
+            steps = round(1e4 * speed) % 7 - 3 if abs(speed - 3.3) < 0.2 else 0
+            stress = Quantity(bowl(wanted)[STRESS] + 0.01 * steps, "Pa", "stress")
+            return Evaluation({STRESS: stress}, cut=cut)
+
+        return one
+
+    start = {**SPEED, "start": "4.5 m/min"}
+    blind, seen = solve(study(start), given(0)), solve(study(start), given(2))
+    assert blind.objective is not None and seen.objective is not None
+    assert blind.objective.noise < 1e-4
+    assert 0.005 < seen.objective.noise < 0.05
+    widths = [found.values[0].high - found.values[0].low for found in (blind, seen)]
+    assert widths[1] > widths[0]
+
+
+def test_a_search_by_temperature_alone():
+    """Its error is what the finest level changes, with its own; its check that by the finest."""
+    moved = {"thermal": 0.0, "coarse": 0.4, "default": 0.3, "fine": 0.25}
+
+    def given(wanted: Wanted) -> dict[str, float]:
+        off = wanted.values[0] - 3.3 - moved[wanted.fidelity]
+        return {STRESS: 10.0 + 2.0 * off**2 + moved[wanted.fidelity]}
+
+    found = solve(study(fidelity="thermal"), given)
+    (value,) = found.values
+    assert found.checked == "fine"
+    assert value.value == pytest.approx(3.3, abs=0.01)
+    here = {word: 10.0 + 2.0 * by**2 + by for word, by in moved.items()}
+    own = error({word: here[word] for word in LEVELS}, "fine")
+    assert own > 0.0
+    assert found.objective is not None
+    assert found.objective.numerical == pytest.approx(here["fine"] - 10.0 + own, rel=0.02)
+    assert value.low <= 3.3 and (value.open_high or value.high >= 3.55)
+
+
+def test_a_level_that_lies_between_the_finest_and_its_error():
+    """Below as far as the error of the finest reaches, above by all of it."""
+    values = {"coarse": 1.4, "default": 1.2, "fine": 1.1}
+    own = error(values, "fine")
+    assert sides({"thermal": 1.0, **values}, "thermal") == pytest.approx(
+        (max(0.0, own - 0.1), own + 0.1)
+    )
+    assert sides({"thermal": 1.0, "coarse": 0.8}, "thermal") == pytest.approx((0.2, 0.0))
+    assert sides({"thermal": 1.0, "coarse": np.nan}, "thermal") == (0.0, 0.0)
+    assert np.isnan(error({"thermal": 1.0}, "thermal"))
+
+
+@pytest.mark.parametrize("most", [7, 8, 12, 20])
+@pytest.mark.parametrize("table", [{"minimise": HEAT}, {"minimise": [], "maximise": HEAT}])
+def test_the_best_of_all_runs_is_the_answer(table: dict[str, object], most: int) -> None:
+    """Few runs of a result that rises all along: none that was made is better than the answer."""
+    seen: dict[float, float] = {}
+
+    def given(wanted: Wanted) -> dict[str, float]:
+        heat = 1e6 * (1.0 + 0.1 * (wanted.values[0] - 10.0))
+        if wanted.fidelity == "default":
+            seen[wanted.values[0]] = heat
+        return {HEAT: heat, STRESS: 1.0}
+
+    found = solve(study(SUPERHEAT, most_runs=most, **table), given)
+    best = (max if "maximise" in table else min)(seen, key=seen.__getitem__)
+    assert found.values[0].value == best
+    truth = 50.0 if "maximise" in table else 10.0
+    assert (found.status == "found") == (best == truth)
+    assert found.status in ("found", "not converged")
+    assert covered(found, truth)
+    assert ("not converged" in "".join(b for b in told(found) if isinstance(b, str))) == (
+        found.status != "found"
+    )
+    json.dumps(plain(found.to_json()), allow_nan=False)
+
+
+def test_what_nothing_depends_on_is_not_found() -> None:
+    """Differences of 1e-12 K are those of rounding."""
+
+    def given(wanted: Wanted) -> dict[str, float]:
+        return {STRESS: 1500.0 + 1e-12 * np.sin(1e3 * wanted.values[0]), HEAT: 1.0}
+
+    found = solve(study(SUPERHEAT), given)
+    assert found.status == "independent" and found.idle == ("casting.superheat",)
+    (first, *_) = (block for block in told(found) if isinstance(block, str))
+    assert "depends on none of casting.superheat; any value is as good" in first
+    both = solve(study(SPEED, SUPERHEAT), lambda w: bowl(w))
+    assert both.status == "found" and both.idle == ("casting.superheat",)
+    assert any(
+        "no result depends on casting.superheat" in b for b in told(both) if isinstance(b, str)
+    )
+
+
+def test_a_start_at_the_best_place_is_found() -> None:
+    """There the slope is 0 by symmetry, and yet the result depends on the variable."""
+    found = solve(study(), lambda w: {STRESS: 10.0 + 2.0 * (w.values[0] - 3.6) ** 2, HEAT: 1.0})
+    assert found.status == "found" and found.idle == ()
+    assert found.values[0].value == pytest.approx(3.6, abs=0.01)

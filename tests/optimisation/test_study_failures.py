@@ -1,0 +1,139 @@
+"""The search among runs that fail: inside the ranges, about its start, all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from known_results import HEAT, SPEED, STRESS, bowl, covered, solve, study
+from synthetic_run import write_run
+
+from castfem.api import Result, load
+from castfem.base.atomic_files import write_json
+from castfem.base.errors import InputError
+from castfem.runs.output.folder import SUMMARY_NAME
+from castfem.runs.output.run_record import RunRecord
+from castfem.runs.output.summary import Summary
+from castfem.studies.optimisation import Evaluation, Optimum, Study, Wanted
+from castfem.studies.optimisation.told import told
+
+
+def test_runs_that_fail_inside():
+    """They come to 1 - (speed - 3) / 2 of their way: the best is where they begin to fail."""
+
+    def given(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+        speed = wanted.values[0]
+        if speed > 3.0:
+            return Evaluation({}, 1.0 - (speed - 3.0) / 2.0, "breakout")
+        return bowl(wanted)
+
+    found = solve(study(), given)
+    assert found.status == "found"
+    assert found.values[0].value == pytest.approx(3.0, abs=0.05)
+    assert found.values[0].value <= 3.0
+    assert found.values[0].at_end == "runs fail"
+    assert found.values[0].high < 3.2
+    assert found.runs["failed"] > 0
+
+
+def test_a_start_among_failures():
+    def given(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+        speed = wanted.values[0]
+        if speed < 4.0:
+            return Evaluation({}, speed / 4.5, "breakout")
+        return {STRESS: 10.0 + (speed - 4.5) ** 2}
+
+    found = solve(study({**SPEED, "start": "2.5 m/min"}), given)
+    assert found.status == "found"
+    assert found.values[0].value == pytest.approx(4.5, abs=0.05)
+
+
+TAPER = {"key": "mould.taper", "range": ["-10 %/m", "10 %/m"]}
+
+
+def tapered(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+    """As the 125 mm billet: 9.2 MJ/m from +0.59 %/m on, where its stress has begun to rise."""
+    taper = wanted.values[0]
+    if taper < -3.0:
+        return Evaluation({}, 1.0 + (taper + 3.0) / 8.0, "breakout")
+    if taper > 7.0:
+        return Evaluation({}, 0.9 - (taper - 7.0) / 10.0, "the mechanics do not converge")
+    heat = np.interp(taper, [-3.0, -1.0, 0.0, 0.59, 0.8, 10.0], [7.9, 8.3, 8.7, 9.2, 9.29, 9.3])
+    stress = np.interp(taper, [-3.0, 0.0, 0.4, 0.59, 1.0, 10.0], [4.2, 4.1, 4.0, 8.9, 14.5, 40.0])
+    return {STRESS: float(stress), HEAT: 1e6 * float(heat)}
+
+
+def any_taper(bound: str, start: str) -> Optimum:
+    variable = {**TAPER, "start": start}
+    asked = {"minimise": STRESS, "constraints": [f"heat_removed >= {bound}"]}
+    case = load("billet125/taper_1").with_({"optimise": {**asked, "variable": [variable]}})
+    return solve(Study(case), tapered)
+
+
+@pytest.mark.parametrize("start", ["-9.9 %/m", "0 %/m", "9.5 %/m"])
+def test_tapers_of_ten_percent(start: str):
+    """Runs that fail at both ends, also all about the start, neither stop it nor mislead it."""
+    found = any_taper("9.2 MJ/m", start)
+    assert found.status == "found"
+    assert found.values[0].value == pytest.approx(0.59, abs=0.05)
+    assert covered(found, 0.59)
+    assert found.runs["search"] <= 30
+
+
+def test_failed_runs_are_said_beside_what_was_found():
+    """And which of the runs optimise.most_runs counts."""
+    found = any_taper("9.2 MJ/m", "-9.9 %/m")
+    runs, said = found.runs, [block for block in told(found) if isinstance(block, str)]
+    assert 0 < runs["failed"] < runs["search"] and runs["looked_at"] <= runs["search"]
+    assert f"{runs['failed']} of the {runs['search']} runs by default failed" in said[0]
+    assert any(f"{runs['looked_at']} when the search ended (optimise.most_runs)" in x for x in said)
+
+
+def test_what_cannot_be_met_from_a_start_among_failures():
+    """Runs that miss a bound are nearer than runs that fail."""
+    found = any_taper("9.9 MJ/m", "-8 %/m")
+    assert found.status == "impossible"
+    assert found.worst is not None
+    assert found.worst.left == pytest.approx(-0.603e6, rel=2e-3)
+    assert found.values[0].at_end == "runs fail"
+
+
+def test_a_start_from_which_shares_lead_nowhere():
+    """Runs between 2.5 and 3.5 m/min come through; the way to it from the start is downhill."""
+
+    def given(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+        speed = wanted.values[0]
+        if not 2.5 < speed < 3.5:
+            return Evaluation({}, 0.9 - 0.1 * min(abs(speed - 4.9), 4.0), "breakout")
+        return bowl(wanted)
+
+    found = solve(study({**SPEED, "start": "4.8 m/min"}), given)
+    assert found.status == "found"
+    assert found.values[0].value == pytest.approx(3.3, abs=0.02)
+
+
+def test_a_run_that_has_failed_is_told_by_its_folder(tmp_path: Path):
+    """How far it came, and why; what its summary has is of no use."""
+    asked = study(constraints=["heat_removed >= 2 MJ/m"])
+    (wanted, *_) = asked.ask()
+    folder = write_run(tmp_path / "run")
+    record, summary = RunRecord.load(folder), Summary.load(folder)
+    assert summary is not None
+    replace(record, status="failed", reason="a breakout", reached={"position": 3e-3}).write(folder)
+    write_json(folder / SUMMARY_NAME, replace(summary, status="failed").to_json())
+    asked.tell(wanted, Result(folder))
+    given = asked._told[wanted]
+    assert given.failed and given.message == "a breakout"
+    assert given.share == pytest.approx(0.5) and not given.quantities
+    with pytest.raises(InputError, match=r"tell: von_mises_max: a number in SI is needed"):
+        asked.tell(wanted, {STRESS: "3 MPa"})  # type: ignore[dict-item]
+
+
+def test_all_runs_fail():
+    found = solve(study(), lambda w: Evaluation({}, 0.1 * w.values[0], "breakout"))
+    assert found.status == "failed"
+    assert found.values[0].value == pytest.approx(5.0, abs=0.1)
+    assert "no run has come to its end" in str(next(iter(told(found))))

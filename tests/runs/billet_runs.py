@@ -1,0 +1,82 @@
+"""Billets in moulds for the tests: coarse, in memory or in a folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mpi4py import MPI
+
+from castfem.model import Case, load_case
+from castfem.model.build.simulation import build
+from castfem.physics.coupling.staggered import StrandState
+from castfem.runs import loop
+from castfem.runs.loop import TimeLoop
+from castfem.runs.output.summary import Summary
+from castfem.runs.results.run_state import RunState
+from castfem.runs.results.sample import Sample
+from castfem.runs.results.summary import summarise
+
+CASES = Path(__file__).parents[2] / "cases" / "billet125"
+# Tests of steps, files and resuming keep the liquid where it is. Those that leave the mould within
+# 100 mm (test_mould_end) or load a strand before it has a shell (test_axial_forces) have no answer
+# with liquid that is fed. `shipped` is for all others.
+ELASTIC = (
+    "mechanics.liquid=elastic", "mechanics.mush=geometric", "mechanics.ferrostatic=proportional",
+)  # fmt: skip
+FED = ("mechanics.liquid=fed", "mechanics.mush=none", "mechanics.ferrostatic=full")
+COARSE = (
+    "mesh.surface_size=2 mm",
+    "mesh.corner_size=2 mm",
+    "mesh.face_size=10 mm",
+    "mesh.core_size=14 mm",
+    "coupling.interval=0.25 s",
+    "output.fields=[]",
+    "output.figures=false",
+)
+
+
+def billet(name: str, *overrides: str) -> Case:
+    """One of the shipped billets on a coarse mesh, its liquid elastic."""
+    liquid = () if name == "thermal" else ELASTIC
+    return load_case(CASES / f"{name}.toml", (*COARSE, *liquid, *overrides))
+
+
+def shipped(name: str, *overrides: str) -> Case:
+    """The same with the liquid that is shipped."""
+    return load_case(CASES / f"{name}.toml", (*COARSE, *overrides))
+
+
+def run(case: Case, folder: Path, **options: object) -> Summary:
+    """Run into a folder, on one rank."""
+    return loop.run(case, folder, comm=MPI.COMM_SELF, **options)  # type: ignore[arg-type]
+
+
+@dataclass
+class Kept:
+    """Every sample of a run in memory, and its state after each step."""
+
+    samples: list[Sample] = field(default_factory=list)
+    states: list[StrandState] = field(default_factory=list)
+    summary: Summary | None = None
+
+    def step(self, run: RunState, sample: Sample) -> None:
+        self.samples.append(sample)
+        self.states.append(run.state)
+
+    def value(self, name: str) -> float:
+        """A result where the run ended, SI."""
+        assert self.summary is not None
+        return self.summary.quantities[name].value
+
+
+def run_in_memory(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> Kept:
+    """Run in memory to the end."""
+    simulation, kept = build(case, comm), Kept()
+    try:
+        last = TimeLoop(simulation, kept)  # type: ignore[arg-type]
+        last.run()
+        kept.summary = summarise(last.run_state, "finished")
+    finally:
+        simulation.destroy()
+    return kept

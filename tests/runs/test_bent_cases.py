@@ -1,0 +1,219 @@
+"""Cases whose rolls bend the strand: planes, halves, history, and what is refused.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from bent_case import HALF, RADIUS, SEGMENT, bent
+from billet_runs import run_in_memory
+
+from castfem.base.errors import InputError
+from castfem.model import Case, load_case
+from castfem.model.build.simulation import build
+from castfem.physics.mechanics.bent_planes import BentPlanes
+from castfem.runs import loop
+from castfem.runs.output.history import read_history
+from castfem.runs.output.summary import Summary
+
+
+def samples_of(case: Case) -> tuple[list[Any], float]:
+    """Samples of a run in memory, and how often the modelled part makes up the section."""
+    return run_in_memory(case).samples, {"half": 2.0, "whole": 1.0}[case.section.symmetry]
+
+
+def planes_of(case: Case) -> tuple[BentPlanes, Callable[[float], float]]:
+    """The planes of a case, and where its slice is over time."""
+    simulation = build(case, MPI.COMM_SELF)
+    try:
+        assert simulation.mechanics is not None
+        planes = simulation.mechanics.problem.slice.planes
+        assert isinstance(planes, BentPlanes)
+        return planes, simulation.machine.position
+    finally:
+        simulation.destroy()
+
+
+def test_the_planes_follow_the_rolls() -> None:
+    """(41): a2 = -a0 / (R - f/2), 1/R linear between the rolls; through states of a run."""
+    kept = run_in_memory(bent())
+    rolls, chi = [0.1, 0.6, 1.35], [0.0, 1.0 / RADIUS, 0.0]
+    seen = []
+    for state, sample in zip(kept.states, kept.samples[-len(kept.states) :], strict=True):
+        assert state.mechanical is not None
+        a0, a1, a2, _ = state.mechanical.generalized_strains
+        curvature = float(np.interp(sample.position, rolls, chi))
+        middle = curvature / (1.0 - curvature * HALF)
+        assert a2 == pytest.approx(-(1.0 + a0) * middle, rel=1e-12, abs=1e-15)
+        assert a1 == 0.0
+        seen.append(curvature)
+    assert max(seen) == pytest.approx(1.0 / RADIUS, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("given", "axis"),
+    [("intrados", HALF), ("centre", 0.0), ("extrados", -HALF), ("20 mm", 0.02)],
+)
+def test_an_imposed_neutral_axis(given: str, axis: float) -> None:
+    """(42)-(44): thickness 1 at y1."""
+    planes, position = planes_of(bent(mechanics__planes={"neutral_axis": given}))
+    assert planes.free == ()
+    time = 0.7 / 0.06
+    assert position(time) == pytest.approx(0.7, rel=1e-12)
+    radius = 0.75 / 0.65 * RADIUS
+    a0, _, a2, _ = planes.at(time)[0]
+    assert 1.0 + a0 == pytest.approx((radius - HALF) / (radius - HALF - axis), rel=1e-12)
+    assert a2 == pytest.approx(-1.0 / (radius - HALF - axis), rel=1e-12)
+
+
+def test_a_neutral_axis_on_the_face_that_would_be_compressed(tmp_path: Path) -> None:
+    """Intrados in bending, extrados in straightening; the resolved case has both."""
+    given = {"bending": "intrados", "straightening": "-50 mm"}
+    case = bent(mechanics__planes={"neutral_axis": given}, casting__length="1.5 m")
+    planes, position = planes_of(case)
+    middle = 1.0 / (RADIUS - HALF)
+    time = 1.45 / 0.06
+    assert position(time) == pytest.approx(1.45, rel=1e-12)
+    a0, _, a2, _ = planes.at(time)[0]
+    assert 1.0 + a0 == pytest.approx((1.0 + middle * HALF) / (1.0 - middle * HALF), rel=1e-12)
+    assert a2 == 0.0
+    (tmp_path / "case.toml").write_text(case.resolved_toml())
+    assert load_case(tmp_path / "case.toml").physics_hash() == case.physics_hash()
+
+
+def test_an_effort_from_a_file(tmp_path: Path) -> None:
+    """Over position, of the whole strand; the resolved case has its rows."""
+    path = tmp_path / "effort.csv"
+    path.write_text("position [mm], value [kN]\n0, 0\n500, 20\n1500, 40\n")
+    given = {"force": {"file": str(path)}, "force_contains_bending": True}
+    case = bent(mechanics__planes=given)
+    planes, position = planes_of(case)
+    for time, effort in ((2.0, 4.8e3), (15.0, 28e3)):
+        assert position(time) == pytest.approx(0.06 * time, rel=1e-12)
+        assert planes.load(time)[0] == pytest.approx(0.5 * effort, rel=1e-12)
+    assert planes.contains_work
+    resolved = tmp_path / "case.toml"
+    resolved.write_text(case.resolved_toml())
+    path.unlink()
+    assert load_case(resolved).physics_hash() == case.physics_hash()
+
+
+def test_a_half_bears_half() -> None:
+    """Force over position, moment and work of the whole strand, strain: whole = half."""
+    table = {"position": [0, 1.5], "position_unit": "m", "value": [0, 60], "unit": "kN"}
+    planes = {"force": table, "force_contains_bending": False}
+    (half, parts), (whole, _) = (
+        samples_of(bent(section__symmetry=part, mechanics__planes=planes))
+        for part in ("half", "whole")
+    )
+    ours, theirs = half[-1].mechanics, whole[-1].mechanics
+    assert ours is not None
+    assert theirs is not None
+    assert theirs.load == pytest.approx(60e3, rel=1e-9)
+    assert parts * ours.load == pytest.approx(theirs.load, rel=1e-12)
+    for name in ("moment", "work"):
+        found = parts * getattr(ours.bending, name)
+        assert found == pytest.approx(getattr(theirs.bending, name), rel=1e-5)
+    assert ours.strain == pytest.approx(theirs.strain, rel=1e-6)
+    # N = F + k M - int M dk, as the summary says.
+    assert ours.balance is not None
+    assert ours.bending_force != 0.0
+    left = ours.balance.axial[0] - ours.load - ours.bending_force
+    assert abs(left) < 1e-7 * ours.load
+
+
+def test_history_and_summary_name_the_faces(tmp_path: Path) -> None:
+    """Intrados is y > 0; a run that is resumed has bent as one that was not."""
+    case = bent()
+    loop.run(case, tmp_path / "whole", comm=MPI.COMM_SELF)
+    short = case.with_({"casting.length": "0.8 m"})
+    loop.run(short, tmp_path / "parts", comm=MPI.COMM_SELF)
+    loop.run(case, tmp_path / "parts", comm=MPI.COMM_SELF, resume=True)
+    whole, parts = (read_history(tmp_path / name / "history.csv") for name in ("whole", "parts"))
+    ours = {name.split(" [")[0] for name in whole.columns}
+    for face in ("intrados", "extrados"):
+        assert {f"axial_stress_mid_face_{face}", f"surface_temperature_corner_{face}"} <= ours
+    assert {"curvature", "neutral_axis", "bending_moment", "bending_work"} <= ours
+    last = parts.iloc[-1], whole.iloc[-1]
+    for name in ("bending_moment", "bending_work", "axial_strain"):
+        column = next(c for c in whole.columns if c.startswith(name))
+        assert last[0][column] == pytest.approx(last[1][column], rel=1e-3)
+    summary = Summary.load(tmp_path / "whole")
+    assert summary is not None and summary.balances["heat"]["whole"].value < 1e-11
+
+
+REFUSED = {
+    "quarter": (
+        {"section__symmetry": "quarter"},
+        "section.symmetry",
+        "mirrors the strand at y = 0",
+    ),
+    "a2": ({"mechanics__planes": {"a2": "0.1 1/m"}}, "planes.a2", "impose the curvature"),
+    "moment": ({"mechanics__planes": {"moment_y": "1 kN m"}}, "planes.moment_y", "leave it out"),
+    "axis outside": (
+        {"mechanics__planes": {"neutral_axis": "60 mm"}},
+        "planes.neutral_axis",
+        "(60 mm) lies outside of the strand; from -50 mm (extrados) to 50 mm (intrados)",
+    ),
+    "axis unknown": (
+        {"mechanics__planes": {"neutral_axis": "middle"}},
+        "planes.neutral_axis",
+        'or "free", intrados, centre, extrados',
+    ),
+    "one of two axes outside": (
+        {"mechanics__planes": {"neutral_axis": {"bending": "51 mm", "straightening": "0 mm"}}},
+        "planes.neutral_axis",
+        "(51 mm) lies outside of the strand",
+    ),
+    "one of two axes": (
+        {"mechanics__planes": {"neutral_axis": {"bending": "intrados"}}},
+        "planes.neutral_axis",
+        "a table has the keys bending and straightening",
+    ),
+    "half free": (
+        {"mechanics__planes": {"neutral_axis": {"bending": "free", "straightening": "0 mm"}}},
+        "planes.neutral_axis",
+        "goes with the whole way of the strand",
+    ),
+    "axis and force": (
+        {"mechanics__planes": {"neutral_axis": "centre", "force": "1 kN"}},
+        "planes.force",
+        "has no effect where the neutral axis is imposed",
+    ),
+    "counted twice": (
+        {"mechanics__planes": {"force": {"position": ["0 m", "1 m"], "value": ["0 N", "1 N"]}}},
+        "planes.force_contains_bending",
+        "is missing; true for a measured or maker's curve",
+    ),
+    "axial": (
+        {"mechanics__planes": {"closing": "axial", "force_contains_bending": True}},
+        "planes.force_contains_bending",
+        "leave one of the two out",
+    ),
+    "straight": (
+        {"machine": {}, "mechanics__planes": {"closing": "axial"}},
+        "planes.closing",
+        "is for a strand that its machine bends",
+    ),
+}
+
+
+@pytest.mark.parametrize("mistake", REFUSED)
+def test_what_is_refused(mistake: str) -> None:
+    """One line each: key, reason, mend."""
+    changes, key, words = REFUSED[mistake]
+    if mistake == "straight":
+        changes = {**changes, "machine": {"first": "100 mm", "segment": [SEGMENT]}}
+    with pytest.raises(InputError) as caught:
+        bent(**changes)
+    (problem,) = caught.value.problems
+    assert key in problem
+    assert words in problem

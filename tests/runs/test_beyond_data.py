@@ -1,0 +1,103 @@
+"""How much of the shell is beyond the data of its law, and where, is told by the summary."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from billet_runs import Kept, billet, run, run_in_memory
+
+from castfem.model.build.simulation import build
+from castfem.physics import constitutive
+from castfem.physics.constitutive import load_elasticity, load_law
+from castfem.runs.loop import TimeLoop
+from castfem.runs.results.mechanical import MechanicalSampler
+
+SET = Path(str(constitutive.__file__)).parent / "data" / "norton_hoff_kozlowski_signed.toml"
+LONG = "casting.length=300 mm"
+KINDS = ("colder", "hotter", "faster")
+
+
+def own_law(folder: Path, low: str, high: str, fast: str) -> str:
+    """A copy of the set with other data."""
+    text = SET.read_text(encoding="utf-8")
+    for old, new in (("950 degC", low), ("1400 degC", high), ("1e-3 1/s", fast)):
+        assert text.count(f'"{old}"') == 1
+        text = text.replace(f'"{old}"', f'"{new}"')
+    (folder / "law.toml").write_text(text, encoding="utf-8")
+    return f"mechanics.law={folder}/law.toml"
+
+
+def test_the_summary_has_the_largest_shares(tmp_path: Path) -> None:
+    words = own_law(tmp_path, "1390 degC", "1440 degC", "1e-4 1/s"), LONG
+    case = billet("idealised", *words)
+    kept = run_in_memory(case)
+    told = [sample.strained.beyond for sample in kept.samples]
+    assert not told[0] and told[-1]  # no shell at the meniscus
+    assert kept.summary is not None
+    for kind in KINDS:
+        shares = [beyond.get(kind, -1.0) for beyond in told]
+        most = int(np.argmax(shares))
+        assert 0.0 < shares[most] <= 1.0
+        found = kept.summary.quantities[f"{kind}_than_data"]
+        assert found.value == shares[most]
+        assert f"{1e3 * kept.samples[most].position:.6g} mm below the meniscus" in found.label
+    assert "1390 degC" in kept.summary.quantities["colder_than_data"].label
+
+
+def test_the_share_is_that_of_the_shell(tmp_path: Path) -> None:
+    """All of it below a temperature that it has passed, none of it above, and what is between."""
+    shares = {}
+    for low in ("1480 degC", "1390 degC", "1350 degC", "500 degC"):
+        words = own_law(tmp_path, low, "1500 degC", "1 1/s"), LONG
+        shares[low] = run_in_memory(billet("idealised", *words)).samples[-1].strained.beyond
+    one, two, three, four = (found["colder"] for found in shares.values())
+    assert one == pytest.approx(1.0, rel=1e-12) and four == 0.0
+    assert one > two > three > four
+    assert all(found["hotter"] == found["faster"] == 0.0 for found in shares.values())
+
+
+def test_the_rate_is_that_of_the_strain(tmp_path: Path) -> None:
+    """From the rates that a state has, as from the strains of two states."""
+    simulation = build(billet("idealised", "casting.length=150 mm"), MPI.COMM_SELF)
+    try:
+        kept = Kept()
+        TimeLoop(simulation, kept).run()  # type: ignore[arg-type]
+        assert simulation.mechanics is not None
+        sampler = MechanicalSampler(simulation.mechanics, simulation.probes, ("mid_face",))
+        before, now = (state.mechanical for state in kept.states[-2:])
+        assert before is not None and now is not None
+        change = sampler.strain(now) - sampler.strain(before)
+        found = sampler.strain_rate(now)
+        goal = change / (now.time - before.time)
+        assert np.abs(found - goal).max() < 1e-6 * np.abs(goal).max()
+    finally:
+        simulation.destroy()
+
+
+def test_it_is_remembered(tmp_path: Path) -> None:
+    """A run that is resumed tells what one without a pause tells."""
+    law = own_law(tmp_path, "1390 degC", "1440 degC", "1e-4 1/s")
+    whole = run(billet("idealised", law, LONG), tmp_path / "whole")
+    run(billet("idealised", law, "casting.length=270 mm"), tmp_path / "parts")
+    longer = billet("idealised", law, LONG)
+    parts = run(longer, tmp_path / "parts", resume=True)
+    assert whole.quantities["colder_than_data"].value > 0.1
+    for kind in KINDS:
+        one, other = (s.quantities[f"{kind}_than_data"] for s in (whole, parts))
+        assert other.value == pytest.approx(one.value, rel=1e-6)
+        assert other.label == one.label
+
+
+def test_a_law_that_does_not_say_has_no_share() -> None:
+    assert load_law("weiner_boley", load_elasticity()).data is None
+    data = load_law("kozlowski_zhu_signed", load_elasticity(), carbon=0.1).data
+    assert data is not None
+    assert data.temperature == (950.0 + 273.15, 1400.0 + 273.15)
+    assert data.rate == (1e-6, 1e-3)
+    kept = run_in_memory(billet("idealised", "mechanics.law=weiner_boley", "casting.length=30 mm"))
+    assert kept.summary is not None
+    assert not any(name.endswith("than_data") for name in kept.summary.quantities)

@@ -1,0 +1,207 @@
+"""Cases with [machine.extraction]: force and balance of the slice, resume, what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from bent_case import BENT, bent
+from billet_runs import run_in_memory
+
+from castfem.base.errors import InputError, RunFailure
+from castfem.model import Case, load_case
+from castfem.physics.machine.extraction.drives import StrandStopsError
+from castfem.runs import loop
+from castfem.runs.output.history import read_history
+
+ROLLS = {
+    "position": [0.1, 0.35, 0.6, 0.85, 1.1, 1.35],
+    "position_unit": "m",
+    "diameter": [120] * 6,
+    "diameter_unit": "mm",
+    "radius_extrados": ["straight", 10, 5, 7.5, 15, "straight"],
+    "radius_extrados_unit": "m",
+    "driven": [False, False, True, False, False, True],
+    "capacity": ["", "", 8, "", "", 90],
+    "capacity_unit": "kN",
+}
+CURVE = {
+    "position": [0.1, 0.6, 1.35],
+    "position_unit": "m",
+    "value": [2, 12, 30],
+    "unit": "kN",
+}
+
+
+def drawn(resistance: Any = None, **changes: Any) -> Case:
+    """The billet that is bent, with drives at 0.6 and 1.35 m."""
+    extraction = {"resistance": CURVE if resistance is None else resistance}
+    rolls = ROLLS | changes.pop("rolls", {})
+    table = {"rolls": rolls, "extraction": extraction | changes.pop("extraction", {})}
+    return bent(machine=table, **changes)
+
+
+def test_a_makers_curve_draws_the_slice() -> None:
+    """It comes to the drive at 0.6 m with 12 kN, leaves it with 4, and to the last with 22."""
+    run = run_in_memory(drawn(casting__length="1.7 m"))
+    seen = {round(s.position, 6): s for s in run.samples}
+    for position, effort in ((0.1, 2e3), (0.6, 12e3), (0.85, 10e3), (1.35, 22e3), (1.7, 0.0)):
+        found = seen[position]
+        assert found.withdrawal.effort == pytest.approx(effort, abs=1e-6)
+        ours = found.mechanics
+        assert 2.0 * ours.load == pytest.approx(effort, abs=1e-6)
+        # N - k M = F: the curve has the work of bending in it.
+        if ours.balance is not None:
+            left = ours.balance.axial[0] - ours.bending.curvature * ours.bending.moment
+            assert left == pytest.approx(0.5 * effort, abs=1.0)
+    assert all(
+        s.withdrawal.resistance - s.withdrawal.drives == pytest.approx(s.withdrawal.effort)
+        for s in run.samples
+    )
+    assert seen[1.7].withdrawal.drives == pytest.approx(30e3)
+
+
+def test_a_coupled_strand_pays_for_friction_and_for_bending() -> None:
+    """N - k M is the effort, the work of bending in it; the drives take both and no more."""
+    run = run_in_memory(drawn("coupled", casting__length="1.7 m"))
+    last = run.samples[-1]
+    for sample in run.samples[1:]:
+        ours = sample.mechanics
+        assert ours is not None and ours.balance is not None
+        closing = ours.balance.axial[0] - ours.bending.curvature * ours.bending.moment
+        assert 2.0 * closing == pytest.approx(sample.withdrawal.effort, abs=1.0)
+    work = -2.0 * last.mechanics.bending.work
+    assert work > 0.0
+    assert last.withdrawal.friction > 0.0
+    total = last.withdrawal.friction + work
+    assert last.withdrawal.resistance == pytest.approx(total, rel=1e-9)
+    assert last.withdrawal.drives == pytest.approx(total, rel=1e-9)
+    assert last.withdrawal.effort == pytest.approx(0.0, abs=1e-6 * total)
+
+
+def test_a_solid_strand_presses_on_no_roll_but_by_bending() -> None:
+    """Friction of bending alone is friction times the jumps of shear, summed over the pairs."""
+    run = run_in_memory(drawn("coupled", casting__length="1.7 m"))
+    places = np.array(ROLLS["position"])
+    seen = {round(s.position, 6): 2.0 * s.mechanics.bending.moment for s in run.samples}
+    moments = np.array([seen[p] for p in places.tolist()])
+    shear = np.diff(moments) / np.diff(places)
+    jumps = np.abs(np.diff(np.concatenate([[moments[0] / 0.25], shear])))
+    assert run.samples[-1].withdrawal.friction == pytest.approx(0.015 * jumps.sum(), rel=1e-9)
+
+
+def test_the_thesis_leaves_the_work_out() -> None:
+    """Closed axially nobody pays for it: the drives take friction alone."""
+    given = {"closing": "axial"}
+    run = run_in_memory(drawn("coupled", mechanics__planes=given, casting__length="1.7 m"))
+    last = run.samples[-1]
+    assert last.mechanics.bending.work < 0.0
+    assert last.withdrawal.resistance == pytest.approx(last.withdrawal.friction, rel=1e-12)
+
+
+@pytest.mark.parametrize("resistance", [None, "coupled"])
+def test_a_run_that_is_killed_goes_on_byte_for_byte(
+    tmp_path: Path, resistance: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = drawn(resistance, output__checkpoint_every=1)
+    loop.run(case, tmp_path / "whole", comm=MPI.COMM_SELF)
+    _killed(monkeypatch, case, tmp_path / "cut", after=0.7)
+    loop.run(case, tmp_path / "cut", comm=MPI.COMM_SELF, resume=True)
+    histories = [(tmp_path / name / "history.csv").read_bytes() for name in ("whole", "cut")]
+    assert histories[0] == histories[1]
+    names = {column.split(" [")[0] for column in read_history(tmp_path / "cut" / "history.csv")}
+    assert {"effort", "roll_resistance", "drive_force"} <= names
+
+
+def _killed(monkeypatch: pytest.MonkeyPatch, case: Case, folder: Path, after: float) -> None:
+    """Run a case until it is beyond a position (m), as if it were killed there."""
+
+    class KilledError(BaseException):
+        pass
+
+    advance = loop.TimeLoop.advance
+
+    def dying(self: loop.TimeLoop) -> None:
+        if self.run_state.position > after:
+            raise KilledError
+        advance(self)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(loop.TimeLoop, "advance", dying)
+        with pytest.raises(KilledError):
+            loop.run(case, folder, comm=MPI.COMM_SELF)
+
+
+def test_the_strand_would_stop_before_the_run_or_within() -> None:
+    weak = {"capacity": ["", "", 8, "", "", 9]}
+    with pytest.raises(StrandStopsError, match=r"resist with 30 kN, .* with 17 kN at most"):
+        run_in_memory(drawn(rolls=weak))
+    nothing = {"capacity": ["", "", 0.001, "", "", 0.001]}
+    with pytest.raises(RunFailure, match=r"^300 mm below the meniscus .*the strand would stop"):
+        run_in_memory(drawn("coupled", rolls=nothing))
+
+
+def test_the_resolved_case_is_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "resistance.csv"
+    path.write_text("position [mm], value [kN]\n100, 2\n600, 12\n1350, 30\n")
+    case = drawn({"file": str(path)})
+    assert case.machine is not None and case.machine.extraction is not None
+    resolved = tmp_path / "case.toml"
+    resolved.write_text(case.resolved_toml())
+    path.unlink()
+    assert load_case(resolved).physics_hash() == case.physics_hash()
+    assert case.physics_hash() != drawn().with_({"machine.extraction.friction_axis": 0.02})
+
+
+REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
+    "force": (
+        {"mechanics__planes": {"force": "5 kN"}},
+        "mechanics.planes.force",
+        "stands beside [machine.extraction]",
+    ),
+    "work twice": (
+        {"mechanics__planes": {"force_contains_bending": False}},
+        "force_contains_bending",
+        "a maker's curve has the work of bending in it",
+    ),
+    "no drive": (
+        {"rolls": {"driven": [False] * 6, "capacity": [""] * 6}},
+        "machine.extraction",
+        "no pair of rolls is driven",
+    ),
+    "an effort": (
+        {"resistance": CURVE | {"value": [2, 12, 3]}},
+        "extraction.resistance",
+        "falls from 12 kN at 0.6 m to 3 kN at 1.35 m",
+    ),
+    "a number": ({"resistance": "30 kN"}, "extraction.resistance", "a table over position"),
+    "a word": ({"resistance": "couple"}, "extraction.resistance", '"coupled"'),
+    "straight": (
+        {"rolls": {"radius_extrados": ["straight"] * 6}},
+        "machine.extraction",
+        "is for a strand that its machine bends",
+    ),
+}
+
+
+@pytest.mark.parametrize("mistake", REFUSED)
+def test_what_is_refused(mistake: str) -> None:
+    """One line: key, reason, mend."""
+    changes, key, words = REFUSED[mistake]
+    with pytest.raises(InputError) as caught:
+        drawn(**changes)
+    (problem,) = caught.value.problems
+    assert key in problem
+    assert words in problem
+
+
+def test_a_case_without_it_has_nothing_of_it() -> None:
+    """No column, no state, and the planes that it had."""
+    run = run_in_memory(bent())
+    state = run.states[-1].mechanical
+    assert state is not None and state.bending.withdrawal is None
+    assert "extraction" not in BENT["machine"]

@@ -1,0 +1,210 @@
+"""A failed attempt leaves the slice as it was: temperature, mechanics, contact and friction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from time_loop.billet_runs import Kept, billet
+
+from castfem.model.build.simulation import Simulation, build
+from castfem.physics.contact.state import OPEN, SLIP
+from castfem.physics.coupling.staggered import CouplingWindow, StaggeredCoupling, StrandState
+from castfem.physics.mechanics.problem import MechanicalProblem
+from castfem.physics.mechanics.stepper import MechanicalStepper
+from castfem.runs import restart
+from castfem.runs.loop import TimeLoop
+from castfem.runs.results.run_state import RunState
+from castfem.runs.results.sample import Sample
+
+RUBBING = (
+    "mould.friction.law=coulomb", "mould.friction.coefficient=0.2", "mould.contact=nitsche",
+    "casting.length=210 mm", "coupling.interval=0.5 s", "mesh.surface_size=3 mm",
+    "mesh.corner_size=3 mm", "mesh.face_size=14 mm", "coupling.window_error=1000 K",
+)  # fmt: skip
+BEFORE, WHEN = 3.0, 3.5  # s: the window whose first attempt fails, the corner half open
+Bits = dict[str, bytes]
+
+
+def bits(part: Any, name: str = "state") -> Bits:
+    """Every number of a state, to the bit, by the name of where it stands."""
+    if is_dataclass(part):
+        below = (bits(getattr(part, f.name), f"{name}.{f.name}") for f in fields(part))
+        return {key: found for one in below for key, found in one.items()}
+    if isinstance(part, tuple) and any(is_dataclass(one) for one in part):
+        return {k: b for i, one in enumerate(part) for k, b in bits(one, f"{name}[{i}]").items()}
+    return {name: np.asarray(part).tobytes()}
+
+
+class Attempts:
+    """Watches the coupling, and spoils its first attempt to come to `WHEN`.
+
+    Args:
+        patch: For the time of the run.
+        spoil: Given the patch for the attempt that is to fail, spoils what it uses; None stands in
+            for the attempt, and nothing is computed.
+
+    Attributes:
+        before: The committed state when an attempt began, and after: when it ended, for those that
+            failed. given: What the attempt after each of these began with.
+    """
+
+    def __init__(
+        self, patch: pytest.MonkeyPatch, spoil: Callable[[pytest.MonkeyPatch], None] | None
+    ) -> None:
+        self.before: list[Bits] = []
+        self.after: list[Bits] = []
+        self.given: list[StrandState] = []
+        self._spoil, self._patch, self._take = spoil, patch, StaggeredCoupling.take
+        patch.setattr(
+            StaggeredCoupling,
+            "take",
+            lambda coupling, old, end, error: self.take(coupling, old, end, error),
+        )
+
+    def take(
+        self, coupling: StaggeredCoupling, old: StrandState, end: float, error: float
+    ) -> CouplingWindow:
+        if len(self.given) < len(self.before):
+            self.given.append(old)
+        if self.before or end != WHEN:
+            return self._take(coupling, old, end, error)
+        self.before.append(bits(old))
+        found = self._fail(coupling, old, end, error)
+        self.after.append(bits(old))
+        assert not found.converged and found.state is old
+        return found
+
+    def _fail(
+        self, coupling: StaggeredCoupling, old: StrandState, end: float, error: float
+    ) -> CouplingWindow:
+        if self._spoil is None:
+            nothing: Any = SimpleNamespace(reason="spoilt", refused=False, unborne=False)
+            return CouplingWindow(False, old, nothing, nothing, 1)
+        with self._patch.context() as patch:
+            self._spoil(patch)
+            return self._take(coupling, old, end, error)
+
+
+def untried(patch: pytest.MonkeyPatch) -> None:
+    """Temperatures are at the new time; the mechanics give up before they have begun."""
+
+    def step(self: MechanicalStepper, old: Any, time: float, temperature: Any) -> Any:
+        nothing = np.zeros(self.problem.points.deviator_points)
+        return SimpleNamespace(
+            converged=False,
+            state=old,
+            newton=0,
+            reason="spoilt",
+            dissipation=nothing,
+            refused=False,
+            unborne=False,
+        )
+
+    patch.setattr(MechanicalStepper, "step", step)
+
+
+def half_way(patch: pytest.MonkeyPatch) -> None:
+    """Newton's method ends after two iterations, far from equilibrium, contact evaluated."""
+    solve = MechanicalProblem.solve
+
+    def cut(self: MechanicalProblem, guesses: Any) -> Any:
+        snes = self.solver.snes
+        before = snes.getTolerances()
+        snes.setTolerances(max_it=2)
+        try:
+            return solve(self, guesses)
+        finally:
+            snes.setTolerances(*before)
+
+    patch.setattr(MechanicalProblem, "solve", cut)
+
+
+def found_and_lost(patch: pytest.MonkeyPatch) -> None:
+    """The mechanics come to the new state, with its contact, and say they have not."""
+    step = MechanicalStepper.step
+
+    def lost(self: MechanicalStepper, old: Any, time: float, temperature: Any) -> Any:
+        result = step(self, old, time, temperature)
+        assert result.converged
+        return replace(result, converged=False, state=old, reason="spoilt", balance=None)
+
+    patch.setattr(MechanicalStepper, "step", lost)
+
+
+def repeated(patch: pytest.MonkeyPatch) -> None:
+    """A first iteration is good, but its gap is not converged, and the iteration after it fails."""
+    step, calls = MechanicalStepper.step, []
+
+    def second(self: MechanicalStepper, old: Any, time: float, temperature: Any) -> Any:
+        result = step(self, old, time, temperature)
+        calls.append(time)
+        if len(calls) == 1:
+            return result
+        return replace(result, converged=False, state=old, reason="spoilt", balance=None)
+
+    patch.setattr(MechanicalStepper, "step", second)
+    patch.setattr(StaggeredCoupling, "_misjudged", lambda *given: 1e3)  # K
+
+
+class Undisturbed(Kept):
+    """A run whose spoilt attempt computes nothing, and a checkpoint from before it."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        super().__init__()
+        self.simulation = simulation
+        self.checkpoint: tuple[Any, Any] = (None, None)
+
+    def step(self, run: RunState, sample: Sample) -> None:
+        super().step(run, sample)
+        if sample.time == BEFORE:
+            self.checkpoint = restart.description(run), restart.arrays(run)
+
+
+@pytest.fixture(scope="module")
+def undisturbed() -> Iterator[Undisturbed]:
+    """The run that takes the same windows."""
+    simulation = build(billet("taper_0", *RUBBING), MPI.COMM_SELF)
+    with pytest.MonkeyPatch.context() as patch:
+        Attempts(patch, None)
+        kept = Undisturbed(simulation)
+        TimeLoop(simulation, kept).run()  # type: ignore[arg-type]
+    yield kept
+    simulation.destroy()
+
+
+@pytest.mark.parametrize("spoil", [untried, half_way, found_and_lost, repeated])
+def test_a_failed_attempt_leaves_no_trace(
+    undisturbed: Undisturbed, monkeypatch: pytest.MonkeyPatch, spoil: Callable[[Any], None]
+) -> None:
+    attempts, kept = Attempts(monkeypatch, spoil), Kept()
+    time_loop = TimeLoop(undisturbed.simulation, kept)  # type: ignore[arg-type]
+    restart.restore(time_loop.run_state, *undisturbed.checkpoint)
+    time_loop.run()
+    (old,) = attempts.given
+    assert attempts.before == attempts.after == [bits(old)]
+    # Contact, friction, flow and Nitsche's own state were there to be spoilt ...
+    assert old.mechanical is not None and old.mechanical.contact is not None
+    contact = old.mechanical.contact
+    assert set(contact.status) == {OPEN, SLIP} and np.abs(contact.friction[:, 1]).max() > 1e3
+    for array in (
+        contact.stress, contact.internal, contact.withdrawal_resistance, old.mechanical.internal,
+        old.heating,
+    ):  # fmt: skip
+        assert np.abs(array).max() > 1e-8
+    # ... all of one instant: the temperatures that strained the slice are those it has.
+    assert old.time == old.thermal.time == old.mechanical.time == BEFORE
+    assert np.array_equal(old.mechanical.temperature, old.thermal.point.temperature)
+    # The run goes on as if the attempt had never been.
+    assert time_loop.run_state.counts.cut_back == 1
+    same = undisturbed.states[-len(kept.states) :]
+    assert same[0].time > BEFORE and len(same) == 3 and same[-1].time == WHEN
+    for ours, theirs in zip(kept.states, same, strict=True):
+        one, other = bits(ours), bits(theirs)
+        assert not [name for name in one if one[name] != other[name]]

@@ -1,0 +1,201 @@
+"""Points that are followed: what they read, on several ranks, resumed, and not at all without."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas
+import pytest
+from billet_runs import billet, run
+from interrupted import Interrupted
+from ranks import needs_mpirun, python_on
+
+import castfem
+from castfem.base.errors import InputError
+from castfem.cli.checking import check_case
+from castfem.model import Case
+from castfem.runs.output.history import read_history
+
+HALF = 62.5
+PROBES: list[dict[str, Any]] = [
+    {"name": "skin", "under": "mid_face", "depth": "0 mm"},
+    {"name": "tc-8", "under": "mid_face", "depth": "8 mm"},
+    {"name": "same", "x": "0 mm", "y": f"{HALF - 8:g} mm"},
+    {"name": "inside", "x": "50.3 mm", "y": "31.7 mm"},
+]
+
+
+def probed(*overrides: str) -> Case:
+    return billet("taper_1", "casting.length=60 mm", *overrides).with_({"output.probe": PROBES})
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("probed")
+    run(probed(), folder)
+    return folder
+
+
+def table(folder: Path, name: str) -> pandas.DataFrame:
+    return read_history(folder / "probes" / f"{name}.csv")
+
+
+def test_a_probe_at_the_surface_reads_what_the_history_has(folder: Path) -> None:
+    skin, history = table(folder, "skin"), read_history(folder / "history.csv")
+    for column, name in (
+        ("time", "time"),
+        ("position", "position"),
+        ("temperature", "surface_temperature_mid_face"),
+        ("von_mises", "von_mises_mid_face"),
+    ):
+        ours, theirs = skin[column].to_numpy(), history[name].to_numpy()
+        assert ours == pytest.approx(theirs, rel=1e-6, abs=1e-9)
+    outward = np.hypot(skin["displacement_x"], skin["displacement_y"])
+    assert outward.to_numpy() == pytest.approx(history["displacement_mid_face"].abs(), abs=1e-9)
+
+
+def test_a_depth_is_the_point_there(folder: Path) -> None:
+    one, other = table(folder, "tc-8"), table(folder, "same")
+    assert one.to_numpy() == pytest.approx(other.to_numpy(), rel=1e-9, abs=1e-12)
+    assert one["temperature"].iloc[-1] > table(folder, "skin")["temperature"].iloc[-1] + 50.0
+
+
+def test_phases_and_strains(folder: Path) -> None:
+    found = table(folder, "skin")
+    units = found.attrs["units"]
+    assert units["strain_rate_zz"] == "1/s" and units["stress_xy"] == "MPa"
+    solid = found["solid_fraction"]
+    assert solid.iloc[0] == 0.0 and 0.5 < solid.iloc[-1] < 1.0
+    assert (found["delta_ferrite"] + found["austenite"]).to_numpy() == pytest.approx(solid)
+    cold = found["temperature"] < 1494.0  # below the peritectic, of 0.42 %C
+    assert cold.any() and not found["delta_ferrite"][cold].any()
+    assert found["delta_ferrite"].max() > 0.0
+    # The planes strain the whole section alike, and the rate is that of the last window.
+    axial, times = found["strain_zz"].to_numpy(), found["time"].to_numpy()
+    assert axial == pytest.approx(read_history(folder / "history.csv")["axial_strain"], abs=1e-9)
+    rate = np.diff(axial) / np.diff(times)
+    assert found["strain_rate_zz"].to_numpy()[1:] == pytest.approx(rate, rel=1e-6, abs=1e-10)
+
+
+def test_a_resumed_run_has_the_same_files_to_the_byte(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        run(probed(), tmp_path, progress=Interrupted(3))
+    assert len(table(tmp_path, "skin")) < len(table(folder, "skin"))
+    run(probed(), tmp_path, resume=True)
+    for probe in PROBES:
+        name = f"probes/{probe['name']}.csv"
+        assert (tmp_path / name).read_bytes() == (folder / name).read_bytes()
+
+
+def test_a_probe_that_comes_later_cannot_go_on(tmp_path: Path) -> None:
+    case = billet("thermal", "casting.length=60 mm")
+    run(case, tmp_path)
+    longer = case.with_({"output.probe": PROBES, "casting.length": "90 mm"})
+    with pytest.raises(InputError, match=r"skin\.csv: no such file; run again without --resume"):
+        run(longer, tmp_path, resume=True)
+
+
+def test_a_run_without_probes_leaves_none_behind(tmp_path: Path) -> None:
+    case = billet("thermal", "casting.length=12 mm")
+    with castfem.run(case.with_({"output.probe": PROBES}), tmp_path) as result:
+        assert list(result.probes) == [probe["name"] for probe in PROBES]
+        assert list(result.probes["skin"])[-3:] == ["solid_fraction", "delta_ferrite", "austenite"]
+    (tmp_path / "probes" / "mine.csv").write_text("a file of the user's")
+    run(case, tmp_path)
+    assert [path.name for path in (tmp_path / "probes").iterdir()] == ["mine.csv"]
+
+
+def test_a_file_of_the_users_is_not_written_over(tmp_path: Path) -> None:
+    (tmp_path / "probes").mkdir()
+    (tmp_path / "probes" / "skin.csv").write_text("mine")
+    case = billet("thermal", "casting.length=12 mm").with_({"output.probe": PROBES})
+    with pytest.raises(InputError, match=r"holds probes/skin\.csv, not of a run of castfem"):
+        run(case, tmp_path)
+
+
+def test_nothing_is_loaded_without() -> None:
+    words = (
+        "import sys, castfem; from castfem.model import load_case; "
+        "castfem.run(castfem.load('billet125/thermal').with_({'casting.length': '2 mm', "
+        "'output.figures': False})); sys.exit('castfem.runs.results.probes' in sys.modules)"
+    )
+    assert python_on(1, "-c", words).returncode == 0
+
+
+@needs_mpirun
+def test_two_ranks_read_what_one_reads(folder: Path, tmp_path: Path) -> None:
+    path = tmp_path / "case.toml"
+    path.write_text(probed().resolved_toml())
+    done = python_on(2, "-m", "castfem.cli", "run", str(path), "-o", str(tmp_path / "two"))
+    assert done.returncode == 0, done.stderr
+    for probe in PROBES:
+        one, two = (table(f, probe["name"]) for f in (folder, tmp_path / "two"))
+        size = one.abs().max().to_numpy()
+        assert (np.abs(one - two).max().to_numpy() <= 1e-6 * np.maximum(size, 1e-9)).all()
+
+
+@pytest.mark.parametrize(
+    ("probe", "message"),
+    [
+        ({"name": "a"}, "one of x with y, or under with depth, is needed"),
+        ({"name": "a", "x": "1 mm"}, "y is missing; x and y go together"),
+        ({"name": "a" * 101, "x": "1 mm", "y": "0 mm"}, "takes at most 100 letters, digits, - and"),
+        (
+            {"name": "../a", "x": "1 mm", "y": "0 mm"},
+            "takes at most 100 letters, digits, - and _; the first",
+        ),
+        ({"name": "a", "under": "corner"}, "depth is missing; under and depth go together"),
+        ({"name": "a", "x": "1 mm", "y": "1 mm", "under": "corner", "depth": "1 mm"}, "one of x"),
+        ({"name": "../a", "x": "1 mm", "y": "1 mm"}, r"output\.probe\.0\.name"),
+        ({"x": "1 mm", "y": "1 mm"}, r"probe\.0\.name: is missing"),
+        ({"name": "a", "x": "1 m", "y": "0 mm"}, r"probe\.0\.x: .*outside .* reaches to 62\.5 mm"),
+        ({"name": "a", "x": "0 mm", "y": "-63 mm"}, r"probe\.0\.y: \(-63 mm\) lies outside"),
+        ({"name": "a", "x": "-30 mm", "y": "0 mm"}, r"probe\.0\.x: .* is a quarter; .* 30 mm"),
+    ],
+)
+def test_what_says_no_place_is_refused(probe: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        billet("thermal").with_({"output.probe": [probe]})
+
+
+def test_two_of_a_name_are_refused() -> None:
+    one = {"name": "a", "x": "1 mm", "y": "1 mm"}
+    with pytest.raises(InputError, match=r'probe\.1\.name: \("A"\) is used twice'):
+        billet("thermal").with_({"output.probe": [one, one | {"name": "A"}]})
+
+
+def test_the_check_finds_a_place_that_the_section_has_not(tmp_path: Path) -> None:
+    path = tmp_path / "case.toml"
+    places = (
+        {"under": "midface", "depth": "1 mm"},
+        {"under": "corner", "depth": "200 mm"},
+        {"x": "62 mm", "y": "62 mm"},  # in the cut-off of the round corner
+        {"x": "61 mm", "y": "61 mm"},
+        {"x": "62.5 mm", "y": "0 mm"},
+    )
+    probes = [{"name": f"p{i}", **place} for i, place in enumerate(places)]
+    path.write_text(billet("thermal").with_({"output.probe": probes}).resolved_toml())
+    with pytest.raises(InputError) as error:
+        check_case("billet", path, ())
+    first, second, third = error.value.problems
+    assert first.startswith(f'{path}: output.probe "p0": under: no place "midface"')
+    assert second.startswith(f'{path}: output.probe "p1": depth (200 mm) is beyond')
+    assert third.startswith(f'{path}: output.probe "p2": x = 62, y = 62 mm lies outside the sect')
+
+
+@pytest.mark.parametrize(
+    ("probe", "message"),
+    [
+        ({"x": "62 mm", "y": "62 mm"}, r"x = 62, y = 62 mm lies outside the section"),
+        ({"under": "midface", "depth": "1 mm"}, r'no place "midface".*did you mean mid_face'),
+        ({"under": "mid_face", "depth": "80 mm"}, r"depth \(80 mm\) is beyond .* at 62\.5 mm"),
+    ],
+)
+def test_places_off_the_section_are_refused(
+    probe: dict[str, Any], message: str, tmp_path: Path
+) -> None:
+    case = billet("thermal").with_({"output.probe": [{"name": "a", **probe}]})
+    with pytest.raises(InputError, match=message):
+        run(case, tmp_path)

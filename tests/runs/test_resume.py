@@ -1,0 +1,312 @@
+"""What ends before its time goes on as if it had not: counts, references, history, files."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from billet_runs import billet, run
+from interrupted import Interrupted
+from ranks import needs_mpirun, python_on
+
+from castfem.base.errors import InputError, RunFailure
+from castfem.model import Case, load_case
+from castfem.physics.coupling.subcycling import ThermalSteps
+from castfem.physics.thermal.problem import ThermalProblem
+from castfem.runs.interrupt import Interrupt, Stopped
+from castfem.runs.output.checkpoint import load_checkpoint
+from castfem.runs.output.history import History, read_history
+from castfem.runs.output.summary import Summary
+from castfem.runs.recorder import Recorder
+
+THERMAL = Path(__file__).parents[2] / "cases" / "billet125" / "thermal.toml"
+COARSE = (
+    "mesh.surface_size=2 mm",
+    "mesh.corner_size=2 mm",
+    "mesh.face_size=6 mm",
+    "mesh.core_size=12 mm",
+    "output.fields=[]",
+    "output.figures=false",
+)
+
+
+def thermal(*overrides: str) -> Case:
+    return load_case(THERMAL, (*COARSE, *overrides))
+
+
+def record(folder: Path) -> dict[str, object]:
+    found: dict[str, object] = json.loads((folder / "run.json").read_text())
+    return found
+
+
+def same_run(one: Path, other: Path) -> None:
+    """The histories of two folders have the same times and numbers."""
+    ours, theirs = (read_history(folder / "history.csv") for folder in (one, other))
+    assert ours.shape == theirs.shape
+    assert np.allclose(ours.to_numpy(), theirs.to_numpy(), rtol=1e-6, atol=1e-9, equal_nan=True)
+
+
+def failing(monkeypatch: pytest.MonkeyPatch, error: BaseException, time: float) -> None:
+    """Let every thermal step from `time` (s) on meet an error."""
+    take = ThermalSteps.one
+
+    def one(self: ThermalSteps, state, stop=None):  # type: ignore[no-untyped-def]
+        if state.time >= time:
+            raise error
+        return take(self, state, stop)
+
+    monkeypatch.setattr(ThermalSteps, "one", one)
+
+
+def test_a_run_that_failed_in_its_first_step_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = thermal("casting.length=60 mm")
+    with monkeypatch.context() as patch:
+        failing(patch, RunFailure("stuck"), 0.0)
+        with pytest.raises(RunFailure, match=r"^0 mm below the meniscus \(0 s\): stuck$"):
+            run(case, tmp_path / "cut")
+    assert run(case, tmp_path / "cut", resume=True).status == "finished"
+    run(case, tmp_path / "whole")
+    same_run(tmp_path / "cut", tmp_path / "whole")
+
+
+def references(summary: Summary) -> dict[str, tuple[float | None, float]]:
+    """Name of each reference to where it holds and our value."""
+    return {c.reference.quantity: (c.reference.at, c.ours) for c in summary.references}
+
+
+def test_references_of_the_old_end_survive_a_longer_run(tmp_path: Path) -> None:
+    short = references(run(thermal(), tmp_path / "parts"))
+    parts = references(run(thermal("casting.length=700 mm"), tmp_path / "parts", resume=True))
+    whole = references(run(thermal("casting.length=700 mm"), tmp_path / "whole"))
+    assert len(short) == 5
+    for name, (at, ours) in whole.items():
+        assert short[name][0] is None and parts[name][0] == at == 0.6
+        assert parts[name][1] == short[name][1] == pytest.approx(ours, rel=1e-9)
+    assert parts.keys() == short.keys() == whole.keys()
+
+
+def test_a_failed_run_is_not_compared_with_an_end_it_has_not_reached(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = thermal('reference.0.at="300 mm"')
+    failing(monkeypatch, RunFailure("stuck"), 6.0)
+    with pytest.raises(RunFailure):
+        run(case, tmp_path)
+    summary = Summary.load(tmp_path)
+    assert summary is not None
+    assert list(references(summary)) == [case.reference[0].quantity]
+
+
+def test_an_interrupted_run_goes_on_from_its_last_step(tmp_path: Path) -> None:
+    """And its counts, Newton iterations too, are those of a run that was not interrupted."""
+    case = billet("taper_1", "casting.length=90 mm")
+    with pytest.raises(KeyboardInterrupt):
+        run(case, tmp_path / "cut", progress=Interrupted(4))
+    found = record(tmp_path / "cut")
+    assert (found["status"], found["reason"]) == ("interrupted", "stopped by the user")
+    summary = Summary.load(tmp_path / "cut")
+    assert summary is not None and summary.status == "interrupted"
+    with pytest.raises(InputError, match=r"casting\.length: 0\.03 m .* has come to 0\.045 m"):
+        run(billet("taper_1", "casting.length=30 mm"), tmp_path / "cut", resume=True)
+    assert record(tmp_path / "cut") == found
+    reached = read_history(tmp_path / "cut" / "history.csv")["time"].iloc[-1]
+    assert load_checkpoint(tmp_path / "cut" / "checkpoint.h5")[0]["time"] == reached == 0.75
+    resumed = run(case, tmp_path / "cut", resume=True)
+    whole = run(case, tmp_path / "whole")
+    same_run(tmp_path / "cut", tmp_path / "whole")
+    assert resumed.steps == whole.steps
+    assert min(whole.steps[n] for n in whole.steps if n.startswith("Newton")) > 10
+
+
+def broken(self: Recorder, run: object) -> None:
+    raise RunFailure("no space left on device")
+
+
+@pytest.mark.parametrize("save", [Recorder.save, broken])
+def test_any_error_leaves_the_last_good_state_and_is_not_hidden(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, save: Callable[..., None]
+) -> None:
+    case = thermal("casting.length=60 mm", "thermal.time.step=0.1 s")
+    with monkeypatch.context() as patch:
+        failing(patch, MemoryError("too much"), 0.45)
+        patch.setattr(Recorder, "save", save)
+        with pytest.raises(MemoryError, match="too much"):
+            run(case, tmp_path / "cut")
+    found = record(tmp_path / "cut")
+    assert found["status"] == "failed" and "too much" in str(found["reason"])
+    if save is broken:
+        return
+    assert found["reached"] == {"time": 0.5, "position": pytest.approx(0.03), "step": 5}
+    run(case, tmp_path / "cut", resume=True)
+    run(case, tmp_path / "whole")
+    same_run(tmp_path / "cut", tmp_path / "whole")
+
+
+def test_no_checkpoint_runs_ahead_of_the_history(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A row that could not be written is missing from no resumed run."""
+    case = thermal("casting.length=60 mm", "thermal.time.step=0.1 s")
+    append = History.append
+
+    def full(self: History, row: dict[str, float]) -> None:
+        if row["time"] > 0.35:
+            raise RunFailure("history.csv: no space left on device")
+        append(self, row)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(History, "append", full)
+        with pytest.raises(RunFailure, match="no space"):
+            run(case, tmp_path / "cut")
+    assert load_checkpoint(tmp_path / "cut" / "checkpoint.h5")[0]["time"] == pytest.approx(0.3)
+    assert record(tmp_path / "cut")["reached"] == {
+        "time": pytest.approx(0.3), "position": pytest.approx(0.018), "step": 3,
+    }  # fmt: skip
+    resumed = run(case, tmp_path / "cut", resume=True)
+    whole = run(case, tmp_path / "whole")
+    same_run(tmp_path / "cut", tmp_path / "whole")
+    assert resumed.steps == whole.steps
+
+
+def test_a_history_with_holes_is_not_resumed(tmp_path: Path) -> None:
+    """It would go on with them in silence."""
+    run(billet("taper_1", "casting.length=60 mm"), tmp_path)
+    path, longer = tmp_path / "history.csv", billet("taper_1", "casting.length=75 mm")
+    text = path.read_text()
+    lines = text.splitlines(keepends=True)
+    path.write_text("".join(lines[:2] + lines[4:]))
+    with pytest.raises(InputError, match=r"history\.csv: has 3 rows to 1 s, of 5 .* put the file"):
+        run(longer, tmp_path, resume=True)
+    assert (record(tmp_path)["status"], len(lines)) == ("finished", 6)
+    path.write_text(text)
+    assert run(longer, tmp_path, resume=True).status == "finished"
+
+
+def test_ctrl_c_within_petsc_is_heeded_after_the_step(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An exception raised there would come out as an error of PETSc."""
+    case = thermal("casting.length=60 mm", "thermal.time.step=0.1 s")
+    residual, calls = ThermalProblem.residual, itertools.count()
+
+    def pressed(self: ThermalProblem, *arguments: Any) -> None:
+        if next(calls) == 10:
+            signal.raise_signal(signal.SIGINT)
+        residual(self, *arguments)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ThermalProblem, "residual", pressed)
+        with pytest.raises(KeyboardInterrupt):
+            run(case, tmp_path / "cut")
+    assert record(tmp_path / "cut")["reason"] == "stopped by the user"
+    time = read_history(tmp_path / "cut" / "history.csv")["time"].iloc[-1]
+    assert 0.0 < time < 1.0
+    assert load_checkpoint(tmp_path / "cut" / "checkpoint.h5")[0]["time"] == pytest.approx(time)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    run(case, tmp_path / "cut", resume=True)
+    run(case, tmp_path / "whole")
+    same_run(tmp_path / "cut", tmp_path / "whole")
+
+
+def test_a_later_signal_stops_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    with Interrupt(MPI.COMM_SELF) as interrupt:
+        interrupt.heed()
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)  # the same wish, told twice
+        with pytest.raises(Stopped, match="stopped by the user") as stop:
+            interrupt.heed()
+        assert "resume=True goes on" in stop.value.__notes__[0]
+        monkeypatch.setattr("castfem.runs.interrupt.ONE", 0.0)
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_signals_that_others_handle_are_left_alone() -> None:
+    seen: list[int] = []
+    before = signal.signal(signal.SIGTERM, lambda number, _: seen.append(number))
+    try:
+        with Interrupt(MPI.COMM_SELF) as interrupt:
+            signal.raise_signal(signal.SIGTERM)
+            interrupt.heed()
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert seen == [signal.SIGTERM]
+
+
+TOLD = """
+import os, signal, sys
+from castfem.cli import main
+from castfem.cli.parallel import communicator
+from castfem.physics.coupling.subcycling import ThermalSteps
+take, comm = ThermalSteps.one, communicator()
+def one(self, state, stop=None):
+    if comm.rank == 1 and state.time > 0.45 and "--resume" not in sys.argv:
+        os.kill(os.getpid(), signal.SIGHUP)
+    return take(self, state, stop)
+ThermalSteps.one = one
+main(sys.argv[1:])
+"""
+
+
+@needs_mpirun
+def test_a_signal_to_one_rank_stops_all_after_the_step(tmp_path: Path) -> None:
+    """As of a terminal that closes: saved, and what goes on ends with the same numbers."""
+    options = (*COARSE, "casting.length=60 mm", "thermal.time.step=0.1 s")
+    words = ["run", str(THERMAL), "-q", *(w for o in options for w in ("--set", o))]
+    folder = tmp_path / "cut"
+    done = python_on(2, "-c", TOLD, *words, "-o", str(folder), timeout=180.0)
+    assert done.returncode == 130, done.stderr
+    assert done.stderr.count("castfem: interrupted; `castfem run ... --resume` goes on") == 1
+    assert record(folder)["reason"].startswith("stopped by SIGHUP")  # which MPI's UCX would swallow
+    assert load_checkpoint(folder / "checkpoint.h5")[0]["time"] == pytest.approx(0.6)
+    done = python_on(2, "-c", TOLD, *words, "-o", str(folder), "--resume", timeout=180.0)
+    assert done.returncode == 0, done.stderr
+    run(load_case(THERMAL, options), tmp_path / "whole")
+    same_run(folder, tmp_path / "whole")
+
+
+def test_other_fields_than_before_are_refused_with_their_names(tmp_path: Path) -> None:
+    short = ("casting.length=60 mm", 'output.fields=["temperature"]')
+    run(thermal(*short), tmp_path)
+    longer = ("casting.length=120 mm", 'output.fields=["solid_fraction"]')
+    with pytest.raises(InputError, match=r"temperature; set output\.fields"):
+        run(thermal(*longer), tmp_path, resume=True)
+
+
+ALONE = """
+import sys
+from castfem.cli import main
+from castfem.cli.parallel import communicator
+from castfem.physics.coupling.subcycling import ThermalSteps
+take, comm = ThermalSteps.one, communicator()
+def one(self, state, stop=None):
+    if comm.rank == 1 and state.time > 0.45:
+        raise MemoryError("too much")
+    return take(self, state, stop)
+ThermalSteps.one = one
+main(sys.argv[1:])
+"""
+
+
+@needs_mpirun
+def test_a_rank_that_fails_alone_ends_all_and_saves_nothing(tmp_path: Path) -> None:
+    words = [w for o in (*COARSE, "casting.length=60 mm") for w in ("--set", o)]
+    words += ["--set", "thermal.time.step=0.1 s", "--set", "output.checkpoint_every=2"]
+    folder = tmp_path / "out"
+    done = python_on(
+        2, "-c", ALONE, "run", str(THERMAL), "-q", "-o", str(folder), *words, timeout=60.0
+    )
+    assert done.returncode == 2, done.stderr
+    assert "on rank 1: unexpected MemoryError: too much" in done.stderr
+    assert load_checkpoint(folder / "checkpoint.h5")[0]["time"] == pytest.approx(0.4)

@@ -1,0 +1,290 @@
+"""A run from case to folder: what it writes, how it resumes, how it fails, what it leaves out."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from castfem.base.errors import InputError, RunFailure
+from castfem.model import Case, load_case
+from castfem.runs import loop
+from castfem.runs.output.fields import Fields
+from castfem.runs.output.history import read_history
+from castfem.runs.output.summary import Summary
+
+CASES = Path(__file__).parents[2] / "cases"
+COARSE = (
+    'mesh.surface_size="2 mm"',
+    'mesh.corner_size="2 mm"',
+    'mesh.face_size="6 mm"',
+    'mesh.core_size="12 mm"',
+)
+
+
+def billet(*overrides: str) -> Case:
+    return load_case(CASES / "billet125" / "thermal.toml", (*COARSE, *overrides))
+
+
+def run(case: Case, folder: Path, **options: object) -> Summary:
+    return loop.run(case, folder, comm=MPI.COMM_SELF, **options)  # type: ignore[arg-type]
+
+
+def test_a_run_leaves_the_whole_folder(tmp_path: Path) -> None:
+    summary = run(billet(), tmp_path)
+    names = {p.name for p in tmp_path.iterdir() if not p.name.startswith(".")}
+    assert names == {
+        "case.toml",
+        "run.json",
+        "run.log",
+        "history.csv",
+        "fields.xdmf",
+        "fields.h5",
+        "checkpoint.h5",
+        "summary.json",
+    }
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert record["status"] == "finished"
+    assert record["ranks"] == 1
+    assert {"castfem", "dolfinx", "petsc", "python"} <= record["versions"].keys()
+    assert summary.quantities["position"].value == pytest.approx(0.6)
+    assert summary.balances["heat"]["worst_step"].value < 1e-9
+    assert summary.balances["heat"]["whole"].value < 1e-9
+    assert {c.reference.quantity for c in summary.references} >= {"shell_mid_face", "shell_corner"}
+    history = read_history(tmp_path / "history.csv")
+    assert history["time"].iloc[0] == 0.0
+    assert history["time"].iloc[-1] == 10.0
+    assert (np.diff(history["heat_removed"]) > 0).all()
+    assert (np.diff(history["shell_corner"]) >= -1e-9).all()
+    assert history["temperature_min"].min() >= 160.0
+    assert history["temperature_max"].max() <= 1542.5 + 1e-4
+    again = load_case(tmp_path / "case.toml")
+    assert again.physics_hash() == billet().physics_hash()
+
+
+def test_heat_removed_agrees_with_the_flux_integrated(tmp_path: Path) -> None:
+    """Two roads to one number: the balance's heat, and the surface flux over time at mid-face."""
+    case = load_case(CASES / "verification" / "alloy_similarity.toml", ['casting.length="200 mm"'])
+    run(case, tmp_path)
+    history = read_history(tmp_path / "history.csv")
+    late = history[history["time"] > 2.0]
+    flux = late["heat_flux_mid_face"].to_numpy() * 1e3
+    times = late["time"].to_numpy()
+    by_flux = np.sum(0.5 * (flux[1:] + flux[:-1]) * np.diff(times)) * 0.3e-3
+    by_balance = late["heat_removed"].iloc[-1] - late["heat_removed"].iloc[0]
+    assert by_flux == pytest.approx(by_balance, rel=2e-3)
+
+
+STEPS = 'thermal.time.step="0.1 s"'
+
+KILLED = """
+import os, signal, sys
+from castfem.model import load_case
+from castfem.runs import loop
+class Killer:
+    def start(self, *a): self.n = 0
+    def update(self, *a):
+        self.n += 1
+        if self.n == int(sys.argv[3]): os.kill(os.getpid(), signal.SIGKILL)
+    def stop(self): pass
+loop.run(load_case(sys.argv[1], sys.argv[4:]), sys.argv[2], progress=Killer())
+"""
+RUBBING = (
+    "mould.friction.law=coulomb",
+    "mould.friction.coefficient=0.2",
+    "coupling.interval=0.2 s",
+    "casting.length=120 mm",
+    "output.every=0.4 s",
+)
+
+
+@pytest.fixture(scope="module")
+def never_killed(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Callable[..., tuple[Path, Summary]]:
+    """Folder and summary of a run that goes to its end, once for all that are killed."""
+
+    @cache
+    def _whole(name: str, settings: tuple[str, ...]) -> tuple[Path, Summary]:
+        folder = tmp_path_factory.mktemp("whole")
+        file = CASES / "billet125" / f"{name}.toml"
+        return folder, run(load_case(file, (*COARSE, *settings)), folder)
+
+    return _whole
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "steps", "every", "times"),
+    [
+        ("thermal", (STEPS,), 33, 10, 21),
+        ("taper_0", RUBBING, 8, 3, 6),
+        ("taper_0", RUBBING, 2, 20, 6),  # before the first checkpoint but that of the meniscus
+    ],
+)
+def test_killed_and_resumed_is_the_run_that_was_never_killed(
+    tmp_path: Path,
+    never_killed: Callable[..., tuple[Path, Summary]],
+    name: str,
+    settings: tuple[str, ...],
+    steps: int,
+    every: int,
+    times: int,
+) -> None:
+    """To the last bit: state, history, counts and fields; contact and friction among them."""
+    overrides = (*COARSE, f"output.checkpoint_every={every}", *settings)
+    file = CASES / "billet125" / f"{name}.toml"
+    arguments = [str(file), str(tmp_path / "killed"), str(steps), *overrides]
+    done = subprocess.run([sys.executable, "-c", KILLED, *arguments], check=False)
+    assert done.returncode == -9
+    assert json.loads((tmp_path / "killed" / "run.json").read_text())["status"] == "running"
+    with Fields(tmp_path / "killed") as fields:  # all that was written, not only to the checkpoint
+        reached = (steps - 1) * (0.1 if name == "thermal" else 0.2)
+        assert fields.times[-1] > reached - 0.4
+    case = load_case(file, overrides)
+    resumed = run(case, tmp_path / "killed", resume=True)
+    folder, whole = never_killed(name, settings)
+    assert resumed.steps == whole.steps
+    assert resumed.quantities == whole.quantities and resumed.balances == whole.balances
+    for file_name in ("history.csv", "fields.xdmf"):
+        one, other = ((f / file_name).read_bytes() for f in (tmp_path / "killed", folder))
+        assert one == other, file_name
+    with Fields(tmp_path / "killed") as ours, Fields(folder) as theirs:
+        assert len(theirs.times) == times
+        for field in theirs.names:
+            for k in range(times):
+                one, other = ours.values(field, k), theirs.values(field, k)
+                assert np.array_equal(one, other, equal_nan=True), field
+
+
+def test_resume_further_down_the_strand(tmp_path: Path) -> None:
+    run(billet('casting.length="300 mm"'), tmp_path)
+    summary = run(billet(), tmp_path, resume=True)
+    whole = run(billet(), tmp_path / "whole")
+    ours, theirs = summary.quantities["heat_removed"].value, whole.quantities["heat_removed"].value
+    assert ours == pytest.approx(theirs, rel=1e-5)
+
+
+def test_checkpoint_of_other_physics_is_refused(tmp_path: Path) -> None:
+    run(billet('casting.length="100 mm"'), tmp_path)
+    with pytest.raises(InputError, match="another case"):
+        run(billet('casting.speed="3 m/min"'), tmp_path, resume=True)
+
+
+def test_failed_run_says_why_and_keeps_the_last_good_state(tmp_path: Path) -> None:
+    case = billet(
+        'thermal.solver={ksp_type="preonly", pc_type="none", snes_max_it=5}',
+    )
+    with pytest.raises(RunFailure, match="smallest step"):
+        run(case, tmp_path)
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert record["status"] == "failed"
+    assert "smallest step" in record["reason"]
+    summary = Summary.load(tmp_path)
+    assert summary is not None and summary.status == "failed"
+    assert (tmp_path / "checkpoint.h5").is_file()
+    history = read_history(tmp_path / "history.csv")
+    assert history["time"].iloc[-1] == pytest.approx(record["reached"]["time"])
+
+
+def test_only_what_was_asked_for(tmp_path: Path) -> None:
+    run(billet("output.fields=[]", "output.checkpoint_every=0", 'casting.length="60 mm"'), tmp_path)
+    names = {p.name for p in tmp_path.iterdir()}
+    assert not names & {"fields.xdmf", "fields.h5", "checkpoint.h5"}
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert sorted(record["compiled_forms"]) == [
+        "heat.conduction",
+        "heat.storage",
+        "heat.surface.corner",
+        "heat.surface.narrow_face",
+        "heat.surface.wide_face",
+    ]
+
+
+def test_one_field_alone(tmp_path: Path) -> None:
+    run(billet('output.fields=["solid_fraction"]', 'casting.length="60 mm"'), tmp_path)
+    text = (tmp_path / "fields.xdmf").read_text()
+    assert "solid_fraction" in text
+    assert "temperature" not in text
+
+
+THERMAL_ONLY = """
+import sys
+from collections.abc import Callable
+from functools import cache
+from castfem.model import load_case
+from castfem.runs import loop
+loop.run(load_case(sys.argv[1], sys.argv[3:]), sys.argv[2])
+parts = ("castfem.physics.mechanics", "castfem.physics.constitutive", "castfem.studies.sensitivity")
+unwanted = [m for m in sys.modules if m.startswith(parts)]
+unwanted += [m for m in ("gmsh", "matplotlib", "pandas", "pint") if m in sys.modules]
+print("LOADED", unwanted)
+"""
+
+
+def test_thermal_simulation_loads_no_mechanics_and_nothing_to_draw_with(tmp_path: Path) -> None:
+    case = str(CASES / "billet125" / "thermal.toml")
+    overrides = [*COARSE, 'casting.length="60 mm"']
+    run(billet('casting.length="60 mm"'), tmp_path / "first")  # the mesh is in the cache
+    done = subprocess.run(
+        [sys.executable, "-c", THERMAL_ONLY, case, str(tmp_path / "second"), *overrides],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "LOADED []" in done.stdout
+
+
+def test_forms_compiled_are_forms_assembled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every form that is compiled is assembled once, at set-up; the time loop compiles none."""
+    from dolfinx import fem
+
+    made: list[object] = []
+    original = fem.form
+    monkeypatch.setattr(fem, "form", lambda *a, **k: made.append(1) or original(*a, **k))
+    run(billet('casting.length="60 mm"'), tmp_path)
+    assert len(made) == 5
+
+
+def test_simulation_holds_only_the_laws_it_needs() -> None:
+    from castfem.model.build.simulation import build
+    from castfem.physics.thermal import flux_laws
+
+    simulation = build(billet(), MPI.COMM_SELF)
+    assert not simulation.stepper.estimate
+    kinds = {type(law) for c in simulation.zones._coolings for _, law in c.laws}
+    assert kinds == {flux_laws.Contact}
+    adaptive = billet('thermal.time.adaptive={tolerance="1 K"}')
+    assert build(adaptive, MPI.COMM_SELF).stepper.estimate
+
+
+def test_full_caster_by_one_key(tmp_path: Path) -> None:
+    summary = run(billet('casting.length="20 m"', "output.fields=[]"), tmp_path)
+    assert summary.quantities["metallurgical_length"].value == pytest.approx(17.7, abs=0.5)
+    assert summary.balances["heat"]["worst_step"].value < 1e-9
+    assert summary.zones[0].name == "mould"
+    history = read_history(tmp_path / "history.csv")
+    for zone in summary.zones[:-1]:
+        assert np.abs(history["position"] - zone.end).min() < 1e-9
+    # The thesis' numbers stand where they hold, at the mould's exit.
+    ours = {c.reference.quantity: c.ours for c in summary.references}
+    at_exit = history.iloc[(history["position"] - 0.6).abs().argmin()]
+    assert ours["shell_mid_face"] == pytest.approx(1e-3 * at_exit["shell_mid_face"], rel=1e-9)
+
+
+def test_emissivity_that_the_steel_lacks_is_missed_before_the_run(tmp_path: Path) -> None:
+    case = load_case(
+        CASES / "billet125" / "thermal.toml",
+        ["steel.name=alloy_similarity", 'cooling.0.surface=[{law="radiation", ambient="25 degC"}]'],
+    )
+    with pytest.raises(InputError, match="emissivity"):
+        run(case, tmp_path)

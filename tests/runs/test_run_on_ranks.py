@@ -1,0 +1,159 @@
+"""Whole runs with mechanics and a mould give the same on one rank and on several."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pandas
+import pytest
+from ranks import needs_mpirun, python_on
+
+from castfem.model import load_case
+from castfem.runs import loop
+from castfem.runs.output.checkpoint import load_checkpoint
+from castfem.runs.output.history import read_history
+
+pytestmark = pytest.mark.slow
+
+CASES = Path(__file__).parents[2] / "cases" / "billet125"
+COARSE = (
+    "mesh.surface_size=2 mm", "mesh.corner_size=2 mm", "mesh.face_size=10 mm",
+    "mesh.core_size=14 mm", "output.figures=false",
+)  # fmt: skip
+IDEALISED = (*COARSE, "coupling.interval=0.5 s", "output.fields=[]")
+SIGNED = (*IDEALISED, "mechanics.law=kozlowski_zhu_signed")
+MOULDED = (
+    *COARSE, "mould.friction.law=coulomb", "mould.friction.coefficient=0.2",
+    "coupling.interval=0.4 s", "output.every=0.4 s",
+)  # fmt: skip
+# What is zero but for rounding, and rounds otherwise on other ranks.
+LEFT_OVER = {"energy_error", "axial_force", "force_error"}
+ERRORS = {"error", "whole", "worst_step"}
+
+
+def run(folder: Path, ranks: int, case: str, overrides: tuple[str, ...], *words: str) -> None:
+    """A run as a user starts it; that on one rank, to which others are compared, in here."""
+    if ranks == 1:
+        loop.run(load_case(CASES / f"{case}.toml", overrides), folder, comm=MPI.COMM_SELF)
+        return
+    sets = [word for override in overrides for word in ("--set", override)]
+    words = ("-m", "castfem.cli", "run", f"billet125/{case}", "-q", *sets, *words)
+    done = python_on(ranks, *words, "-o", str(folder))
+    assert done.returncode == 0, done.stderr
+
+
+def assert_same(one: pandas.DataFrame, other: pandas.DataFrame) -> None:
+    """Two histories are one."""
+    assert list(other) == list(one) and len(other) == len(one)
+    for name in set(one) - LEFT_OVER:
+        ours, theirs = other[name].to_numpy(), one[name].to_numpy()
+        size = np.nanmax(np.abs(theirs), initial=1e-300)
+        assert np.nanmax(np.abs(ours - theirs), initial=0.0) <= 1e-8 * size, name
+
+
+@needs_mpirun
+def test_ranks_and_a_pause_do_not_show_in_a_signed_state(tmp_path: Path) -> None:
+    """The strain tensor goes through the checkpoint and to other ranks like all that is kept."""
+    signed = (*SIGNED, "casting.length=105 mm")
+    run(tmp_path / "whole", 1, "idealised", signed)
+    run(tmp_path / "parts", 2, "idealised", (*SIGNED, "casting.length=90 mm"))
+    tensor = load_checkpoint(tmp_path / "parts" / "checkpoint.h5")[1]["internal_deviator"]
+    assert tensor.shape[2] == 3
+    assert np.abs(tensor).max() > 1e-5
+    run(tmp_path / "parts", 3, "idealised", signed, "--resume")
+    whole, parts = (read_history(tmp_path / name / "history.csv") for name in ("whole", "parts"))
+    assert whole["von_mises_max"].iloc[-1] > 1.0 and whole["shell_corner"].iloc[-1] > 0.5
+    assert_same(whole, parts)
+
+
+@needs_mpirun
+def test_three_ranks_from_the_start_do_not_show(tmp_path: Path) -> None:
+    """Nor in the law of the case, without a wall."""
+    short = (*IDEALISED, "casting.length=75 mm")
+    for ranks in (1, 3):
+        run(tmp_path / str(ranks), ranks, "idealised", short)
+    one, three = (read_history(tmp_path / str(ranks) / "history.csv") for ranks in (1, 3))
+    assert one["von_mises_max"].iloc[-1] > 0.1 and one["shell_corner"].iloc[-1] > 0.2
+    assert_same(one, three)
+
+
+def numbers(folder: Path) -> dict[str, float]:
+    """All numbers of a summary but errors, by name."""
+    content: dict[str, Any] = json.loads((folder / "summary.json").read_text())
+    found = {name: entry["value"] for name, entry in content["quantities"].items()}
+    for balance, terms in content["balances"].items():
+        for name in terms.keys() - ERRORS:
+            found[f"{balance}: {name}"] = terms[name]["value"]
+    return found | content["steps"]
+
+
+def assert_same_state(one: Path, other: Path) -> dict[str, np.ndarray]:
+    """Two checkpoints are one; returns the arrays."""
+    (_, state), (_, ours) = (load_checkpoint(folder / "checkpoint.h5") for folder in (one, other))
+    assert state.keys() == ours.keys()
+    for name, values in state.items():
+        known = np.isfinite(values)
+        assert np.array_equal(known, np.isfinite(ours[name])), name
+        size = np.abs(values[known]).max(initial=1e-300)
+        assert np.abs(values - ours[name])[known].max(initial=0.0) <= 1e-7 * size, name
+    return state
+
+
+@needs_mpirun
+def test_nitsche_with_friction_on_two_ranks(tmp_path: Path) -> None:
+    """What Nitsche's method keeps at the wall among it, and a window that is cut for its error."""
+    elastic = (
+        "mechanics.liquid=elastic", "mechanics.mush=geometric",
+        "mechanics.ferrostatic=proportional",
+    )  # fmt: skip
+    changes = (*MOULDED, *elastic, "mould.contact=nitsche", "casting.length=105 mm")
+    for ranks in (1, 2):
+        run(tmp_path / str(ranks), ranks, "taper_0", changes)
+    one, two = (tmp_path / str(ranks) for ranks in (1, 2))
+    table = read_history(one / "history.csv")
+    assert table["friction_force"].iloc[-1] < -1e-3 and table["gap_max"].iloc[-1] > 0.0
+    assert numbers(one)["coupling windows cut for their error"] > 0
+    assert_same(table, read_history(two / "history.csv"))
+    state = assert_same_state(one, two)
+    assert np.abs(state["contact_stress"]).max() > 1e3 and state["contact_internal"].any()
+
+
+@needs_mpirun
+def test_mould_with_friction_on_two_ranks_goes_on_on_three(tmp_path: Path) -> None:
+    """What one rank does in one go, two begin and three end, as the corner leaves the wall."""
+    case = "taper_0"
+    run(tmp_path / "one", 1, case, (*MOULDED, "casting.length=102 mm"))
+    run(tmp_path / "many", 2, case, (*MOULDED, "casting.length=96 mm"))
+    run(tmp_path / "many", 3, case, (*MOULDED, "casting.length=102 mm"), "--resume")
+    table = read_history(tmp_path / "one" / "history.csv")
+    assert table["friction_force"].iloc[-1] < -1e-3 and table["gap_max"].iloc[-1] > 1e-4
+    assert_same(table, read_history(tmp_path / "many" / "history.csv"))
+    one, many = numbers(tmp_path / "one"), numbers(tmp_path / "many")
+    assert many == pytest.approx(one, rel=1e-7, abs=1e-12)
+    state = assert_same_state(tmp_path / "one", tmp_path / "many")
+    assert len(set(state["contact_status"].ravel())) > 1
+
+
+@needs_mpirun
+def test_a_closed_form_is_held_against_a_run_on_ranks(tmp_path: Path) -> None:
+    """Its errors are sums over the ranks, which the checkpoints need as well: they waited."""
+    short = ("casting.length=3 mm", "output.checkpoint_every=2", "output.figures=false")
+    sets = [word for override in short for word in ("--set", override)]
+    found = []
+    for ranks in (1, 2):
+        folder = tmp_path / str(ranks)
+        if ranks == 1:
+            case = load_case(CASES.parent / "verification" / "neumann.toml", short)
+            loop.run(case, folder, comm=MPI.COMM_SELF)
+        else:
+            words = ("-m", "castfem.cli", "run", "verification/neumann", "-q", *sets)
+            done = python_on(ranks, *words, "-o", str(folder), timeout=120.0)
+            assert done.returncode == 0, done.stderr
+        summary = json.loads((folder / "summary.json").read_text())
+        found.append(summary["quantities"]["error_temperature"]["value"])
+    assert found[0] > 0.0 and found[1] == pytest.approx(found[0], rel=1e-6)

@@ -1,0 +1,111 @@
+"""Runs with mechanics: what they write, and what they leave out."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from castfem.base.errors import InputError
+from castfem.model import Case, load_case
+from castfem.runs import loop
+from castfem.runs.output.fields import Fields
+from castfem.runs.output.history import read_history
+from castfem.runs.output.summary import Summary
+
+CASES = Path(__file__).parents[2] / "cases"
+COARSE = (
+    'mesh.surface_size="2 mm"',
+    'mesh.corner_size="2 mm"',
+    'mesh.face_size="10 mm"',
+    'mesh.core_size="15 mm"',
+    'coupling.interval="0.25 s"',
+    'casting.length="120 mm"',
+)
+
+
+def billet(*overrides: str) -> Case:
+    return load_case(CASES / "billet125" / "idealised.toml", (*COARSE, *overrides))
+
+
+def run(case: Case, folder: Path, **options: object) -> Summary:
+    return loop.run(case, folder, comm=MPI.COMM_SELF, **options)  # type: ignore[arg-type]
+
+
+def test_fields_history_and_balances(tmp_path: Path) -> None:
+    summary = run(billet("output.every=0.5 s"), tmp_path)
+    with Fields(tmp_path) as fields:
+        assert {"displacement", "stress", "von_mises", "viscoplastic_strain"} < set(fields.names)
+        last = len(fields.times) - 1
+        stress, mises = fields.values("stress", last), fields.values("von_mises", last)
+        moved = fields.values("displacement", last)
+    assert stress.shape[1] == 9 and moved.shape[1] == 3
+    assert not moved[:, 2].any()
+    # Averages of the same points: near each other, the measure of the mean below the mean measure.
+    tensor = stress.reshape(-1, 3, 3)
+    deviator = tensor - np.trace(tensor, axis1=1, axis2=2)[:, None, None] * np.eye(3) / 3
+    of_mean = np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
+    assert (of_mean <= mises * (1 + 1e-5) + 10.0).all()
+    history = read_history(tmp_path / "history.csv")
+    last_row = history.iloc[-1]
+    assert last_row["von_mises_max"] == pytest.approx(
+        1e-6 * summary.quantities["von_mises_max"].value, rel=1e-9
+    )
+    assert summary.quantities["size_mid_face"].value == pytest.approx(
+        0.125 + 2e-3 * last_row["displacement_mid_face"], rel=1e-12
+    )
+    assert history["force_error"].max() < 1e-6
+    assert summary.balances["axial force"]["error"].value < 1e-6
+    assert summary.balances["heat"]["whole"].value < 1e-9
+    assert summary.steps["coupling windows"] == 8
+
+
+def test_dissipation_heats(tmp_path: Path) -> None:
+    """The work that flow dissipates is in the heat balance, and can be left out."""
+    with_, without = (
+        run(billet(f"coupling.dissipation={share}"), tmp_path / str(share)) for share in (1, 0)
+    )
+    generated = [s.balances["heat"]["generated"].value for s in (with_, without)]
+    assert generated[0] > 0.0 == generated[1]
+    assert with_.balances["heat"]["whole"].value < 1e-9
+
+
+def test_resumed_is_the_run_that_was_never_stopped(tmp_path: Path) -> None:
+    run(billet('casting.length="60 mm"', "output.checkpoint_every=2"), tmp_path / "cut")
+    resumed = run(billet(), tmp_path / "cut", resume=True)
+    whole = run(billet(), tmp_path / "whole")
+    for name, quantity in whole.quantities.items():
+        assert resumed.quantities[name].value == pytest.approx(quantity.value, rel=1e-10), name
+    one, other = (read_history(tmp_path / n / "history.csv") for n in ("cut", "whole"))
+    exact = [c for c in one.columns if c not in ("force_error", "energy_error", "axial_force")]
+    # Without a solidus there is no cell in which it lies, in either.
+    assert np.allclose(one[exact], other[exact], rtol=1e-10, atol=1e-12, equal_nan=True)
+
+
+def test_other_physics_is_refused(tmp_path: Path) -> None:
+    run(billet('casting.length="60 mm"'), tmp_path)
+    with pytest.raises(InputError, match="belongs to another case"):
+        run(billet("mechanics.liquid_stiffness=1e-4"), tmp_path, resume=True)
+    # How equations are solved is no physics.
+    run(billet("mechanics.solver.snes_max_it=40"), tmp_path, resume=True)
+
+
+def test_a_thermal_simulation_knows_no_mechanics() -> None:
+    code = (
+        "import sys; from mpi4py import MPI; from castfem.model import load_case; "
+        "from castfem.model.build.simulation import build; "
+        "from castfem.runs.loop import TimeLoop; "
+        "simulation = build(load_case(sys.argv[1], sys.argv[2:]), MPI.COMM_SELF); "
+        "time_loop = TimeLoop(simulation); time_loop._enter_zone(); time_loop.advance(); "
+        "assert not any(name.startswith('mechanics') for name in simulation.section.compiled); "
+        "bad = [m for m in sys.modules if m.startswith(('castfem.physics.mechanics', 'castfem.physics.contact', "
+        "'castfem.physics.constitutive'))]; assert not bad, bad"
+    )
+    case = str(CASES / "billet125" / "thermal.toml")
+    command = [sys.executable, "-c", code, case, 'mesh.surface_size="2 mm"']
+    subprocess.run(command, check=True)

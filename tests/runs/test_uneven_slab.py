@@ -1,0 +1,184 @@
+"""A slab between rolls of which one is lost or off: bulge, slice, resistance."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from billet_runs import Kept, run_in_memory
+from interrupted import Interrupted
+from test_bulging_slab import SLAB, rolls_of
+
+from castfem.model import Case
+from castfem.runs import loop
+from castfem.runs.results.sample import Sample
+
+pytestmark = pytest.mark.slow
+
+PITCH, FIRST, COUNT = 0.2, 0.9, 7
+PLACES = [FIRST + PITCH * k for k in range(COUNT)]
+LOST = {"kind": "lost", "roll": 4}
+OFF = {"kind": "misaligned", "roll": 4, "by": "4 mm"}
+FRICTION = 0.015
+
+
+def slab(*defects: dict[str, object], **changes: object) -> Case:
+    """400 x 100 mm from 0.85 m on over seven pairs of rolls, which bend it, or not."""
+    from small_case import small
+
+    rolls = {
+        "position": [f"{place:.4g} m" for place in PLACES],
+        "diameter": ["120 mm"] * COUNT,
+        "radius_extrados": [*["straight"] * 2, *["60 m"] * (COUNT - 2)],
+        "driven": [False] * (COUNT - 1) + [True],
+    }
+    machine = {"rolls": rolls, "extraction": {"resistance": "coupled"}, "defect": list(defects)}
+    given = {
+        "machine": machine,
+        "mechanics": {"law": "kozlowski_zhu_signed", "bulging": "elastic"},
+        "coupling": {"interval": "100 mm"},
+        "casting.length": "1.75 m",
+    } | {key.replace("__", "."): value for key, value in changes.items()}
+    return small(deepcopy(SLAB) | given)
+
+
+@pytest.fixture(scope="module")
+def sound() -> Kept:
+    return run_in_memory(slab())
+
+
+@pytest.fixture(scope="module")
+def lost() -> Kept:
+    return run_in_memory(slab(LOST))
+
+
+@pytest.fixture(scope="module")
+def off() -> Kept:
+    return run_in_memory(slab(OFF))
+
+
+def within(kept: Kept, pitch: int) -> Sample:
+    """The first sample in a pitch, by the roll above it from 1."""
+    return next(s for s in kept.samples if s.position > PLACES[pitch - 1] + 1e-6)
+
+
+def at(kept: Kept, roll: int) -> Sample:
+    """The sample at a roll, from 1."""
+    return next(s for s in kept.samples if abs(s.position - PLACES[roll - 1]) < 1e-6)
+
+
+def test_a_lost_roll_is_one_long_pitch_between_sound_ones(sound: Kept, lost: Kept) -> None:
+    long, short = (rolls_of(within(kept, 3)).memory for kept in (lost, sound))
+    assert long["z"][0, -1] == pytest.approx(2 * PITCH) and short["z"][0, -1] < 1.01 * PITCH
+    # Clamped between long pitches it would be 16 times as much; sound neighbours give way.
+    ratio = long["largest"] / short["largest"]
+    assert np.all(ratio > 18.0) and np.all(ratio < 40.0)
+    beside = [rolls_of(within(kept, 2)).memory["largest"][0] for kept in (lost, sound)]
+    assert beside[0] < beside[1]
+    # The face follows, as far as its edges let it: it is no wider than the pitch is long.
+    bed = rolls_of(within(lost, 3)).beds["wide_face_intrados"]
+    moved = [within(kept, 3).strained.moved["mid_face_intrados"] for kept in (lost, sound)]
+    assert moved[0] > 0.5 * bed.bulge and moved[0] > 8.0 * moved[1]
+
+
+def test_below_a_lost_roll_the_bed_is_as_soft_as_the_dip_is_deep(sound: Kept, lost: Kept) -> None:
+    """There the shell dips by more than it bulges: pressure over the one, not over 0.05 mm."""
+    memory = rolls_of(within(lost, 5)).memory
+    low, top = memory["deflection"].min(axis=1), memory["largest"]
+    assert np.all(-low > 1.2 * top) and np.all(-low > 60e-6)
+    pressure = memory["load"] / PITCH
+    assert memory["stiffness"] == pytest.approx(pressure / -low, rel=0.02)
+    plain = rolls_of(within(sound, 5)).memory
+    soft = np.maximum(plain["largest"], 50e-6)
+    assert plain["stiffness"] == pytest.approx(plain["load"] / PITCH / soft, rel=0.02)
+
+
+def test_rolls_beside_a_lost_one_bear_more_than_half_of_it(sound: Kept, lost: Kept) -> None:
+    memory = rolls_of(within(lost, 3)).memory
+    statics = 1.5 * PITCH * memory["load"] / (2 * PITCH)
+    assert np.all(memory["force"] > 1.05 * statics)
+    assert memory["added"][:, 0] == pytest.approx(memory["force"] - statics, rel=1e-6)
+    assert "added" not in rolls_of(within(sound, 3)).memory
+
+
+def steps(kept: Kept) -> dict[int, float]:
+    """What friction has taken as the slice has passed a roll."""
+    found = {}
+    for sample in kept.samples:
+        withdrawal = sample.bending.withdrawal
+        assert withdrawal is not None
+        found[withdrawal.pairs] = withdrawal.friction
+    return found
+
+
+def test_the_resistance_near_a_lost_roll_is_by_the_strip(lost: Kept, sound: Kept) -> None:
+    """A pair resists with the pressure of its length and what the strip adds to it."""
+    added = rolls_of(at(lost, 3)).memory["added"][:, 1].sum()
+    assert added > 0.0
+    with_strip, plain = steps(lost), steps(run_in_memory(slab(LOST, mechanics__bulging="thesis")))
+    more = (with_strip[3] - with_strip[2]) - (plain[3] - plain[2])
+    assert 0.6 * 0.3 < more / (FRICTION * added) < 0.4  # by the width of the liquid, m
+    # The single pitch is borne by statics, whichever the model.
+    models = steps(sound), steps(run_in_memory(slab(mechanics__bulging="thesis")))
+    for k in range(1, max(models[0]) + 1):
+        assert models[0][k] == pytest.approx(models[1][k], rel=5e-3)
+
+
+def test_a_roll_that_is_off_reaches_strip_slice_and_effort(sound: Kept, off: Kept) -> None:
+    beds, memory = rolls_of(at(off, 4)).beds, rolls_of(at(off, 4)).memory
+    # The line of the strand goes 2/3 of the way, the shell the rest.
+    assert beds["wide_face_intrados"].offset == pytest.approx(4e-3 / 3, rel=0.02)
+    assert beds["wide_face_extrados"].offset == pytest.approx(-4e-3 / 3, rel=0.02)
+    # The roll of the extrados is pressed in, that of the intrados is left: it bears nothing.
+    intrados, extrados = memory["added"][:, 1]
+    load = memory["load"]
+    assert extrados > load[1] and intrados == pytest.approx(-load[0], rel=0.02)
+    # A pair resists with what both bear more, over the width of the liquid.
+    plate = run_in_memory(slab(OFF, mechanics__bulging="thesis"))
+    taken = [steps(kept)[4] - steps(kept)[3] for kept in (off, plate)]
+    assert 0.18 < (taken[0] - taken[1]) / (FRICTION * (intrados + extrados)) < 0.4
+    # Two rolls above it is where it was.
+    for kept in (off, sound):
+        assert rolls_of(within(kept, 1)).beds["wide_face_intrados"].offset == 0.0
+
+
+def test_the_creeping_strip_goes_over_a_lost_roll() -> None:
+    """Of a shell that spans it: at the other tests' speed it would bulge by more than 5 %."""
+    slowly = {"casting__speed": "0.7 m/min", "casting__length": "1.15 m"}
+    third = LOST | {"roll": 3}
+    creep = run_in_memory(slab(third, mechanics__bulging="creep", **slowly))
+    elastic = run_in_memory(slab(third, **slowly))
+    memory = rolls_of(creep.samples[-1]).memory
+    assert memory["z"][0, -1] == pytest.approx(2 * PITCH)
+    assert np.all(memory["largest"] > 1.3 * rolls_of(within(elastic, 2)).memory["largest"])
+    assert np.all(memory["error"] < 0.1 * memory["largest"])
+
+
+@pytest.mark.parametrize("count", [5, 7])
+def test_it_resumes_byte_for_byte(tmp_path: Path, count: int) -> None:
+    case = slab(LOST, casting__length="1.55 m")
+    loop.run(case, tmp_path / "whole", comm=MPI.COMM_SELF)
+    with pytest.raises(KeyboardInterrupt):
+        loop.run(case, tmp_path / "cut", comm=MPI.COMM_SELF, progress=Interrupted(count))
+    loop.run(case, tmp_path / "cut", comm=MPI.COMM_SELF, resume=True)
+    ours, theirs = ((tmp_path / name / "history.csv").read_bytes() for name in ("cut", "whole"))
+    assert ours == theirs
+
+
+@pytest.mark.mpi
+def test_ranks_find_the_same() -> None:
+    """From above a roll that is off until its pitches are behind: of the strip and of statics."""
+    case = slab(OFF | {"roll": 2}, casting__length="1.11 m")
+    one, several = (run_in_memory(case, comm) for comm in (MPI.COMM_SELF, MPI.COMM_WORLD))
+    added = [rolls_of(s).memory["added"] for s in one.samples]
+    assert len(added) == 5 and all(np.abs(a).max() > 1e3 for a in added[2:])
+    for ours, theirs in zip(one.samples, several.samples, strict=True):
+        both = [rolls_of(s).memory["added"] for s in (ours, theirs)]
+        assert both[0] == pytest.approx(both[1], rel=1e-6, abs=1e-6)
+        first, second = (s.bending.withdrawal for s in (ours, theirs))
+        assert first is not None and second is not None
+        assert first.friction == pytest.approx(second.friction, rel=1e-6)
