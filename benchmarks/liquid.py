@@ -1,8 +1,8 @@
 """What the liquid's numerical stiffness moves, and how far fed liquid gets without a wall.
 
 A cell that freezes is part liquid, and needs some stiffness to be solved for.  Where liquid is fed
-that is `STAND_IN` of `castfem.physics.mechanics.material_points` times its pressure, and counts in that one
-layer of cells alone; where it is elastic all of the core has it.  Writes tables of
+that is `STAND_IN` of `castfem.physics.mechanics.material_points` times its pressure, and counts in
+that one layer of cells alone; where it is elastic all of the core has it.  Writes tables of
 docs/mechanics.md.
 """
 

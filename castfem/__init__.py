@@ -13,21 +13,18 @@ For scripts (docs/scripting.md); imported at first use, so that `import castfem`
 
 What there is, upstream first; nothing knows what comes after it (docs/architecture.md):
 
-    errors values/ support/             numbers with units; what everything uses
-    meshes/ forms/ fem/                 sections as plain arrays; weak forms in UFL; DOLFINx, PETSc
-    materials/ constitutive/            steels, and what strains them
-    machine/ extraction/                the strand's way, its rolls; what they resist, drives pull
-    mould/ hot_mould/                   the wall that it meets; the copper tube at work
-    output/ verification/               the files of a run; closed forms
-    thermal/ bulging/ contact/ mechanics/   the problems, one step at a time
-    coupling/                           temperature and mechanics in turn
-    case/ tensile/                      case files, checked; a tensile test of a law, without slice
-    simulation/ results/ time_loop/     from a case to what computes it, is read off, runs
-    mould_fit/ sensitivity/             strand and mould fitted to each other; derivatives of a run
-    plots/ report/                      figures and words on a run, from its files alone
-    sweep/ accuracy/ design/ compare/   several runs: the error of a number, the best value, a table
-    api studies                         for scripts: one run, several runs
-    html_report/ watch/ cli/            a page of runs, a run at work; the commands
+    base/           numbers with units, tables, files, log, errors
+    meshes/ forms/  sections as plain arrays; weak forms in UFL
+    fem/            DOLFINx and PETSc, of any physics
+    physics/        materials, constitutive laws, machine, mould, thermal, contact, mechanics,
+                    coupling, closed_forms: one step of each problem at a time
+    model/          case files, checked; model/build: from a case to what computes it
+    runs/           output, results, tensile; the time loop from the meniscus to the end
+    studies/        several runs: identification, mould_fit, sensitivity, sweep, accuracy,
+                    optimisation
+    post/           plots, report, compare, html, watch: figures and words on runs
+    api several_runs    for scripts: one run, several runs
+    cli/            the commands
 """
 
 from __future__ import annotations
@@ -74,7 +71,7 @@ def __getattr__(name: str) -> Any:
     from importlib import import_module
 
     module = "errors" if name.endswith(("Error", "Failure")) else "api"
-    module = "studies" if name in _STUDIES else module
+    module = "several_runs" if name in _STUDIES else module
     found = getattr(import_module(f"castfem.{module}"), name)
     globals()[name] = found
     return found

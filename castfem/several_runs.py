@@ -196,7 +196,8 @@ def optimise(
 ) -> Optimum:
     """Find the best values of a case's keys, by its table [optimise] (collective).
 
-    `castfem.studies.optimisation.Study` asks for the same runs one by one, wherever they are to be made.
+    `castfem.studies.optimisation.Study` asks for the same runs one by one, wherever they are to be
+    made.
 
     Args:
         case: A case, or what `load` takes.

@@ -14,52 +14,55 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 # A package imports only what stands before it, also where only its types need it.
 ORDER = {
-    "errors": "the two ways a run ends badly",
-    "values": "numbers with units, tables",
+    "base": "units, tables, files, log, errors",
     "meshes": "sections as plain arrays (gmsh)",
     "forms": "weak forms in UFL",
-    "support": "log, progress, files written whole",
     "fem": "DOLFINx and PETSc, any physics",
-    "materials": "steels",
-    "machine": "position, speed, rolls",
-    "extraction": "resistance, drives, effort",
-    "mould": "the wall the strand passes",
-    "hot_mould": "the copper tube at work",
-    "output": "the files of a run",
-    "constitutive": "laws at a material point",
-    "thermal": "heat balance, surface laws",
-    "bulging": "a strip between two rolls",
-    "verification": "closed forms",
-    "contact": "wall contact, friction, gap",
-    "mechanics": "equilibrium of the slice",
-    "coupling": "temperature and mechanics in turn",
-    "case": "case files, checked",
-    "tensile": "tensile tests of a law",
-    "simulation": "from a case to what computes it",
-    "results": "what is read off the slice",
-    "time_loop": "from the meniscus to the end",
-    "mould_fit": "strand and mould fitted to each other",
-    "sensitivity": "derivatives carried along with a run",
-    "plots": "figures of a run",
+    "physics.materials": "steels",
+    "physics.constitutive": "laws at a material point",
+    "physics.machine": "rolls, line, drives, bulging",
+    "physics.mould": "the wall, the hot copper tube",
+    "physics.thermal": "heat balance, surface laws",
+    "physics.contact": "wall contact, friction, rolls",
+    "physics.mechanics": "equilibrium of the slice",
+    "physics.coupling": "temperature and mechanics in turn",
+    "physics.closed_forms": "closed forms",
+    "model": "case files, checked",
+    "model.build": "from a case to what computes it",
+    "runs.output": "the files of a run",
+    "runs.tensile": "tensile tests of a law",
+    "runs.results": "what is read off the slice",
+    "runs": "from the meniscus to the end",
+    "studies.identification": "laws fitted to tensile tests",
+    "studies.mould_fit": "strand and mould fitted to each other",
+    "studies.sensitivity": "derivatives of a run",
+    "studies.sweep": "many runs",
+    "studies.accuracy": "the error of each number",
+    "studies.optimisation": "which values are best",
+    "post.plots": "figures of a run",
+    "post.report": "words on a run",
+    "post.compare": "runs side by side",
+    "post.html": "runs as one HTML page",
+    "post.watch": "runs at work",
     "api": "Python interface",
-    "report": "words on a run",
-    "sweep": "many runs",
-    "accuracy": "the error of each number",
-    "design": "which values are best",
-    "compare": "runs side by side",
-    "studies": "Python interface to several runs",
-    "html_report": "runs as one HTML page",
-    "watch": "runs at work",
+    "several_runs": "Python interface to several runs",
     "cli": "commands",
 }
+
+
+def package_of(module: str) -> str:
+    """Return the longest name in `ORDER` that a module below castfem begins with, or its first."""
+    parts = module.split(".")
+    names = [".".join(parts[:n]) for n in range(len(parts), 0, -1)]
+    return next((name for name in names if name in ORDER), parts[0])
 
 
 def files() -> Iterator[tuple[str, Path]]:
     """Yield the package of each file, and the file."""
     for folder in ("castfem", "forms", "meshes"):
         for path in sorted((ROOT / folder).rglob("*.py")):
-            inside = path.relative_to(ROOT / folder).parts
-            unit = inside[0].removesuffix(".py") if folder == "castfem" else folder
+            inside = path.relative_to(ROOT / folder).with_suffix("").parts
+            unit = package_of(".".join(inside)) if folder == "castfem" else folder
             if unit not in ("__init__", "__main__"):
                 yield unit, path
 
@@ -77,7 +80,7 @@ def imported(path: Path) -> Iterator[tuple[int, str]]:
         for name in names:
             first, _, rest = name.partition(".")
             if first == "castfem" and rest:
-                yield node.lineno, rest.split(".")[0]
+                yield node.lineno, package_of(rest)
 
 
 def arrows() -> list[tuple[str, str]]:

@@ -153,8 +153,11 @@ def _prepared(options: Options, ranks: bool) -> _Sweep:
     variants = tuple(share.of(everything))
     check_own(target, (TABLE_NAME,))
     record = Record(target)
+    after = None
+    if options.figures:
+        from castfem.post.plots.figures import draw_figures as after
     jobs = record.unfinished(
-        [Job(v.name, target / v.name, v.case, options.resume, options.figures) for v in variants],
+        [Job(v.name, target / v.name, v.case, options.resume, after) for v in variants],
         overwrite=options.overwrite,
     )
     try:

@@ -17,7 +17,14 @@ import numpy as np
 
 from castfem.base.types import Array, Indices
 from castfem.fem import factorisation
-from castfem.fem.snes import Options, SolverOptions
+from castfem.fem.snes import Options, SolverOptions, weakly
+
+
+class _Context:
+    """What PETSc calls for a bordered system, which it does not keep alive."""
+
+    def __init__(self, system: BorderedSystem) -> None:
+        self.mult, self.apply = weakly(system.mult), weakly(system.apply)
 
 
 class BorderedSystem:
@@ -57,7 +64,7 @@ class BorderedSystem:
         here = self.owned + (scalars if self.comm.rank == self._keeper else 0)
         whole = matrix.getSize()[0] + scalars
         size = (here, whole)
-        self.operator = PETSc.Mat().createPython((size, size), self, comm=matrix.comm)
+        self.operator = PETSc.Mat().createPython((size, size), _Context(self), comm=matrix.comm)
         self.operator.setUp()
 
     def restrict(self, matrix: PETSc.Mat, rows: Indices) -> None:
@@ -101,7 +108,7 @@ class BorderedSystem:
         """Make `ksp` solve the bordered system, exactly."""
         ksp.setType("preonly")
         ksp.getPC().setType("python")
-        ksp.getPC().setPythonContext(self)
+        ksp.getPC().setPythonContext(_Context(self))
 
     def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Product with the bordered matrix (line searches ask for it)."""
@@ -190,11 +197,7 @@ class BorderedSystem:
         """Tell PETSc that the blocks have changed."""
         self.operator.assemble()
 
-    def close(self) -> None:
-        """Free the PETSc objects (the owner frees A).
-
-        Not called `destroy`: PETSc calls that of a python context when it frees matrix or
-        preconditioner.
-        """
+    def destroy(self) -> None:
+        """Free the PETSc objects (the owner frees A)."""
         for thing in (self.ksp, self.operator, self._right, self._solved, self._in, self._out):
             thing.destroy()

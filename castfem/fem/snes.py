@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import ctypes
 import re
+import weakref
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from petsc4py import PETSc
 
@@ -21,8 +22,25 @@ from castfem.base.log import logger
 from castfem.base.stopwatch import Stopwatch
 
 Options = Mapping[str, Any]
+Returned = TypeVar("Returned")
 
 FAMILIES = ("snes_", "ksp_", "pc_", "mat_", "sub_", "redundant_", "fieldsplit_", "mg_")
+
+
+def weakly(method: Callable[..., Returned]) -> Callable[..., Returned]:
+    """Return a bound method as a callback that does not keep its object alive.
+
+    Python's garbage collector does not see what PETSc's objects refer to: a solver whose SNES calls
+    it back by plain methods is never freed, nor are its matrices and MPI communicators.
+    """
+    reference = weakref.WeakMethod(method)
+
+    def call(*arguments: Any) -> Returned:
+        found = reference()
+        assert found is not None  # it solves
+        return found(*arguments)
+
+    return call
 
 
 class NonlinearProblem(Protocol):
@@ -225,12 +243,12 @@ class SnesSolver:
         self.x, self._f, self._matrix = vector.duplicate(), vector.duplicate(), matrix
         self.snes = PETSc.SNES().create(vector.comm)
         self.snes.setOptionsPrefix(prefix)
-        self.snes.setFunction(self._residual, self._f)
-        self.snes.setJacobian(self._jacobian, matrix)
-        self.snes.setConvergenceTest(self._converged)
+        self.snes.setFunction(weakly(self._residual), self._f)
+        self.snes.setJacobian(weakly(self._jacobian), matrix)
+        self.snes.setConvergenceTest(weakly(self._converged))
         self._shorten = shorten
         if shorten is not None:
-            self.snes.setLineSearchPreCheck(self._precheck)
+            self.snes.setLineSearchPreCheck(weakly(self._precheck))
         ksp = self.snes.getKSP()
         self._options = SolverOptions(prefix, options, asked)
         self._options.apply(self.snes, ksp, ksp.getPC())

@@ -1,6 +1,7 @@
 """The table [machine]: the rolls that guide the strand below its mould.
 
-What reads and checks them (`castfem.physics.machine.rolls`) is imported by a case that has some alone.
+What reads and checks them (`castfem.physics.machine.rolls`) is imported by a case that has some
+alone.
 """
 
 from __future__ import annotations

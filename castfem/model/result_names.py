@@ -1,7 +1,7 @@
 """What [[reference]] may compare with: names of the results of a run, and what they measure.
 
-The results are computed far above the case (`castfem.runs.results`), which must not be imported to read
-one; tests hold this list against runs.
+The results are computed far above the case (`castfem.runs.results`), which must not be imported to
+read one; tests hold this list against runs.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The table [secondary]: cooling below the mould, from roll to roll.
 
-What reads it into geometry and laws (`castfem.physics.machine.sprays`, `castfem.physics.thermal.spray_water`) is
-imported by a case that has some alone.
+What reads it into geometry and laws (`castfem.physics.machine.sprays`,
+`castfem.physics.thermal.spray_water`) is imported by a case that has some alone.
 """
 
 from __future__ import annotations

@@ -5,9 +5,13 @@ from __future__ import annotations
 import importlib.resources
 import tomllib
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from castfem.base.errors import InputError
 from castfem.base.units import nearest
+
+if TYPE_CHECKING:
+    from castfem.model.case import Case
 
 
 def shipped() -> dict[str, Path]:
@@ -51,6 +55,21 @@ def find(name: str, beside: Path | None = None) -> Path:
         f"{name}: no such case file, and no shipped case of that name (castfem cases lists them)"
         f"{near}"
     )
+
+
+def load(name: str | Path) -> Case:
+    """Return a case of a file, or one shipped with castfem, checked.
+
+    Args:
+        name: Path of a case file, with or without .toml, or the name of a shipped case
+            ("billet125/thermal").
+
+    Raises:
+        InputError: There is no such case, or it is wrong: all mistakes, one line each.
+    """
+    from castfem.model.load import load_case
+
+    return load_case(find(str(name)))
 
 
 def title_of(path: Path) -> str:

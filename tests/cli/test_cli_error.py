@@ -132,7 +132,7 @@ def test_a_plain_run_knows_nothing_of_it(tmp_path) -> None:
     script = (
         "import sys; from castfem.cli import execute; "
         "assert execute(['run', 'small', '-q', '--set', 'casting.length=10 mm']) == 0; "
-        "parts = ('castfem.studies.accuracy', 'castfem.studies.sweep', 'castfem.studies.optimisation'); "
+        "parts = tuple('castfem.studies.' + s for s in ('accuracy', 'sweep', 'optimisation')); "
         "print([m for m in sys.modules if m.startswith(parts)])"
     )
     done = python_on(1, "-c", script, folder=tmp_path)

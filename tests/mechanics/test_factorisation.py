@@ -57,7 +57,7 @@ class Bordered:
 
     def close(self) -> None:
         self.ksp.destroy()
-        self.bordered.close()
+        self.bordered.destroy()
         self.matrix.destroy()
 
 

@@ -1,4 +1,4 @@
-"""Wrong input to `castfem.studies.optimisation` is answered in a line that names the argument and the mend."""
+"""Wrong input to an optimum is a one-line error that names the argument and the fix."""
 
 from __future__ import annotations
 

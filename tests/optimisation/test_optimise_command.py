@@ -194,7 +194,8 @@ def test_a_plain_run_imports_nothing_of_it(case):
     """Nor, of the temperature alone, scipy.sparse: it doubled the imports of a run."""
     script = (
         "import sys, castfem\ncastfem.run(castfem.load('small')).close()\n"
-        "print([n for n in sys.modules if n.startswith(('castfem.studies.optimisation', 'scipy.sparse'))])"
+        "heavy = ('castfem.studies.optimisation', 'scipy.sparse')\n"
+        "print([n for n in sys.modules if n.startswith(heavy)])"
     )
     done = subprocess.run(
         [sys.executable, "-c", script], cwd=case, capture_output=True, text=True, check=True

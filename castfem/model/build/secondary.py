@@ -47,7 +47,8 @@ class SecondaryCooling:
         steel: Gives the emissivity where the case does not.
         surface: Perimeter shares of the section's boundary groups.
         start: Where it begins, from the meniscus, m.
-        rows: Of nozzles; by default those of the case (`castfem.physics.machine.sprays.scale_water` changes
+        rows: Of nozzles; by default those of the case
+            (`castfem.physics.machine.sprays.scale_water` changes
             the water of some).
 
     Attributes:

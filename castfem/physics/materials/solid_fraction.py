@@ -1,7 +1,7 @@
 """Solid fraction as a function of temperature: linear (12), a table, or the lever rule.
 
-Each law is a `Property` (see `castfem.physics.materials.properties`) that also knows its solidus and
-liquidus.  Below the solidus it is 1, above the liquidus 0.
+Each law is a `Property` (see `castfem.physics.materials.properties`) that also knows its solidus
+and liquidus.  Below the solidus it is 1, above the liquidus 0.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """

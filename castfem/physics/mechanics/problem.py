@@ -1,8 +1,8 @@
 """Equilibrium of the slice at the end of a step, solved by SNES.
 
-Unknowns are the displacement and the free generalized strains (`castfem.physics.mechanics.planes`).  The
-latter are scaled to lengths, so that all unknowns have one unit, all residuals another, and nothing
-in the solution depends on the units chosen.
+Unknowns are the displacement and the free generalized strains (`castfem.physics.mechanics.planes`).
+The latter are scaled to lengths, so that all unknowns have one unit, all residuals another, and
+nothing in the solution depends on the units chosen.
 """
 
 from __future__ import annotations
@@ -437,7 +437,7 @@ class MechanicalProblem:
     def destroy(self) -> None:
         """Free the PETSc objects; safe to call twice."""
         self.solver.destroy()
-        self.bordered.close()
+        self.bordered.destroy()
         self.kinematics.volume.destroy()
         if self.liquid is not None:
             self.liquid.destroy()

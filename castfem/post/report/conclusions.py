@@ -30,7 +30,8 @@ def conclusions(
 
     Args:
         folder: Of the run.
-        summary: Of the run, with the results that its history tells (`castfem.post.report.derived`).
+        summary: Of the run, with the results that its history tells
+            (`castfem.post.report.derived`).
         base: Label, folder and results of the run it is measured by, such as that of the machine in
             order; None for none.
     """

@@ -2,11 +2,11 @@
 
     case.toml      the case as resolved: extends, --set and defaults worked in
     properties/    copies of the property files of the user's that it names
-    run.json       how it went: status, versions, ranks, wall time (`castfem.runs.output.run_record`)
+    run.json       how it went: status, versions, ranks, wall time (`runs.output.run_record`)
     run.log        what was said on the way
     history.csv    one row a step (`castfem.runs.output.history`)
     probes/        the points that are followed, likewise
-    surface_maps.h5   the surface unrolled over time (`castfem.runs.output.surface_maps`), those of a
+    surface_maps.h5   the surface unrolled over time (`runs.output.surface_maps`), those of a
     surface_maps.rows run that has not ended
     fields.xdmf    the fields over time, for ParaView (`castfem.runs.output.xdmf`) ...
     fields.h5      ... and their numbers (`castfem.runs.output.field_files`), those of

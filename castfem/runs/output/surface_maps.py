@@ -64,7 +64,8 @@ class Heading:
     Attributes:
         line: The vertices. maps: What each row has, in this order.
         band: Temperatures of the low-ductility band, K.
-        rolls: Columns of the rolls (`castfem.physics.machine.stations.Stations.columns`); None without any.
+        rolls: Columns of the rolls (`castfem.physics.machine.stations.Stations.columns`); None
+            without any.
         thickness: Of the section, m; None of one without. mould_exit: m; None without a mould.
     """
 

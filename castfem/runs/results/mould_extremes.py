@@ -173,8 +173,8 @@ class BeyondData:
     """The largest share of the shell on the way beyond the data of its law, and where it was.
 
     Attributes:
-        worst: By kind (`castfem.physics.constitutive.data_range.KINDS`) the share, and the position of the
-            slice below the meniscus, m.
+        worst: By kind (`castfem.physics.constitutive.data_range.KINDS`) the share, and the position
+            of the slice below the meniscus, m.
     """
 
     worst: dict[str, tuple[float, float]] = field(default_factory=dict)

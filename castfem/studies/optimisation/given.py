@@ -9,11 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from castfem.api import load
 from castfem.base import units
 from castfem.base.errors import InputError
 from castfem.model.key_names import full_key
 from castfem.model.result_names import unit_of
+from castfem.model.shipped_cases import load
 from castfem.runs.output.run_record import RUN_NAME
 from castfem.runs.output.summary import Quantity
 from castfem.studies.optimisation.fidelity import WORDS

@@ -1,8 +1,8 @@
 """The numerical error at an optimum: its best run by the other levels of accuracy, too.
 
-The error of a result is its grid convergence index (`castfem.studies.accuracy.estimate`): what better
-levels change, extrapolated to cells of no size with a factor of safety. Of a search by temperature
-alone it is what the finest level changes, with its own.
+The error of a result is its grid convergence index (`castfem.studies.accuracy.estimate`): what
+better levels change, extrapolated to cells of no size with a factor of safety. Of a search by
+temperature alone it is what the finest level changes, with its own.
 """
 
 from __future__ import annotations

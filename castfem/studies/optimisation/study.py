@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from castfem.api import Result
 from castfem.base.errors import InputError
 from castfem.runs.output.run_record import RunRecord
+from castfem.runs.result import RunResult
 from castfem.studies.accuracy.levels import DEFAULT
 from castfem.studies.optimisation.carried import hindrances, of_run
 from castfem.studies.optimisation.evaluator import Evaluator, Watcher, lean, variant
@@ -81,7 +81,7 @@ class Study:
         self._lean = lean(sound)
         self._told: dict[Wanted, Evaluation] = {}
         self._carried: set[Wanted] = set()  # that were told as runs that carry derivatives
-        self._kept: list[Result] = []
+        self._kept: list[RunResult] = []
         self._cases: dict[Wanted, Case] = {}
         self._result: Optimum | None = None
         self._done: Done = {}
@@ -164,7 +164,9 @@ class Study:
         return self._cases[wanted]
 
     def tell(
-        self, wanted: Wanted | Mapping[str, Any], given: Evaluation | Result | Mapping[str, float]
+        self,
+        wanted: Wanted | Mapping[str, Any],
+        given: Evaluation | RunResult | Mapping[str, float],
     ) -> None:
         """Hand in the results of a run.
 
@@ -179,7 +181,7 @@ class Study:
                 outside of the ranges.
         """
         wanted = wanted_of(self.question, wanted, "tell")
-        if isinstance(given, Result):
+        if isinstance(given, RunResult):
             if wanted.ideal:
                 self._kept.append(given)  # tapers begin by its history: a temporary one must stay
             given = _evaluated(given, self.case(wanted).casting.length)
@@ -274,7 +276,7 @@ class Study:
             self._carried.add(wanted)
 
 
-def _evaluated(result: Result, length: float) -> Evaluation:
+def _evaluated(result: RunResult, length: float) -> Evaluation:
     """What a run has given, of one that has failed how far of its length (m) it came."""
     summary = result.summary
     if summary.status == "finished":

@@ -1,8 +1,9 @@
 """A step of the slice, linearised: what all parameters put out of balance, at once.
 
 R(x; s, p) is linear in stress, pressure and traction.  Their derivatives come from both sides of a
-parameter (`castfem.studies.sensitivity.perturbed_slices`) or, contact's, by the chain rule; their forces are
-those of sparse operators, for all parameters together.  The last axis of arrays counts parameters.
+parameter (`castfem.studies.sensitivity.perturbed_slices`) or, contact's, by the chain rule; their
+forces are those of sparse operators, for all parameters together.  The last axis of arrays counts
+parameters.
 """
 
 from __future__ import annotations

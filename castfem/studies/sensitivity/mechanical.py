@@ -6,10 +6,10 @@ the state it begins with (stress, what the law remembers, displacement), p a par
     J dx/dp = - dR/dp at held x,     dR/dp = dR/ds ds/dp + dR/dp,
 
 J the consistent tangent at the end of the step, factored once.  On the right are the forces of
-derivatives of stress, pressure and traction (`castfem.studies.sensitivity.linearised_step`).  Those of the
-law are taken at held unknowns first, with the derivatives of the state; taken once more where x
-moves with p they give stress and memory, and so ds/dp at the end.  Points that flow go on flowing,
-elastic ones stay elastic, liquid stays liquid.  All parameters are solved for at once.
+derivatives of stress, pressure and traction (`castfem.studies.sensitivity.linearised_step`).  Those
+of the law are taken at held unknowns first, with the derivatives of the state; taken once more
+where x moves with p they give stress and memory, and so ds/dp at the end.  Points that flow go on
+flowing, elastic ones stay elastic, liquid stays liquid.  All parameters are solved for at once.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The slice on both sides of a parameter: what a parameter changes beside the motion.
 
-That is the law (`castfem.studies.sensitivity.law_changes`), the pressure of the liquid, the wall and its
-friction.  Everything else that is in equilibrium follows from these linearly, for all parameters at
-once (`castfem.studies.sensitivity.linearised_step`).
+That is the law (`castfem.studies.sensitivity.law_changes`), the pressure of the liquid, the wall
+and its friction.  Everything else that is in equilibrium follows from these linearly, for all
+parameters at once (`castfem.studies.sensitivity.linearised_step`).
 """
 
 from __future__ import annotations

@@ -29,8 +29,8 @@ class Derivative:
         below: Towards smaller values of the parameter; NaN where the result does not exist.
         above: Towards larger ones.
         evened: Of a depth that a front has reached, evened out over the cells behind it, and its
-            standard error (`castfem.studies.sensitivity.fronts`); NaN where it has passed too few; None of
-            anything else.
+            standard error (`castfem.studies.sensitivity.fronts`); NaN where it has passed too few;
+            None of anything else.
         error: How far differences of runs may be from what is told
             (`castfem.studies.sensitivity.scatter`); NaN where that is not known.
     """

@@ -6,6 +6,7 @@ import gc
 import logging
 import time
 import traceback
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -44,7 +45,8 @@ class Job:
         folder: Where it writes.
         case: The case.
         resume: Go on from the checkpoint, if there is one.
-        figures: Draw its figures.
+        after: Called with the folder of the finished run, such as `draw_figures`; a function of a
+            module, since it goes to other processes by name. None for nothing.
         derivatives: To be carried along, where the case has them; None for none. Such a run is
             begun anew, not resumed.
     """
@@ -53,7 +55,7 @@ class Job:
     folder: Path
     case: Case
     resume: bool = False
-    figures: bool = False
+    after: Callable[[Path], object] | None = None
     derivatives: Derivatives | None = None
 
 
@@ -127,10 +129,8 @@ def work(job: Job, stop: Stop | None = None, comm: MPI.Comm | None = None) -> Ou
         begun_before = (job.folder / RUN_NAME).is_file()
         goes_on = job.resume and begun_before and beside is None
         loop.run(job.case, job.folder, comm=ranks, resume=goes_on, progress=reported, beside=beside)
-        if job.figures and ranks.rank == 0:
-            from castfem.post.plots.figures import draw_figures
-
-            draw_figures(job.folder)
+        if job.after is not None and ranks.rank == 0:
+            job.after(job.folder)
     except CastfemError as error:
         log.logger.error("%s", error)
         obstacle: Obstacle = ""
