@@ -8,6 +8,7 @@ For scripts (docs/scripting.md); imported at first use, so that `import castfem`
     error_table                     the error of each result of a case
     optimise                        the best values of a case's keys
     find_section                    the outline at the meniscus for a wanted section
+    quantity                        declares a result of one's own
     mould_at_work                   how heat distorts the copper tube of a mould
     InputError, RunFailure          what goes wrong; both are a CastfemError
 
@@ -39,6 +40,7 @@ from castfem.base import dolfinx_import
 if TYPE_CHECKING:
     from castfem.api import Result, Snapshot, load, run, sensitivities
     from castfem.base.errors import CastfemError, InputError, RunFailure
+    from castfem.base.result_registry import quantity
     from castfem.several_runs import (
         comparison,
         error_table,
@@ -60,6 +62,7 @@ __all__ = [
     "load",
     "mould_at_work",
     "optimise",
+    "quantity",
     "run",
     "sensitivities",
 ]
@@ -75,6 +78,7 @@ def __getattr__(name: str) -> Any:
 
     module = "errors" if name.endswith(("Error", "Failure")) else "api"
     module = "studies" if name in _STUDIES else module
+    module = "values.result_registry" if name == "quantity" else module
     found = getattr(import_module(f"castfem.{module}"), name)
     globals()[name] = found
     return found
