@@ -13,8 +13,8 @@ import numpy as np
 
 from benchmarks.billet_run import CASES, COARSE, MOULDS, NAMES, SHOWN, Found, every, mesh, run
 from benchmarks.report import Output, table
+from castfem.base.shown_quantity import from_si
 from castfem.model import load_case
-from castfem.runs.output.summary import from_si
 
 # (a) The six moulds.
 

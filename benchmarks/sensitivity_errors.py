@@ -13,8 +13,8 @@ from mpi4py import MPI
 
 from benchmarks.billet_run import CASES, QUIET
 from benchmarks.report import Output, table
+from castfem.base.shown_quantity import from_si, unit_of_difference
 from castfem.model import Case, load_case
-from castfem.runs.output.summary import from_si, unit_of_difference
 from castfem.studies.mould_fit.follow import follow
 from castfem.studies.sensitivity.parameters import Parameter
 from castfem.studies.sensitivity.result import Sensitivity

@@ -22,9 +22,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from castfem.base.result_registry import quantity
 from castfem.base.types import Array, Flags
-from castfem.physics.machine.stations import BENDS
-from castfem.runs.results.registry import quantity
 
 if TYPE_CHECKING:
     from castfem.model.quality import Quality
@@ -32,6 +31,8 @@ if TYPE_CHECKING:
     from castfem.runs.results.sample import Sample
 
 Where = Literal["surface", "section"]
+BENDS = ("bending", "straightening")
+"""Phases of the strand's way in which the largest values of the indexes are results."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +114,7 @@ class CrackIndex:
         unit: In which it is shown.
         label: In tables.
         compute: Its values after a step (n,), in SI.
-        needs: What a simulation must have, of `castfem.runs.results.registry.NEEDS`.
+        needs: What a simulation must have, of `castfem.runs.results.needs.NEEDS`.
         on: Where it counts: at the surface, or in the whole section; then it has no map.
         accumulates: Whether it continues from its own values before the step.
     """

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from castfem.base.result_registry import quantity
 from castfem.runs.results.mechanical_quantities import place
-from castfem.runs.results.registry import quantity
 
 if TYPE_CHECKING:
     from castfem.model.mould import Oscillation
