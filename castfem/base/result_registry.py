@@ -22,7 +22,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from importlib import import_module
 from typing import Any, Literal, TypeVar
@@ -52,16 +52,21 @@ Computed = TypeVar("Computed", bound=Callable[..., float | None])
 Each = Literal["", "probe", "centred_probe"]
 
 
-@dataclass(frozen=True, slots=True)
+def _nothing(*_: Any) -> float | None:
+    """Stand for what is not declared yet."""
+    return None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class QuantityDefinition:
     """What a quantity is called, in which units it is shown, and how it is computed.
+
+    As a decorator, `castfem.quantity`, it declares a function: a column, a result, a row of tables.
 
     Attributes:
         name: Of column and result; of a quantity at the probes `NAME_PROBE`.
         unit: In history.csv; "-" for none.
         label: In tables, without unit; {} stands for the probe.
-        compute: Its value in SI from a sample, at the probes from a sample and the probe's name;
-            None where it does not exist.
         needs: What a simulation must have, of `castfem.runs.results.needs.NEEDS`.
         each: Whether it is taken at each probe, or at those that end in the centre of the section.
         shown: Unit in summary.json and tables, if not that of the history.
@@ -74,12 +79,13 @@ class QuantityDefinition:
         of_way: Whether it hangs on all steps so far, not on the last alone.
         smooth_twin_of: The maximum to which it is a smooth approximation; such a quantity is
             computed where it is asked for.
+        compute: The function: its value in SI from the sample of a step, at the probes from a
+            sample and the probe's name; None where it does not exist.
     """
 
-    name: str
+    name: str = field(kw_only=False)
     unit: str
     label: str
-    compute: Callable[..., float | None]
     needs: tuple[str, ...] = ()
     each: Each = ""
     shown: str = ""
@@ -91,6 +97,20 @@ class QuantityDefinition:
     axis: str = ""
     of_way: bool = False
     smooth_twin_of: str = ""
+    compute: Callable[..., float | None] = _nothing
+
+    def __call__(self, compute: Computed) -> Computed:
+        """Declare a function.
+
+        Raises:
+            ValueError: There is one of that name, or something it needs is not known.
+        """
+        if self.name in _declared:
+            raise ValueError(f"two quantities are named {self.name}")
+        if unknown := set(self.needs) - import_module(_NEEDS_MODULE).NEEDS.keys():
+            raise ValueError(f"{self.name} needs what is not known: {', '.join(sorted(unknown))}")
+        _declared[self.name] = replace(self, compute=compute)
+        return compute
 
     @property
     def about(self) -> str:
@@ -129,48 +149,9 @@ class QuantityDefinition:
         return Quantity(value, self.shown or self.unit, f"{label}, {place}" if place else label)
 
 
+quantity = QuantityDefinition
 _declared: dict[str, QuantityDefinition] = {}
 _families: dict[re.Pattern[str], Callable[[int], QuantityDefinition]] = {}
-
-
-def quantity(
-    name: str,
-    *,
-    unit: str,
-    label: str,
-    needs: tuple[str, ...] = (),
-    each: Each = "",
-    shown: str = "",
-    column: bool = True,
-    row: bool = True,
-    after: str = "",
-    place: Callable[[Any], str] | None = None,
-    labels: Mapping[str, str] | None = None,
-    axis: str = "",
-    of_way: bool = False,
-    smooth_twin_of: str = "",
-) -> Callable[[Computed], Computed]:
-    """Declare the decorated function as a quantity: a column, a result, a row of tables.
-
-    The function takes the sample of a step (with `each` a probe's name as well) and returns a
-    number in SI, or None where there is none. The arguments are those of `QuantityDefinition`.
-
-    Raises:
-        ValueError: There is one of that name, or something it needs is not known.
-    """
-
-    def declare(compute: Computed) -> Computed:
-        if name in _declared:
-            raise ValueError(f"two quantities are named {name}")
-        if unknown := set(needs) - import_module(_NEEDS_MODULE).NEEDS.keys():
-            raise ValueError(f"{name} needs what is not known: {', '.join(sorted(unknown))}")
-        _declared[name] = QuantityDefinition(
-            name, unit, label, compute, needs, each, shown, column, row, after, place,
-            labels or {}, axis, of_way, smooth_twin_of,
-        )  # fmt: skip
-        return compute
-
-    return declare
 
 
 def quantity_family(pattern: re.Pattern[str], of: Callable[[int], QuantityDefinition]) -> None:

@@ -28,8 +28,8 @@ def depth_of(percent: int) -> QuantityDefinition:
         return sample.profiles[probe].isotherm_depth(levels[id(steel)][1])
 
     return QuantityDefinition(
-        f"fs{percent}", "mm", f"shell to fs = {percent / 100:g}, {{}}", depth, each="probe",
-        axis="depth below the surface",
+        f"fs{percent}", unit="mm", label=f"shell to fs = {percent / 100:g}, {{}}", each="probe",
+        axis="depth below the surface", compute=depth,
     )  # fmt: skip
 
 

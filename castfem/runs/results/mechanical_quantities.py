@@ -107,11 +107,7 @@ def von_mises(sample: Sample, probe: str) -> float:
 
 
 @quantity(
-    "displacement",
-    unit="mm",
-    label="outward displacement, {}",
-    each="probe",
-    needs=("mechanics",),
+    "displacement", unit="mm", label="outward displacement, {}", each="probe", needs=("mechanics",)
 )
 def displacement(sample: Sample, probe: str) -> float:
     """Displacement of the surface, outwards."""

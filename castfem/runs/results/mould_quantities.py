@@ -27,12 +27,7 @@ def _at(find: Callable[[ContactSummary], Iterable[float] | None]) -> Callable[[S
 
 
 @quantity(
-    "gap",
-    unit="mm",
-    label="gap to the mould, {}",
-    each="probe",
-    axis="gap",
-    needs=("mould",),
+    "gap", unit="mm", label="gap to the mould, {}", each="probe", axis="gap", needs=("mould",)
 )
 def gap(sample: Sample, probe: str) -> float:
     """Gap between the surface and the wall; below 0 the surface lies in the wall.
