@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from time_loop.billet_runs import FED, billet, run_in_memory
+from runs.billet_runs import FED, billet, run_in_memory
 
 from castfem.base.errors import InputError
 from castfem.base.result_registry import unit_of
