@@ -24,7 +24,7 @@ class Variant:
     liquid: bool = False
 
 
-LAWS = ROOT / "castfem" / "constitutive" / "data"
+LAWS = ROOT / "castfem" / "physics" / "constitutive" / "data"
 
 
 def scaled(name: str, key: str, factor: float, folder: Path) -> str:

@@ -16,7 +16,7 @@ from benchmarks.report import PAGE, ROOT, Output
 SHORT = 'casting.length="40 mm"'
 SLOW = {
     "accuracy": "16 s of processor time, most of it the time stepping that tests/thermal covers",
-    "caster": "22 s: a caster of 20 m, run by tests/time_loop",
+    "caster": "22 s: a caster of 20 m, run by tests/runs",
     "jumps": "its runs with a fine step; tests/thermal covers what they show",
     "mean_stress": "meshes to n = 16; tests/mechanics has the coarse ones",
     "latent_heat": "15 s: needs its whole run to have fronts to compare",

@@ -37,7 +37,7 @@ def named(line: str) -> tuple[list[Path], list[str]]:
     for word in re.findall(r"`([^`]+)`", line):
         if re.fullmatch(r"[\w/.*-]+", word) and ("/" in word or word.endswith(".py")):
             found = [p for base in ("castfem", ".") for p in (ROOT / base).glob(word)]
-            found = found or list((ROOT / "castfem").glob(f"*/{word}"))
+            found = found or list((ROOT / "castfem").rglob(word))
             assert found, f"{word}: there is no such file"
             files += found
         elif re.fullmatch(r"@?[A-Za-z_][\w.]*", word):

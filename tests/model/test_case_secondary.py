@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -176,5 +177,5 @@ def test_a_case_without_it_imports_nothing_of_it() -> None:
         check=True, capture_output=True, text=True,
     ).stdout  # fmt: skip
     assert "'castfem.physics.thermal.flux_laws'" in found
-    for name in ("machine.sprays", "thermal.spray_water", "simulation.secondary"):
-        assert f"'castfem.{name}'" not in found
+    for name in ("physics.machine.sprays", "physics.thermal.spray_water", "model.build.secondary"):
+        assert find_spec(f"castfem.{name}") and f"'castfem.{name}'" not in found

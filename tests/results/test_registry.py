@@ -19,7 +19,7 @@ from named_result import assert_named_everywhere
 from ranks import needs_mpirun, python_on
 from small_case import small, write_small
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "time_loop"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "runs"))
 from billet_runs import billet
 from test_bulging_slab import slab
 from test_drawn_cases import drawn
