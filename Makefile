@@ -82,7 +82,7 @@ test-pip:
 	@CASTFEM_PIP=1 tools/enter.sh $(CURDIR)/$(HOME_OF_ENV) python -m pytest -n 0 -s tests/wheel $(ARGS)
 
 benchmark:
-	@tools/env.sh benchmark
+	@tools/env.sh
 	$(BIN)/python -m benchmarks
 
 docs:
