@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from castfem.api import load
-from castfem.post.report.wide_gap import radiated, wide_gap
+from castfem.post.report.cautions import radiated, wide_gap
 from castfem.runs.output.folder import CASE_NAME
 from castfem.runs.output.summary import Quantity, Summary
 
