@@ -18,8 +18,8 @@ from benchmarks.report import ROOT
 from castfem.base.errors import CastfemError
 from castfem.model import load_case
 from castfem.model.build.simulation import build
-from castfem.post.report.remarks import OPEN, spells
 from castfem.runs.loop import TimeLoop
+from castfem.runs.results.derived import OPEN, spells
 from castfem.runs.results.run_state import RunState
 from castfem.runs.results.sample import Sample
 from castfem.runs.results.summary import quantities

@@ -13,7 +13,7 @@ import numpy as np
 from PIL import Image
 
 from castfem.api import sensitivities
-from castfem.cli.hot_mould import draw_hot_mould
+from castfem.cli.mould import draw_hot_mould
 from castfem.model import load_any, load_case
 from castfem.model.build_extraction import known_resistance
 from castfem.model.build_mould import build_mould

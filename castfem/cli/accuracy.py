@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem.base.errors import InputError
-from castfem.base.shown_units import place_said, shown_in
-from castfem.base.tolerances import ROUNDING
+from castfem.base.shown_units import shown_in
+from castfem.base.table import say
 from castfem.cli import many_runs, parallel
-from castfem.cli.options import chosen, read_from
+from castfem.cli.options import Request, chosen, read_from
 from castfem.model import load_case, shipped_cases
-from castfem.post.report.error_table import main_names, printed, quantity_of, unknown
+from castfem.post.compare.study_tables import error_tables, without_error
+from castfem.post.report.error_table import main_names, quantity_of
 from castfem.runs.output.chosen_units import units_of_run
 from castfem.runs.output.folder import ERROR_ENDING, ERROR_NAME
 from castfem.runs.output.run_record import RUN_NAME
@@ -31,34 +30,16 @@ from castfem.studies.sweep.work import Job, Outcome
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from castfem.model import Case
-
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class Options(Request):
     """What the user asked for.
 
     Attributes:
-        name: Case file, folder of a run, or name of a shipped case.
-        folder: Where the folders of the runs go, None for the default.
-        overrides: Assignments of --set.
-        processes: How many runs at once; None for one a core.
-        overwrite: Run all anew, also over runs of other cases.
-        quiet: Print nothing but errors.
         to: Error for which sizes are to be proposed, "1%"; "" for none.
-        units: Those of --units.
-        at: Places on the way whose errors are asked for, m.
     """
 
-    name: str
-    folder: Path | None
-    overrides: tuple[str, ...]
-    processes: int | None
-    overwrite: bool
-    quiet: bool
     to: str = ""
-    units: tuple[str, ...] = ()
-    at: tuple[float, ...] = ()
 
 
 def error_of_case(options: Options) -> int:
@@ -86,25 +67,10 @@ def _prepared(options: Options, ranks: bool) -> Ladder:
     many_runs.check_folder(folder)
     path = shipped_cases.find(options.name)
     case = load_case(path, options.overrides)
-    check_reached(case, options.at)
+    options.check_reached(case.casting.length)
     with read_from(path):
         cell_count(case)  # one that cannot be meshed is refused here, not by each of its runs
     return prepare(levels(case), folder, overwrite=options.overwrite, at=options.at)
-
-
-def check_reached(case: Case, at: Sequence[float]) -> None:
-    """Refuse places that the run of a case does not come to.
-
-    Raises:
-        InputError: One lies beyond its length, or above the meniscus.
-    """
-    length = case.casting.length
-    beyond = [place_said(one) for one in at if not 0.0 <= one <= length * (1.0 + ROUNDING)]
-    if beyond:
-        raise InputError(
-            f"--at {', '.join(beyond)}: the run goes from the meniscus to {place_said(length)}; "
-            "give a place within, or a longer casting.length"
-        )
 
 
 def _alone(options: Options) -> Path:
@@ -180,10 +146,9 @@ def show_errors(folder: Path) -> None:
 
 def print_table(table: ErrorTable) -> None:
     """Print errors, and which runs told nothing of them."""
-    out = parallel.console()
-    for one in printed(table):
-        out.print(one, "", highlight=False)
-    for line in unknown(table):
+    for one in error_tables(table):
+        say(parallel.console(), one, "")
+    for line in without_error(table):
         print(line, file=sys.stderr)
 
 

@@ -6,14 +6,16 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
+import os
 import sys
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
 import click
 
 from castfem import __version__
-from castfem.base.errors import InputError
+from castfem.base.errors import InputError, RunFailure
 from castfem.cli import options, pictures, studies
 from castfem.cli.command import Argument, Group, command
 from castfem.cli.options import (
@@ -26,6 +28,8 @@ from castfem.cli.options import (
     overrides,
     quiet,
 )
+
+_TERMINAL, _LINES = 1.0, 10.0  # s between two looks: at a terminal, and elsewhere
 
 
 @command('run billet125/thermal --set casting.speed="3 m/min" -o slow')
@@ -73,12 +77,16 @@ def cases() -> None:
         print(f"{name:{width}}  {shipped_cases.title_of(path)}")
 
 
+def starter(file: str, title: str) -> str:
+    """Return the commented case that `castfem init` writes, of a file and a title."""
+    text = (resources.files(__package__) / "starter.toml").read_text(encoding="utf-8")
+    return text.replace("{file}", file).replace("{title}", title)
+
+
 @command("init my_billet")
 @click.argument("name", help="Name of the new case file.", cls=Argument)
 def init(name: str) -> None:
     """Write a commented case to start from."""
-    from castfem.cli.starter import starter
-
     path = Path(name if name.endswith(".toml") else f"{name}.toml")
     if not path.name.removesuffix(".toml").strip():
         raise InputError(f'"{name}": give the new case file a name, such as my_billet.toml')
@@ -102,10 +110,10 @@ def show(folder: Path, at: tuple[str, ...], units: tuple[str, ...]) -> None:
         raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
     from castfem.cli import parallel
     from castfem.cli.options import chosen
-    from castfem.post.report import error_pages
     from castfem.post.report.show import show as show_folder
     from castfem.runs.output.folder import ERROR_NAME
     from castfem.runs.output.run_record import RUN_NAME
+    from castfem.runs.results.run_case import error_lines
     from castfem.studies.sweep.record import SWEEP_NAME
 
     if (folder / ERROR_NAME).is_file() and not (folder / RUN_NAME).is_file():
@@ -126,7 +134,7 @@ def show(folder: Path, at: tuple[str, ...], units: tuple[str, ...]) -> None:
         show_folder(folder, parallel.console(), at=read_positions(at))
     if at:
         return
-    for line in error_pages.lines({"": folder}):
+    for line in error_lines({"": folder}):
         print(line)
 
 
@@ -148,11 +156,26 @@ def show(folder: Path, at: tuple[str, ...], units: tuple[str, ...]) -> None:
 @options.units
 def watch(folder: Path, html: Path | None, every: str, wait: bool, units: tuple[str, ...]) -> int:
     """Show how far a run has come, until it ends; with --html as a page that refreshes itself."""
-    from castfem.cli.options import chosen
-    from castfem.cli.watching import watch_folder
+    from castfem.cli import parallel
+    from castfem.cli.options import above_zero, chosen
+    from castfem.post.watch.page import Page
+    from castfem.post.watch.terminal import Viewing
+    from castfem.post.watch.terminal import watch as watch_runs
 
+    console, page = parallel.console(), None
+    usual = _TERMINAL if console.is_terminal else _LINES
+    interval = above_zero("--every", every, "s") if every else usual
+    if html is not None:
+        page = Page(folder, html, interval if every else max(interval, _LINES), wait=wait)
     with chosen(units):
-        return watch_folder(folder, html, every, wait=wait)
+        try:
+            well = watch_runs(folder, Viewing(console, interval, page, wait))
+        except KeyboardInterrupt:
+            print("stopped watching; the runs go on")
+            return 0
+    if page is not None:
+        print(f"page in {html}")
+    return 0 if well else RunFailure.exit_status
 
 
 @command("compare results/billet125/thermal slow")
@@ -175,13 +198,53 @@ def compare(
     units: tuple[str, ...],
 ) -> None:
     """Print runs side by side and draw their histories over one another."""
-    from castfem.cli.comparing import compare_runs
+    from castfem.base.shown_units import shown_in
+    from castfem.base.table import say
+    from castfem.cli import parallel
     from castfem.cli.options import chosen
+    from castfem.post.compare import drawing, table
+    from castfem.post.compare.remarks import remarks
+    from castfem.post.compare.runs import base_of, read_runs
+    from castfem.runs.output.chosen_units import units_of_run
     from castfem.runs.results.places import read_positions
+    from castfem.runs.results.run_case import error_lines
 
-    places = read_positions(at)
-    with chosen(units):
-        compare_runs(folders, output, base, everything=everything, figures=figures, at=places)
+    places, runs = read_positions(at), read_runs(folders)
+    measure, target = base_of(runs, base), output or _beside([run.folder for run in runs])
+    _make(target, table.CSV_NAME)
+    with chosen(units), shown_in(units_of_run(measure.folder)):
+        lines = table.lines(runs, measure, everything=everything, at=places)
+        out = parallel.console()
+        say(out, table.table_of(runs, lines), "", *remarks(runs, measure, lines))
+        say(out, *error_lines({run.label: run.folder for run in runs}))
+        print(f"table in {table.csv_table(runs, lines).write_csv(target / table.CSV_NAME)}")
+        drawn = drawing.draw(target, runs, measure) if figures else []
+    if drawn:
+        print(f"figures in {target}: {', '.join(path.name for path in drawn)}")
+
+
+def _beside(folders: list[Path]) -> Path:
+    """Return the folder `compare` beside runs, if they all lie in one folder."""
+    parents = {folder.resolve().parent for folder in folders}
+    if len(parents) != 1:
+        return Path("results") / "compare"
+    return Path(os.path.relpath(parents.pop())) / "compare"
+
+
+def _make(target: Path, name: str) -> None:
+    """Make a folder, unless it holds other files than castfem's, of which one has this name.
+
+    Raises:
+        InputError: It does, or it cannot be made.
+    """
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        if any(target.iterdir()) and not (target / name).is_file():
+            raise InputError(f"{target}: holds other files; choose another folder with -o")
+    except OSError as error:
+        raise InputError(
+            f"{target}: cannot be used ({error.strerror}); choose another with -o"
+        ) from None
 
 
 @command("report results/billet125/thermal -o thermal.html")
@@ -201,43 +264,6 @@ def report(
     with chosen(units):
         places = read_positions(at)
         print(f"report in {write(folders, file_for(output or beside, REPORT_NAME), places)}")
-
-
-@command('strand results/slab1200/reference --every "50 mm"')
-@folder("Folder of a run.")
-@output("File; by default strand.vtu in DIR.")
-@click.option("--every", default="100 mm", help="Length of its cells along the strand, at most.")
-def strand(folder: Path, output: Path | None, every: str) -> None:
-    """Write the slices of a run, stacked along its caster, for ParaView."""
-    from castfem.cli.strand import write
-    from castfem.runs.output.folder import STRAND_NAME
-
-    write(folder, file_for(output or folder, STRAND_NAME), every)
-
-
-@command("identify curves.csv")
-@click.argument(
-    "data",
-    metavar="DATA.csv",
-    type=PATH,
-    help="Tensile curves: temperature [..], strain rate [..], strain [..], stress [..].",
-    cls=Argument,
-)
-@output("File of the law; by default DATA.toml.")
-@click.option(
-    "--degree", type=int, help="Smooth over temperature, of this degree; left out: each by itself."
-)
-@click.option(
-    "--softening", default="positive", help="p1: positive (0 or more), free, or none (0)."
-)
-@click.option("--overwrite", is_flag=True, help="Replace a law and a picture of these names.")
-def identify(
-    data: Path, output: Path | None, degree: int | None, softening: str, overwrite: bool
-) -> None:
-    """Fit the modified Norton-Hoff law (163) to tensile curves."""
-    from castfem.cli.identifying import identify_law
-
-    identify_law(data, output, degree, softening, overwrite)
 
 
 @command("schema > castfem.schema.json")
@@ -275,6 +301,7 @@ def app() -> None:
 for one in (
     run, studies.sweep, studies.error, studies.optimise, studies.calibrate, studies.sensitivity,
     check, cases, init, show, watch, compare, report, pictures.mesh, pictures.mould,
-    pictures.section, pictures.machine, strand, pictures.material, identify, schema, completion,
+    pictures.section, pictures.machine, pictures.strand, pictures.material, pictures.identify,
+    schema, completion,
 ):  # fmt: skip
     app.add_command(one)

@@ -6,13 +6,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from castfem.base.errors import InputError
 from castfem.base.shown_quantity import from_si, unit_of_difference
 from castfem.base.shown_units import scale_of, shown_in
+from castfem.base.table import Table, say
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import chosen
 from castfem.model import Case, load_case, shipped_cases
@@ -28,9 +28,6 @@ from castfem.studies.optimisation.evaluator import Evaluator, serve
 from castfem.studies.optimisation.measured import Measured, read_measured
 from castfem.studies.optimisation.probe_data import is_of_probe, lacking
 from castfem.studies.sweep.view import View
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 FIGURE_NAME = "calibration.png"
 _ALIKE = 0.95  # correlation of keys that the data hardly tell apart
@@ -125,26 +122,18 @@ def _done(asked: _Question, quiet: bool, units: Sequence[str]) -> int:
     with chosen(units), shown_in(units_of(asked.case)):
         save(draw_calibration(_panels(found)), target / FIGURE_NAME)
         if not quiet:
-            out = parallel.console()
-            out.print(_keys(found), "", highlight=False)
-            for line in _words(found, target):
-                print(line)
+            say(parallel.console(), _keys(found), "", *_words(found, target))
     return 0
 
 
 def _keys(found: Calibration) -> Table:
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
-    for header in ("key", "before", "fitted, 95 %", "bounds", "unit"):
-        table.add_column(header, justify="left" if header in ("key", "unit") else "right")
+    rows = []
     for f in found.fit.keys:
         half = error_shown(f.interval) if math.isfinite(f.interval) else "?"
         fitted = f"{f.value:.5g} \N{PLUS-MINUS SIGN} {half}"
         bounds = f"{f.free.low:g} to {f.free.high:g}"
-        table.add_row(f.free.key, f"{f.start:.5g}", fitted, bounds, unit_shown(f.free.unit))
-    return table
+        rows.append((f.free.key, f"{f.start:.5g}", fitted, bounds, unit_shown(f.free.unit)))
+    return Table(("key", "before", "fitted, 95 %", "bounds", "unit"), rows, words=(0, 4))
 
 
 def _words(found: Calibration, target: Path) -> list[str]:
@@ -167,19 +156,19 @@ def _words(found: Calibration, target: Path) -> list[str]:
         if f.held:
             lines.append(f"{f.free.key}: held by its bound; its interval says little")
         elif not math.isfinite(f.interval):
-            lines.append(f"{f.free.key}: the data do not tell how sure it is")
+            lines.append(f"{f.free.key}: the data do not determine its error")
     for i, one in enumerate(fit.keys):
         for j, other in enumerate(fit.keys[:i]):
             if abs(fit.correlation[i, j]) > _ALIKE:
                 lines.append(
-                    f"{other.free.key} and {one.free.key}: hardly told apart by these data "
-                    f"(correlation {fit.correlation[i, j]:.2f}); fit one of them"
+                    f"{other.free.key} and {one.free.key}: can hardly be distinguished by these "
+                    f"data (correlation {fit.correlation[i, j]:.2f}); fit one of them"
                 )
     known = all(math.isfinite(m.error) for m in found.measured)
     if known and math.isfinite(fit.spread):
         lines.append(f"scatter over the stated errors: {fit.spread:.2f} (1: they agree)")
     if not fit.converged:
-        lines.append("the fit has not come to rest: wider bounds, or fewer keys")
+        lines.append("the fit has not converged: give wider bounds, or fewer keys")
     lines.append(f"{found.runs} runs; case, data and figure in {target}")
     return lines
 

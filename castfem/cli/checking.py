@@ -274,12 +274,10 @@ def describe(name: str, case: Case, steel: Steel, mesh: SectionMesh) -> str:
         laws = ", ".join(law.tag for _, law in span.laws) or "insulated"
         laws = "from roll to roll" if span.roll_to_roll else laws
         lines.append(f"  {span.start:7.3f} - {span.end:7.3f} m  {span.name}: {laws}")
-    from castfem.cli.mould_heat import heat_lines
+    from castfem.cli.plant_numbers import heat_lines, water_lines
 
     lines += [f"  {line}" for line in heat_lines(case, steel, mesh)]
     if has_water(case):
-        from castfem.cli.spray_water import water_lines
-
         lines += [f"  {line}" for line in water_lines(case, steel, mesh)]
     return "\n".join([*lines, *_written(case, mesh)])
 

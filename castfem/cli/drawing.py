@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.base.errors import InputError
+from castfem.base.table import pairs, say
+from castfem.cli import parallel
 from castfem.model import Case
 from castfem.model.section_mesh import meshing
 
@@ -37,7 +39,7 @@ def draw_mesh(case: Case, picture: Path) -> None:
 
     check_picture(picture)
     mesh = build_mesh(case)
-    print_rows(mesh_rows(mesh))
+    say(parallel.console(), pairs(mesh_rows(mesh)))
     with drawing(picture):
         draw(mesh, picture)
 
@@ -76,28 +78,9 @@ def draw_material(name: str, composition: Iterable[str], picture: Path) -> None:
     from castfem.physics.materials.plot import plot_steel
 
     steel = load_steel(name, Path.cwd(), composition=amounts, origin="steel")
-    print_rows(describe_steel(steel))
+    say(parallel.console(), pairs(describe_steel(steel)))
     with drawing(picture):
         plot_steel(steel, picture)
-
-
-def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return the lines of a table: its first column to the left, the others to the right."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        "  ".join(
-            cell.ljust(width) if i == 0 else cell.rjust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
-
-
-def print_rows(rows: list[tuple[str, str]]) -> None:
-    """Print rows of label and value."""
-    width = max(len(label) for label, _ in rows)
-    for label, text in rows:
-        print(f"{label:{width}}  {text}")
 
 
 def check_picture(picture: Path) -> None:

@@ -1,14 +1,18 @@
-"""`castfem machine`: the rolls of a case, what they do to the strand, and a picture of it."""
+"""`castfem machine`: rolls, what they do to the strand, water, drives, and pictures of them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from castfem.base.errors import InputError
-from castfem.cli.drawing import check_picture, drawing, print_rows
+from castfem.base.table import Table, pairs, say
+from castfem.base.types import Array
+from castfem.cli import parallel
+from castfem.cli.drawing import check_picture, drawing
 from castfem.model import Case
 from castfem.model.machine import thickness_of
 
@@ -45,28 +49,25 @@ def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None
             '[machine] with rolls = "rolls.csv" (docs/machine.md)'
         )
     found = None if run is None else ended(run, case)
-    print_rows(machine_rows(rolls, thickness))
+    out = parallel.console()
+    say(out, pairs(machine_rows(rolls, thickness)))
     if found is not None:
         solid = found.solid
         where = found if solid is None else f"at {solid:.4g} m, {_near(rolls, solid)}"
-        print(f"solid throughout: {where} ({run})")
-    print()
-    print("\n".join(roll_lines(rolls, thickness)))
+        say(out, f"solid throughout: {where} ({run})")
+    say(out, "", roll_table(rolls, thickness))
     if case.secondary is not None and case.secondary.circuit:
-        print()
-        print("\n".join(circuit_lines(case, case.secondary, rolls, thickness)))
+        say(out, "", circuit_table(case, case.secondary, rolls, thickness))
     if case.machine is not None and case.machine.defect:
-        print()
-        print(f"defects: {'; '.join(str(one).rstrip(',') for one in case.machine.defect)}")
+        defects = "; ".join(str(one).rstrip(",") for one in case.machine.defect)
+        say(out, "", f"defects: {defects}")
     with drawing(picture):
         draw(
             rolls, thickness, picture, mould_end=case.mould_exit(),
             marks=() if found is None else found.marks, sprays=_sprays(case), title=case.title,
         )  # fmt: skip
     if case.machine is not None and case.machine.extraction is not None:
-        from castfem.cli.extraction import tell_of_drives
-
-        tell_of_drives(case, rolls, picture, run)
+        show_drives(case, rolls, picture, run)
 
 
 def _sprays(case: Case) -> list[Spray]:
@@ -87,7 +88,7 @@ def _sprays(case: Case) -> list[Spray]:
     return found
 
 
-def circuit_lines(case: Case, table: Secondary, rolls: Rolls, thickness: float) -> list[str]:
+def circuit_table(case: Case, table: Secondary, rolls: Rolls, thickness: float) -> Table:
     """Return the table of the circuits of water, at their largest flows, and their defects."""
     from castfem.cli.drawing import build_mesh
     from castfem.model.defects import Nozzles
@@ -106,9 +107,9 @@ def circuit_lines(case: Case, table: Secondary, rolls: Rolls, thickness: float) 
     head = (
         "circuit", "on", "rolls", "nozzles", "most flow [L/min]", "[L/kg]", "each [L/min]",
         "width [mm]",
-        "length [mm]", "at most [mm]", "defect" if scaled else "",
+        "length [mm]", "at most [mm]", *(["defect"] if scaled else []),
     )  # fmt: skip
-    rows = [head]
+    rows = []
     for circuit in table.circuit:
         model, flow = table.model_of(circuit), 6e4 * supply.most(circuit)
         gaps = [gap_below(rolls, number, thickness) for number in range(*circuit.rolls)]
@@ -128,9 +129,9 @@ def circuit_lines(case: Case, table: Secondary, rolls: Rolls, thickness: float) 
                 f"{1e3 * footprint(circuit.stand_off, model.angle_along):.1f}",
                 "" if free is None else f"{1e3 * free:.1f}",
                 ", ".join(one.water for one in scaled if one.circuit == circuit.name),
-            )
+            )[: len(head)]
         )
-    return aligned(rows)
+    return Table(head, rows, words=(0, 1))
 
 
 def _near(rolls: Rolls, position: float) -> str:
@@ -172,14 +173,14 @@ def _head(line: Bent, end: float) -> str:
     return f"{height:.4g} m at the last roll, {end:.4g} m along the strand"
 
 
-def roll_lines(rolls: Rolls, thickness: float) -> list[str]:
+def roll_table(rolls: Rolls, thickness: float) -> Table:
     """Return the table of the rolls."""
     head = (
         "roll", "position [m]", "pitch [mm]", "diameter [mm]", "clear [mm]", "aperture [mm]",
         f"R {rolls.face} [m]", "angle [deg]", "height [m]", "drive [kN]",
-        "defect" if any(pair.defect for pair in rolls.pairs) else "",
+        *(["defect"] if any(pair.defect for pair in rolls.pairs) else []),
     )  # fmt: skip
-    line, rows = rolls.line(thickness), [head]
+    line, rows = rolls.line(thickness), []
     for i, pair in enumerate(rolls.pairs):
         pitch = pair.position - rolls.pairs[i - 1].position if i else None
         drive = "yes" if pair.capacity is None else f"{1e-3 * pair.capacity:.4g}"
@@ -196,15 +197,70 @@ def roll_lines(rolls: Rolls, thickness: float) -> list[str]:
                 f"{line.height(pair.position):.3f}",
                 drive if pair.driven else "",
                 pair.defect,
-            )
+            )[: len(head)]
         )
-    return aligned(rows)
+    return Table(head, rows, words=())
 
 
-def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Rows of cells, each column as wide as its widest cell."""
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return [
-        "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
+def show_drives(case: Case, rolls: Rolls, picture: Path, run: Path | None = None) -> None:
+    """Print how the drives share the resistance; draw it, where it is known before a run.
+
+    Args:
+        case: With [machine.extraction].
+        rolls: Its rolls.
+        picture: File of the caster's picture; that of the drives stands beside it.
+        run: Folder of a run through them, of which a coupled resistance is told.
+
+    Raises:
+        InputError: The picture cannot be written, or the run's history not be read.
+        StrandStopsError: The drives are weaker than the rolls.
+    """
+    from castfem.cli.machine_run import drives_of
+    from castfem.model.build_extraction import capacities, known_resistance
+    from castfem.post.plots.extraction import draw as draw_extraction
+
+    assert case.machine is not None and case.machine.extraction is not None
+    known = known_resistance(case.machine.extraction, case.machine)
+    out = parallel.console()
+    if known is None:
+        found = None if run is None else drives_of(run, rolls)
+        if found is None:
+            say(out, "", "resistance: coupled, from the forces of a run (--run DIR)")
+        else:
+            say(out, "", f"drives as the slice of {run} met them")
+            say(out, drive_table(rolls, capacities(rolls), *found))
+        return
+    effort, drive, total = known.shares.effort, known.shares.drive, float(known.steps.sum())
+    say(out, "", drive_table(rolls, known.capacities, effort, drive, total))
+    with drawing(beside := picture.with_stem(f"{picture.stem}_extraction")):
+        draw_extraction(rolls, known, beside, case.title)
+
+
+def drive_table(
+    rolls: Rolls, most: Array, effort: Array, drive: Array, resistance: float, to: float = math.inf
+) -> Table:
+    """Return the table of the drives: what comes to each, what it takes, what it has left.
+
+    Args:
+        rolls: The pairs.
+        most: What they can pull (n,), N: 0 of one that is not driven, inf if not known.
+        effort: In the strand as it comes to each (n,), N; nan where that is not known.
+        drive: What each pulls with (n,), N; nan likewise.
+        resistance: Of all rolls, N.
+        to: Position down to which it is, m.
+    """
+    head = ("drive", "position [m]", "effort [kN]", "pulls [kN]", "has left [kN]")
+    rows = []
+    for i, pair in enumerate(rolls.pairs):
+        if most[i] > 0.0:
+            forces = (effort[i], drive[i], most[i] - drive[i])
+            cells = [f"{1e-3 * force:.2f}" if math.isfinite(force) else "" for force in forces]
+            rows.append((f"#{i + 1}", f"{pair.position:.3f}", *cells))
+    could = float(most.sum())
+    drawn = "" if math.isinf(could) else f", the drives could take {1e-3 * could:.5g} kN"
+    down = f"down to {to:.4g} m " if to < rolls.pairs[-1].position else ""
+    notes = [f"{down}the rolls resist with {1e-3 * resistance:.5g} kN{drawn}"]
+    if np.isfinite(effort).any():
+        at = int(np.nanargmax(effort))
+        notes.append(f"largest effort in the strand: {1e-3 * effort[at]:.4g} kN, at roll {at + 1}")
+    return Table(head, rows, words=(), notes=notes)

@@ -13,8 +13,8 @@ from castfem.base.tolerances import ROUNDING
 from castfem.base.types import Array
 from castfem.base.units import factor_and_zero
 from castfem.model import Case, load_case
+from castfem.model.shipped_cases import CASE_NAME
 from castfem.physics.machine.rolls import Pair, Rolls
-from castfem.runs.output.folder import CASE_NAME
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
 

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.base.atomic_files import write_json
 from castfem.base.errors import RunFailure
 from castfem.base.shown_units import scale_of, shown_in
+from castfem.base.table import Table, keep_words, say
 from castfem.cli import many_runs, parallel
-from castfem.cli.options import chosen
+from castfem.cli.options import Request, chosen
 from castfem.model import load_case, shipped_cases
 from castfem.model.shared_heat import fixed_while_varied
 from castfem.model.shown_units import units_of
 from castfem.post.report.cautions import cautions_of_all
-from castfem.post.report.table_layout import keep_words
 from castfem.runs.output.summary import Summary
 from castfem.studies.optimisation.evaluator import serve
 from castfem.studies.optimisation.fidelity import THERMAL
@@ -33,31 +32,6 @@ if TYPE_CHECKING:
 
 OPTIMUM_NAME = "optimum.json"
 _WRITTEN = OPTIMUM_NAME, MOULD_NAME, FRONT_TABLE
-
-
-@dataclass(frozen=True, slots=True)
-class Options:
-    """What the user asked for.
-
-    Attributes:
-        name: Case file or name of a shipped case.
-        folder: Where runs and answer go, None for the default.
-        overrides: Those of --set.
-        processes: How many runs at once; None for one a core.
-        figures: Draw the answer.
-        quiet: Print nothing but errors.
-        units: Those of --units.
-        ranks: Of each run, under mpirun.
-    """
-
-    name: str
-    folder: Path | None
-    overrides: tuple[str, ...]
-    processes: int | None
-    figures: bool
-    quiet: bool
-    units: tuple[str, ...] = ()
-    ranks: int = 1
 
 
 class Teller:
@@ -86,7 +60,7 @@ class Teller:
         """Nothing is said in between."""
 
 
-def optimise_case(options: Options) -> int:
+def optimise_case(options: Request) -> int:
     """Search, and return the exit status: 2 where nothing meets the constraints (collective).
 
     Raises:
@@ -100,17 +74,17 @@ def optimise_case(options: Options) -> int:
     )
 
 
-def _done(study: Study, target: Path, options: Options) -> int:
+def _done(study: Study, target: Path, options: Request) -> int:
     """Search (on rank 0), write and print the answer, and return the exit status."""
     assert study.evaluator is not None
     with study.evaluator:
         teller = Teller(options.quiet)
         optimum = study.solve(teller, stage=teller.stage)
     with chosen(options.units), shown_in(units_of(study.question.case)):
-        return _told(study, optimum, target, options)
+        return _show_answer(study, optimum, target, options)
 
 
-def _prepared(options: Options, ranks: bool) -> tuple[Study, Path]:
+def _prepared(options: Request, ranks: bool) -> tuple[Study, Path]:
     """Read the case and look at its folder.
 
     Raises:
@@ -119,8 +93,7 @@ def _prepared(options: Options, ranks: bool) -> tuple[Study, Path]:
     many_runs.check_processes(options.processes, ranks, options.ranks)
     path = shipped_cases.find(options.name)
     case = load_case(path, options.overrides)
-    alone = shipped_cases.default_folder(options.name, path)
-    target = options.folder or alone.with_name(f"{alone.name}_optimise")
+    target = options.target(path, "_optimise")
     check_own(target, _WRITTEN)
     asked = case.optimise
     if asked is not None:
@@ -131,7 +104,7 @@ def _prepared(options: Options, ranks: bool) -> tuple[Study, Path]:
     return Study(case, evaluator=evaluator, origin=str(path)), target
 
 
-def _told(study: Study, optimum: Optimum, target: Path, options: Options) -> int:
+def _show_answer(study: Study, optimum: Optimum, target: Path, options: Request) -> int:
     """Write and print the answer; return the exit status."""
     write_json(target / OPTIMUM_NAME, optimum.to_json())
     best = study.case_of(optimum)
@@ -154,7 +127,7 @@ def _told(study: Study, optimum: Optimum, target: Path, options: Options) -> int
         for line in cautions_of_all(best_run):
             out.print(line, highlight=False, soft_wrap=True)
         if moulded:
-            out.print(_mould(study, optimum), "", highlight=False)
+            say(out, _mould(study, optimum), "")
         print(f"{', '.join(written)} in {target}, runs beside")
     if optimum.status != "found":
         what = "no run has come to its end"
@@ -190,17 +163,10 @@ def _drawn(study: Study, optimum: Optimum, target: Path) -> list[str]:
     return names
 
 
-def _mould(study: Study, optimum: Optimum) -> object:
-    """The table of the mould, for the terminal."""
-    from rich import box
-    from rich.table import Table
-
+def _mould(study: Study, optimum: Optimum) -> Table:
+    """The table of the mould."""
     head, rows = mould_table(study.case_of(optimum), every=0.1)
-    found = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
     scale = scale_of("mm")
     size = ".3f" if scale.unit == "mm" else ".7g"
-    for name in head:
-        found.add_column(name.replace("[mm]", f"[{scale.unit}]"), justify="right")
-    for row in rows:
-        found.add_row(f"{scale(row[0]):.7g}", *(f"{scale(one):{size}}" for one in row[1:]))
-    return found
+    cells = [(f"{scale(row[0]):.7g}", *(f"{scale(one):{size}}" for one in row[1:])) for row in rows]
+    return Table([name.replace("[mm]", f"[{scale.unit}]") for name in head], cells, words=())

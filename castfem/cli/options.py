@@ -4,18 +4,111 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from castfem.base.errors import CaseError
+from castfem.base.errors import CaseError, InputError
 from castfem.cli import completion
 from castfem.cli.command import Argument
+
+if TYPE_CHECKING:
+    from castfem.model import Case
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 """What adds an argument or an option to a function that becomes a command."""
 _LONGEST = 255  # bytes of a name, in every file system in use
+DEFAULT = "default"
+"""Accuracy of a case with its own sizes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What the user asked of a command that runs cases.
+
+    Attributes:
+        name: Case file, folder of a run, or name of a shipped case.
+        folder: Where the command writes; None for the default.
+        overrides: Assignments of --set.
+        processes: How many runs at once; None for one a core.
+        ranks: Of each run, under mpirun.
+        resume: Go on from checkpoints.
+        overwrite: Run anew, also over runs of other cases.
+        figures: Draw the figures.
+        quiet: Print nothing but errors.
+        accuracy: Word for cells, steps and windows; "default" for those of the case.
+        at: Positions, m, whose results are asked for.
+        units: Those of --units.
+    """
+
+    name: str
+    folder: Path | None
+    overrides: tuple[str, ...] = ()
+    processes: int | None = None
+    ranks: int = 1
+    resume: bool = False
+    overwrite: bool = False
+    figures: bool = True
+    quiet: bool = False
+    accuracy: str = DEFAULT
+    at: tuple[float, ...] = ()
+    units: tuple[str, ...] = ()
+
+    def target(self, path: Path, ending: str) -> Path:
+        """Where the command writes: by default beside a run of the case, its name with an ending.
+
+        Args:
+            path: Of the case.
+            ending: What the name has behind that of the run.
+        """
+        from castfem.model import shipped_cases
+
+        alone = shipped_cases.default_folder(self.name, path)
+        return self.folder or alone.with_name(f"{alone.name}{ending}")
+
+    def sizes(self, path: Path) -> list[str]:
+        """The assignments that stand for the accuracy that is asked for.
+
+        Raises:
+            InputError: There is no such accuracy, or the case is not sound.
+        """
+        if self.accuracy == DEFAULT:
+            return []
+        from castfem.model import load_case
+        from castfem.studies.accuracy.sizes import assignments
+
+        return assignments(load_case(path, self.overrides), self.accuracy)
+
+    def case(self, path: Path) -> Case:
+        """The case with the keys and the accuracy that are asked for.
+
+        Raises:
+            InputError: It is not sound, or there is no such accuracy.
+        """
+        from castfem.model import load_case
+
+        return load_case(path, (*self.overrides, *self.sizes(path)))
+
+    def check_reached(self, length: float) -> None:
+        """Refuse places that no run comes to.
+
+        Args:
+            length: To which they go, m.
+
+        Raises:
+            InputError: One lies beyond it, or above the meniscus.
+        """
+        from castfem.base.shown_units import place_said
+        from castfem.base.tolerances import ROUNDING
+
+        beyond = [place_said(one) for one in self.at if not 0.0 <= one <= length * (1.0 + ROUNDING)]
+        if beyond:
+            raise InputError(
+                f"--at {', '.join(beyond)}: the run goes from the meniscus to "
+                f"{place_said(length)}; give a place within, or a longer casting.length"
+            )
 
 
 class _Path(click.Path):
@@ -139,7 +232,6 @@ def above_zero(option: str, text: str, unit: str) -> float:
     Raises:
         InputError: It is no such quantity, or not above 0.
     """
-    from castfem.base.errors import InputError
     from castfem.base.units import parse
 
     try:

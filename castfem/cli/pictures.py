@@ -1,13 +1,28 @@
-"""The commands that draw what a case is made of, before it is run."""
+"""The commands that draw a case before it is run, a steel, a law, or a strand in space.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any, cast
 
 import click
 
+from castfem.base.errors import InputError, RunFailure
 from castfem.cli.command import Argument, command
-from castfem.cli.options import PATH, case_name, file_for, output, overrides
+from castfem.cli.options import (
+    PATH,
+    above_zero,
+    case_name,
+    file_for,
+    folder,
+    output,
+    overrides,
+)
+
+_SOFTENINGS = ("positive", "free", "none")  # of `IdentifyOptions`
 
 
 @command("mesh billet125/idealised")
@@ -46,7 +61,7 @@ def mould(
 
     path = find(case)
     if hot or coupled:
-        from castfem.cli.hot_mould import draw_hot_mould
+        from castfem.cli.mould import draw_hot_mould
 
         target = file_for(output, f"{path.stem}_hot.png")
         draw_hot_mould(load_case(path, overrides), target, case, coupled=coupled)
@@ -61,7 +76,7 @@ def mould(
 @overrides
 def section(case: str, output: Path | None, at: str | None, overrides: tuple[str, ...]) -> None:
     """Find the outline at the meniscus whose strand has the case's section further down."""
-    from castfem.cli.section import find as find_outline
+    from castfem.cli.mould import find_outline
     from castfem.model import load_case
     from castfem.model.shipped_cases import find
 
@@ -99,3 +114,81 @@ def material(name: str, output: Path | None, composition: tuple[str, ...]) -> No
     from castfem.cli.drawing import draw_material
 
     draw_material(name, composition, file_for(output, f"{Path(name).stem}.png"))
+
+
+@command('strand results/slab1200/reference --every "50 mm"')
+@folder("Folder of a run.")
+@output("File; by default strand.vtu in DIR.")
+@click.option("--every", default="100 mm", help="Length of its cells along the strand, at most.")
+def strand(folder: Path, output: Path | None, every: str) -> None:
+    """Write the slices of a run, stacked along its caster, for ParaView."""
+    from castfem.model import load_case
+    from castfem.model.machine import thickness_of
+    from castfem.model.shipped_cases import CASE_NAME
+    from castfem.physics.machine.side import Side
+    from castfem.runs.output.folder import STRAND_NAME
+    from castfem.runs.output.stacked_slices import write_strand
+
+    target, distance = file_for(output or folder, STRAND_NAME), above_zero("--every", every, "m")
+    if not (folder / CASE_NAME).is_file():
+        raise InputError(f"{folder}: holds no run of castfem (no {CASE_NAME})")
+    case = load_case(folder / CASE_NAME)
+    rolls = None if case.machine is None else case.machine.pairs()
+    thickness = thickness_of(case.section)
+    if rolls is None or thickness is None:
+        raise InputError(
+            f"{folder / CASE_NAME}: machine: the table is missing, the strand goes straight down: "
+            "open fields.xdmf; or run the case with [machine] (docs/machine.md)"
+        )
+    if target.suffix != ".vtu":
+        raise InputError(f"{target}: the strand is an unstructured grid of VTK; end it in .vtu")
+    side = Side(rolls, thickness, case.casting.length)
+    points, cells = write_strand(folder, target, side, distance)
+    print(f"{target}: {points} points, {cells} cells")
+
+
+@command("identify curves.csv")
+@click.argument(
+    "data",
+    metavar="DATA.csv",
+    type=PATH,
+    help="Tensile curves: temperature [..], strain rate [..], strain [..], stress [..].",
+    cls=Argument,
+)
+@output("File of the law; by default DATA.toml.")
+@click.option(
+    "--degree", type=int, help="Smooth over temperature, of this degree; left out: each by itself."
+)
+@click.option(
+    "--softening", default="positive", help="p1: positive (0 or more), free, or none (0)."
+)
+@click.option("--overwrite", is_flag=True, help="Replace a law and a picture of these names.")
+def identify(
+    data: Path, output: Path | None, degree: int | None, softening: str, overwrite: bool
+) -> None:
+    """Fit the modified Norton-Hoff law (163) to tensile curves."""
+    if softening not in _SOFTENINGS:
+        raise InputError(f"--softening '{softening}': one of {', '.join(_SOFTENINGS)}")
+    if degree is not None and degree < 0:
+        raise InputError(f"--degree {degree}: a number from 0 on, or leave it out")
+    target = output or Path(data.name).with_suffix(".toml")
+    there = [p for p in (target, target.with_suffix(".png")) if p.exists() and not overwrite]
+    if there:
+        raise InputError(
+            f"{there[0]}: is there already; choose another file with -o, or give --overwrite"
+        )
+    from castfem.base.atomic_files import write_text
+    from castfem.studies.identification import fit
+
+    options = fit.IdentifyOptions(degree=degree, softening=cast(Any, softening))
+    found = fit.identify(data, options)
+    try:
+        write_text(target, found.to_toml())
+    except RunFailure as error:
+        raise InputError(str(error).partition(";")[0]) from None
+    try:
+        picture = found.plot(target.with_suffix(".png"))
+    except OSError as error:
+        raise InputError(f"{target}: cannot be drawn ({error.strerror})") from None
+    print(found.report())
+    print(f"law in {target}, drawn in {picture}")

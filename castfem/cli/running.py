@@ -13,42 +13,29 @@ from castfem.base.errors import CastfemError, InputError
 from castfem.base.progress import Progress
 from castfem.cli import parallel
 from castfem.cli.checking import problems_of
-from castfem.cli.options import read_from
-from castfem.model import AnyCase, TensileCase, load_case, shipped_cases
-from castfem.post.report import error_pages
+from castfem.cli.options import DEFAULT, Request, read_from
+from castfem.model import AnyCase, TensileCase, shipped_cases
+from castfem.model.shipped_cases import CASE_NAME
 from castfem.runs import existing_run
-from castfem.runs.output.folder import CASE_NAME, ERROR_ENDING, ERROR_NAME
+from castfem.runs.output.folder import ERROR_ENDING, ERROR_NAME
 from castfem.runs.output.run_record import RUN_NAME
+from castfem.runs.results.run_case import error_lines
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-_DEFAULT = "default"  # the sizes of the case
-
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class Options(Request):
     """What the user asked for.
 
     Attributes:
-        name: Case file or name of a shipped case.
-        folder: Where to write, None for the default.
-        overrides: Assignments of --set.
-        resume: Go on from the last checkpoint.
-        overwrite: Replace a run of another case.
         profile: Print where the time went.
         verbosity: -1 quiet, 0 normal, 1 and more verbose.
-        accuracy: Word for its cells, steps and windows; "default" for those of the case.
     """
 
-    name: str
-    folder: Path | None
-    overrides: tuple[str, ...]
-    resume: bool
-    overwrite: bool
-    profile: bool
-    verbosity: int
-    accuracy: str = _DEFAULT
+    profile: bool = False
+    verbosity: int = 0
 
 
 def run_case(options: Options) -> None:
@@ -104,13 +91,10 @@ def _scaled(path: Path, options: Options) -> list[str]:
     Raises:
         InputError: There is no such accuracy, the case is not sound, or its run is taken up again.
     """
-    if options.accuracy == _DEFAULT:
-        return []
-    from castfem.studies.accuracy.sizes import assignments
-
-    if options.resume and (path.parent / RUN_NAME).is_file():
+    resumed = options.resume and (path.parent / RUN_NAME).is_file()
+    if options.accuracy != DEFAULT and resumed:
         raise InputError("--resume goes on with the sizes of the run: leave out --accuracy")
-    return assignments(load_case(path, options.overrides), options.accuracy)
+    return options.sizes(path)
 
 
 def _place(options: Options) -> tuple[Path, Path]:
@@ -181,7 +165,7 @@ def _show(target: Path, quiet: bool, *, figures: bool) -> None:
 
     show(target, parallel.console(quiet=quiet), figures=figures)
     if not quiet:
-        for line in error_pages.lines({"": target}):
+        for line in error_lines({"": target}):
             print(line)
         print(f"results in {target}")
 

@@ -11,47 +11,31 @@ from castfem.base import log
 from castfem.base.errors import InputError
 from castfem.base.progress import Progress
 from castfem.base.shown_units import label_shown, place_said, said, scale_of, shown_in
+from castfem.base.table import Table, say
 from castfem.cli import parallel
-from castfem.cli.options import chosen, read_from
-from castfem.model import load_case, shipped_cases
+from castfem.cli.options import Request, chosen, read_from
+from castfem.model import shipped_cases
 from castfem.model.shared_heat import fixed_while_varied
 from castfem.model.shown_units import units_of
 from castfem.runs.output.folder import RUN_NAME
 from castfem.runs.results.numbers import shown, unit_shown, with_error
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from castfem.model import Case
     from castfem.studies.sensitivity.result import Row, Sensitivity
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class Options(Request):
     """What the user asked for.
 
     Attributes:
-        name: Case file or name of a shipped case.
-        of: Results. to: Parameters.
-        folder: Where the files go, None for the default.
-        overrides: Those of --set.
-        resume: Go on from the checkpoint in the folder.
-        figures: Draw the figure.
-        quiet: Print nothing but errors.
-        units: Those of --units.
-        accuracy: Word for its cells, steps and windows; "default" for those of the case.
+        of: Results.
+        to: Parameters.
     """
 
-    name: str
-    of: tuple[str, ...]
-    to: tuple[str, ...]
-    folder: Path | None
-    overrides: tuple[str, ...]
-    resume: bool
-    figures: bool
-    quiet: bool
-    units: tuple[str, ...] = ()
-    accuracy: str = "default"
+    of: tuple[str, ...] = ()
+    to: tuple[str, ...] = ()
 
 
 def sensitivity_of_case(options: Options) -> None:
@@ -67,14 +51,7 @@ def sensitivity_of_case(options: Options) -> None:
     root = parallel.rank_of(comm) == 0
     log.setup(-1 if options.quiet else 0, parallel.rank_of(comm))
     path = shipped_cases.find(options.name)
-    case = load_case(path, options.overrides)
-    if options.accuracy != "default":
-        from castfem.studies.accuracy.sizes import assignments
-
-        sizes = assignments(case, options.accuracy)
-        case = load_case(path, (*options.overrides, *sizes))
-    alone = shipped_cases.default_folder(options.name, path)
-    target = options.folder or alone.with_name(f"{alone.name}_sensitivity")
+    case, target = options.case(path), options.target(path, "_sensitivity")
     if target.exists() and (not target.is_dir() or (target / RUN_NAME).is_file()):
         raise InputError(f"{target}: holds something else; choose another folder with -o")
     progress = Progress(-1 if options.quiet else 0) if root else None
@@ -104,33 +81,21 @@ def _tell(found: Sensitivity, case: Case, target: Path, options: Options) -> Non
         draw_tornado(found, target / FIGURE_NAME)
         written.append(FIGURE_NAME)
     if not options.quiet:
-        out = parallel.console()
-        print(f"{head_of(found)}\n")
-        out.print(table_of(found), "", highlight=False)
         fixed = fixed_while_varied(case, {parameter.key for parameter in found.parameters})
-        for line in [*remarks(found), *fixed]:
-            print(line)
+        out = parallel.console()
+        say(out, head_of(found), "", table_of(found), "", *remarks(found), *fixed)
         print(f"{', '.join(written)} in {target}")
 
 
 def table_of(found: Sensitivity) -> Table:
-    """The derivatives, for the terminal."""
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("", overflow="fold")
-    table.add_column("derivative")
-    table.add_column("% by 1 %", justify="right")
+    """The derivatives."""
+    rows = []
     for name, quantity in found.quantities.items():
         scale = scale_of(quantity.shown_unit, name)
         value = f"{shown(scale(quantity.shown), scale.unit)} {unit_shown(scale.unit)}"
-        table.add_row(f"{label_shown(quantity.label)}: {value}", "", "")
-        for row in found.rows():
-            if row.name == name:
-                table.add_row(*_cells(row))
-        table.add_section()
-    return table
+        rows.append((f"{label_shown(quantity.label)}: {value}", "", ""))
+        rows += [_cells(row) for row in found.rows() if row.name == name]
+    return Table(("", "derivative", "% by 1 %"), rows, words=(0, 1))
 
 
 def head_of(found: Sensitivity) -> str:
@@ -160,7 +125,7 @@ def _number(value: float, error: float) -> str:
     return with_error(f"{value:.{min(max(digits, 1), 4)}g}", error)
 
 
-def _told(found: Sensitivity, name: str) -> str:
+def _contact_changes(found: Sensitivity, name: str) -> str:
     """Return where contact is about to change with a parameter; "" where it is not."""
     met = [kink for kink in found.kinks if kink.parameter == name]
     if not met:
@@ -202,7 +167,7 @@ def remarks(found: Sensitivity) -> list[str]:
     """Return what else is to be known of the derivatives, a line each."""
     from castfem.studies.sensitivity.chosen_units import ShownRow
 
-    lines = [_told(found, p.name) for p in found.parameters]
+    lines = [_contact_changes(found, p.name) for p in found.parameters]
     lines = [line for line in [*lines, _in_steps(found), _cut(found)] if line]
     for row in found.rows():
         one = ShownRow.of(row)

@@ -137,10 +137,10 @@ def optimise(
     case: str, output: Path | None, jobs: int | None, units: tuple[str, ...], **given: Any
 ) -> int:
     """Find the best values of a case's keys, by its table [optimise]. The same command goes on."""
-    from castfem.cli.optimising import Options, optimise_case
+    from castfem.cli.optimising import optimise_case
 
     return optimise_case(
-        Options(name=case, folder=output, processes=jobs, units=sound_units(units), **given)
+        options.Request(name=case, folder=output, processes=jobs, units=sound_units(units), **given)
     )
 
 

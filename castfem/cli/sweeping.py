@@ -11,17 +11,18 @@ from typing import TYPE_CHECKING
 from castfem.base.atomic_files import folder_refused
 from castfem.base.errors import InputError, RunFailure
 from castfem.base.shown_units import shown_in
-from castfem.base.tolerances import ROUNDING
+from castfem.base.table import say
 from castfem.cli import many_runs, parallel
-from castfem.cli.options import chosen
-from castfem.model import Case, load_case, shipped_cases
+from castfem.cli.options import DEFAULT, Request, chosen
+from castfem.model import shipped_cases
 from castfem.model.shared_heat import shared_heat
+from castfem.post.compare.study_tables import sweep_table
 from castfem.post.report.cautions import cautions_of_all
 from castfem.runs.output.chosen_units import units_of_run
 from castfem.runs.output.summary import Summary
 from castfem.studies.sweep.plan import Variant, plan
 from castfem.studies.sweep.record import Record, check_own
-from castfem.studies.sweep.results import TABLE_NAME, printed, rows, write_table
+from castfem.studies.sweep.results import TABLE_NAME, rows, write_table
 from castfem.studies.sweep.share import Share
 from castfem.studies.sweep.work import Job, Outcome
 
@@ -32,44 +33,22 @@ _SOONEST = 2.0  # s between two versions of the table
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class Options(Request):
     """What the user asked for.
 
     Attributes:
-        name: Case file or name of a shipped case.
-        folder: Where the folders of the runs go, None for the default.
         assignments: Those of --set, with one or several values each.
         table: CSV file of runs.
-        processes: How many runs at once; None for one a core.
-        resume: Let runs that were not finished go on from their checkpoints.
-        overwrite: Run all anew, also over runs of other cases.
-        figures: Draw the figures of each run.
-        quiet: Print nothing but errors.
         part: Which share of the runs to do, `3/20`; "" for all.
         collect: Run nothing; make the table of what has been run, in parts or elsewhere.
-        ranks: Of each run, under mpirun.
         script: Write a script that does the sweep in parts, and run nothing.
-        at: Positions, m, whose results are told, too.
-        accuracy: Word for the cells, steps and windows of all runs; "default" for the case's.
-        units: Those of --units.
     """
 
-    name: str
-    folder: Path | None
-    assignments: tuple[str, ...]
-    table: Path | None
-    processes: int | None
-    resume: bool
-    overwrite: bool
-    figures: bool
-    quiet: bool
+    assignments: tuple[str, ...] = ()
+    table: Path | None = None
     part: str = ""
     collect: bool = False
-    ranks: int = 1
     script: Path | None = None
-    at: tuple[float, ...] = ()
-    accuracy: str = "default"
-    units: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,33 +91,13 @@ def _planned(options: Options) -> tuple[tuple[Variant, ...], Path]:
         InputError: As `sweep_case`.
     """
     path = shipped_cases.find(options.name)
-    variants = plan(_base(path, options.accuracy), options.assignments, options.table)
-    target = options.folder or _default_folder(options.name, path)
+    variants = plan(options.case(path), options.assignments, options.table)
+    target = options.target(path, "_sweep")
     many_runs.check_folder(target)
     for line in shared_heat(one.case for one in variants):
         print(f"castfem: {line}", file=sys.stderr)
-    longest = max((one.case.casting.length for one in variants), default=0.0)
-    beyond = [f"{1e3 * at:g} mm" for at in options.at if at > longest * (1.0 + ROUNDING)]
-    if beyond:
-        raise InputError(
-            f"--at {', '.join(beyond)}: no run comes that far, they are followed to "
-            f"{1e3 * longest:g} mm; give a place above, or a longer casting.length"
-        )
+    options.check_reached(max((one.case.casting.length for one in variants), default=0.0))
     return variants, target
-
-
-def _base(path: Path, accuracy: str) -> Case:
-    """The case whose keys are varied, with the sizes that are asked for.
-
-    Raises:
-        InputError: It is not sound, or there is no such accuracy.
-    """
-    case = load_case(path)
-    if accuracy == "default":
-        return case
-    from castfem.studies.accuracy.sizes import assignments
-
-    return load_case(path, assignments(case, accuracy))
 
 
 def _prepared(options: Options, ranks: bool) -> _Sweep:
@@ -181,7 +140,7 @@ def _alone(options: Options) -> int:
         words = [options.name, "-o", str(target)]
         words += [word for given in options.assignments for word in ("--set", given)]
         words += ["--table", str(options.table)] if options.table is not None else []
-        words += ["--accuracy", options.accuracy] if options.accuracy != "default" else []
+        words += ["--accuracy", options.accuracy] if options.accuracy != DEFAULT else []
         words += ["--figures"] if options.figures else []
         parts = Share.read(options.part).count if options.part else None
         count = write_script(options.script, words, target, len(variants), parts, options.ranks)
@@ -194,12 +153,6 @@ def _alone(options: Options) -> int:
     with record.shared():
         record.find(variants)
     return _report(_Sweep(record, variants, ()), options)
-
-
-def _default_folder(name: str, path: Path) -> Path:
-    """Return where a sweep goes without -o: beside a run of the case, results/.../NAME_sweep."""
-    alone = shipped_cases.default_folder(name, path)
-    return alone.with_name(f"{alone.name}_sweep")
 
 
 def _done(sweep: _Sweep, options: Options, comm: MPI.Intracomm | None) -> int:
@@ -237,14 +190,13 @@ def _report(sweep: _Sweep, options: Options) -> int:
         first = next((row.name for row in table if row.quantities), "")
         with chosen(options.units), shown_in(units_of_run(target / first)):
             if table:
-                out.print(printed(table, out.width), highlight=False)
+                say(out, sweep_table(table, out.width))
             finished = {
                 row.label or row.name: (target / row.name, Summary.load(target / row.name))
                 for row in table
                 if row.quantities
             }
-            for line in cautions_of_all(finished):
-                out.print(line, highlight=False, soft_wrap=True)
+            say(out, *cautions_of_all(finished))
         where = f"table in {target / TABLE_NAME}, runs in {target}"
         after = "their table: --collect, when all parts have ended"
         print(where if sweep.whole else f"runs in {target}; {after}")

@@ -16,7 +16,7 @@ from castfem.base.messages import differences
 from castfem.base.tolerances import same_or_before
 from castfem.model import AnyCase, Case, read_case
 from castfem.model.document import PROPERTY_FILES
-from castfem.runs.output.folder import CASE_NAME
+from castfem.model.shipped_cases import CASE_NAME
 from castfem.runs.output.run_record import RUN_NAME, RunRecord
 
 _NOT_PHYSICS = ("title", "output", "reference", "verification", "optimise", "casting.length")

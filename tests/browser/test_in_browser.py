@@ -168,7 +168,7 @@ def test_a_page_at_work_is_read_again_until_the_run_has_ended(
     work.begin((folder / "case.toml").read_text())
     (folder / "history.csv").write_text("".join(whole[:4]))
     watcher, written = Watcher(folder), Written(folder, tmp_path / "page.html", 1.0)
-    written.write_run(watcher.look())
+    written.write_run(watcher.status())
     context = browser.new_context()
     page = context.new_page()
     page.goto(written.target.as_uri())
@@ -176,7 +176,7 @@ def test_a_page_at_work_is_read_again_until_the_run_has_ended(
     before = float(str(bar.get_attribute("value")))
     (folder / "history.csv").write_text("".join(whole[:-2]))
     written._next = 0.0
-    written.write_run(watcher.look())
+    written.write_run(watcher.status())
     page.wait_for_function(
         "before => Number(document.querySelector('#work progress').value) > before", arg=before
     )
@@ -184,7 +184,7 @@ def test_a_page_at_work_is_read_again_until_the_run_has_ended(
     shutil.copy(runs / "billet" / "summary.json", folder)
     work.finish()
     work.close()
-    written.write_run(watcher.look())
+    written.write_run(watcher.status())
     page.wait_for_function("document.querySelector('#work') === null")
     page.evaluate("window.mine = true")
     page.wait_for_timeout(2500)

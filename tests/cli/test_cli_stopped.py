@@ -43,7 +43,7 @@ def test_a_signal_ends_the_command_with_a_line(
     process.send_signal(number)
     _, err = process.communicate(timeout=30)
     assert process.returncode == 130
-    assert err.splitlines()[-1] == "castfem: interrupted; the same command again goes on"
+    assert "interrupted; the same command" in err.splitlines()[-1]
     (folder,) = [path.parent for path in tmp_path.glob("out/*/history.csv")]
     record = RunRecord.load(folder)
     assert record.status == "interrupted"

@@ -179,7 +179,7 @@ def test_no_checkpoint_no_mesh(castfem):
     assert "run without --resume" in resumed.err
     mesh = castfem("mesh", "tensile/softening")
     assert mesh.status == 1
-    assert "is a tensile test; a strand is needed" in mesh.err
+    assert "is a tensile test" in mesh.err
 
 
 def test_a_failure_keeps_what_was_reached(castfem, monkeypatch):
@@ -198,7 +198,7 @@ def test_a_failure_keeps_what_was_reached(castfem, monkeypatch):
     monkeypatch.setattr(uniaxial, "_balanced", balanced)
     outcome = castfem("run", "tensile/constant_rate", "-o", "out")
     assert outcome.status == 2
-    assert "no equilibrium at 3.06 s; the history to there is in out/history.csv" in outcome.err
+    assert "no equilibrium at 3.06 s" in outcome.err
     assert len(read_history("out/history.csv")) == 51
     record = json.loads(Path("out/run.json").read_text())
     assert (record["status"], record["reached"]["step"]) == ("failed", 50)

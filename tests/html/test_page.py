@@ -140,7 +140,7 @@ def test_several_runs_side_by_side(folder: Path, tmp_path: Path) -> None:
     root = parsed(write([folder, other], tmp_path / "both.html").read_text(encoding="utf-8"))
     differing = [e for e in root.iter(f"{NAMESPACE}tr") if e.get("class") == "differs"]
     assert len(differing) == 1
-    assert any(e.text == "added.key" for e in root.iter(f"{NAMESPACE}code"))
+    assert any(e.text == "added.key" for e in root.iter(f"{NAMESPACE}th"))
 
 
 def test_a_page_of_many_runs_stays_small(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from castfem.cli.starter import starter
+from castfem.cli.app import starter
 from castfem.model import load_any, load_case
 from castfem.model.case import Case
 from castfem.model.json_schema import case_schema

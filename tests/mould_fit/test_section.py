@@ -11,7 +11,7 @@ import pytest
 
 from castfem.base.errors import InputError, RunFailure
 from castfem.cli import execute
-from castfem.cli.section import write_outline
+from castfem.cli.mould import write_outline
 from castfem.model import Case, load_case
 from castfem.model.build_mould import build_mould
 from castfem.model.wall_shape import WallShape, read_wall, write_wall

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +11,7 @@ import pytest
 
 from castfem.api import load
 from castfem.post.plots import figures
-from castfem.post.plots.bending import BENDING_FIGURES, draw_bulging, draw_slice
-from castfem.post.plots.figures import _OTHERS
-from castfem.post.plots.history import HISTORY_FIGURES
-from castfem.post.plots.mechanics import MECHANICS_FIGURES
-from castfem.post.plots.section import SECTION_FIGURES
+from castfem.post.plots.along_strand import draw_bulging, draw_slice
 from castfem.post.plots.style import Abscissa, look
 from castfem.runs.output.folder import ALL_FIGURES
 
@@ -52,16 +49,21 @@ def test_the_slice_is_drawn_over_the_strand() -> None:
     assert stress.get_ylabel() == "axial stress [MPa]"
 
 
+def defects(folder: Path) -> tuple[tuple[float, str], ...]:
+    with ExitStack() as files:
+        return figures.RunData(folder, None, files).defects
+
+
 def test_rolls_with_a_defect_are_marked(tmp_path: Path) -> None:
     """Those of the run's case, on the way that is drawn."""
     case = load("slab1200/locked_48_52")
     (tmp_path / "case.toml").write_text(case.resolved_toml(), encoding="utf-8")
-    found = figures._defects(tmp_path)
+    found = defects(tmp_path)
     assert [name for _, name in found] == ["#48 locked", "#52 locked"]
     assert case.machine is not None and (rolls := case.machine.pairs()) is not None
     assert [place for place, _ in found] == [rolls.pairs[i - 1].position for i in (48, 52)]
     (tmp_path / "case.toml").write_text(load("slab1200/slab").resolved_toml(), encoding="utf-8")
-    assert figures._defects(tmp_path) == () == figures._defects(tmp_path / "nowhere")
+    assert defects(tmp_path) == () == defects(tmp_path / "nowhere")
     table = history()
     way = table["time"].to_numpy(), table["position"].to_numpy()
     with look():
@@ -96,11 +98,5 @@ def test_bulges_are_drawn_with_what_the_rolls_bear() -> None:
 
 def test_every_figure_goes_with_the_run_it_is_of() -> None:
     """A run that replaces another removes what it knows of, by name."""
-    drawn = {
-        **SECTION_FIGURES,
-        **_OTHERS,
-        **HISTORY_FIGURES,
-        **MECHANICS_FIGURES,
-        **BENDING_FIGURES,
-    }
-    assert set(drawn) <= set(ALL_FIGURES)
+    assert set(figures.FIGURES) == set(ALL_FIGURES)
+    assert all(figure.title for figure in figures.FIGURES.values())

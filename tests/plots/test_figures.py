@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from synthetic_run import HALF, LIQUIDUS, SOLIDUS, rectangle, write_run
 
+from castfem.post.plots.along_strand import draw_heat, draw_steps
 from castfem.post.plots.figures import draw_figures
-from castfem.post.plots.history import curves, draw_heat, draw_steps, probes_with
+from castfem.post.plots.history import curves, probes_with
 from castfem.post.plots.section import Steel, draw_states, draw_temperature, section_triangles
 from castfem.post.plots.section import state_shares as shares_of
 from castfem.post.plots.style import Abscissa

@@ -18,13 +18,18 @@ from castfem.model import load_case
 from castfem.model.shipped_cases import find
 from castfem.post.compare.runs import read_runs
 from castfem.post.compare.sections import Section, draw_sections
+from castfem.post.plots.along_strand import (
+    draw_axial,
+    draw_contact,
+    draw_size,
+    draw_steps,
+    draw_stress,
+)
 from castfem.post.plots.deformation import SOFT, draw_shape, draw_von_mises, stress_levels
 from castfem.post.plots.figures import draw_figures
-from castfem.post.plots.history import draw_steps, probes_with
-from castfem.post.plots.mechanics import draw_axial, draw_contact, draw_size, draw_stress
-from castfem.post.plots.mould_wall import WallLine
+from castfem.post.plots.history import probes_with
 from castfem.post.plots.section import Steel
-from castfem.post.plots.shape import Outline, displacement, magnification, von_mises
+from castfem.post.plots.shape import Outline, WallLine, displacement, magnification, von_mises
 from castfem.post.plots.strand import Stack, View, draw_stack
 from castfem.post.plots.style import Abscissa, look, render
 from castfem.runs.output.fields import Fields

@@ -6,8 +6,8 @@ import numpy as np
 import pandas
 import pytest
 
-from castfem.post.plots.fronts import open_front
-from castfem.post.plots.history import draw_shell
+from castfem.post.plots.along_strand import draw_shell
+from castfem.post.plots.history import open_front
 from castfem.post.plots.style import Abscissa
 
 NAN = np.nan

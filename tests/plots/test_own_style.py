@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
@@ -85,7 +86,8 @@ def test_a_figure_that_fails_costs_a_warning_and_not_the_others(
     def fails(*_: object) -> None:
         raise RuntimeError("no glyph\nfor this")
 
-    monkeypatch.setitem(figures.HISTORY_FIGURES, "shell", fails)
+    failing = replace(figures.FIGURES["shell"], draw=fails)
+    monkeypatch.setitem(figures.FIGURES, "shell", failing)
     names = {path.name for path in figures.draw_figures(folder)}
     assert "shell.png" not in names and "heat.png" in names
     assert told.messages == ["shell.png could not be drawn (RuntimeError: no glyph)"]

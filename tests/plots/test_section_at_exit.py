@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,8 +10,7 @@ import numpy as np
 import pytest
 from synthetic_run import summary, write_run
 
-from castfem.post.plots.figures import _state_at_exit, draw_figures
-from castfem.runs.output.fields import Fields
+from castfem.post.plots.figures import RunData, draw_figures
 
 
 @pytest.mark.parametrize(
@@ -18,11 +18,11 @@ from castfem.runs.output.fields import Fields
 )
 def test_which_state_is_drawn(tmp_path: Path, exit_: float | None, at: float) -> None:
     folder = write_run(tmp_path / "run", steps=80)
-    with Fields(folder) as fields:
-        positions = np.asarray(fields.positions, float)
-        index = _state_at_exit(fields, replace(summary(), mould_exit=exit_))
-        assert abs(positions[index] - at) == np.abs(positions - at).min()
-        assert _state_at_exit(fields, None) == len(positions) - 1
+    with ExitStack() as files:
+        run = RunData(folder, replace(summary(), mould_exit=exit_), files)
+        positions = np.asarray(run.fields.positions, float)
+        assert abs(positions[run.at_exit] - at) == np.abs(positions - at).min()
+        assert RunData(folder, None, files).at_exit == len(positions) - 1
 
 
 def test_both_figures_are_drawn(tmp_path: Path) -> None:

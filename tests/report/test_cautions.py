@@ -11,8 +11,8 @@ from small_case import small
 import castfem
 from castfem.cli import execute
 from castfem.model.even_flux import even_zones
+from castfem.model.shipped_cases import CASE_NAME
 from castfem.post.report.cautions import cautions
-from castfem.runs.output.folder import CASE_NAME
 from castfem.runs.output.summary import Summary
 
 FLUX = {"law": "contact", "flux": "2 MW/m^2", "wall": "160 degC"}

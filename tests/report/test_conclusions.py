@@ -14,10 +14,10 @@ from synthetic_run import summary, write_run
 
 from castfem.api import load
 from castfem.base.shown_quantity import Quantity
+from castfem.model.shipped_cases import CASE_NAME
 from castfem.post.html.page import write
 from castfem.post.html.sections import sections
 from castfem.post.report.conclusions import conclusions
-from castfem.runs.output.folder import CASE_NAME
 from castfem.runs.output.history import HISTORY_NAME
 from castfem.runs.output.summary import Summary
 

@@ -6,7 +6,7 @@ import pytest
 
 from castfem.model import load_case
 from castfem.model.shipped_cases import find
-from castfem.post.report.error_pages import lines
+from castfem.runs.results.run_case import error_lines as lines
 
 BILLET = 'docs/billet.md, "Error of the shipped default"'
 

@@ -11,11 +11,12 @@ from rich.console import Console
 from synthetic_run import HALF, LIQUIDUS, SOLIDUS, rectangle, summary
 
 from castfem.post.report.hot_spots import hottest, thinnest
-from castfem.post.report.remarks import OPEN, Spell, remarks, spells
+from castfem.post.report.remarks import remarks
 from castfem.post.report.show import show
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.summary import Summary, Zone
 from castfem.runs.output.xdmf import FieldWriter
+from castfem.runs.results.derived import OPEN, Spell, spells
 
 
 def test_spells_without_contact_are_found_between_the_rows():

@@ -23,7 +23,7 @@ from castfem.base.shown_units import (
     shown_in,
 )
 from castfem.cli import execute
-from castfem.post.compare.places import places
+from castfem.post.compare.sections import places
 from castfem.post.html.page import write
 from castfem.post.plots.chosen_units import in_chosen_units
 from castfem.post.plots.figures import draw_figures

@@ -9,8 +9,8 @@ import pytest
 
 from castfem.api import load
 from castfem.base.shown_quantity import Quantity
-from castfem.post.report.wide_gap import radiated, wide_gap
-from castfem.runs.output.folder import CASE_NAME
+from castfem.model.shipped_cases import CASE_NAME
+from castfem.post.report.cautions import radiated, wide_gap
 from castfem.runs.output.summary import Summary
 
 

@@ -28,7 +28,7 @@ def test_an_interrupted_run_is_told_in_the_words_of_a_finished_one(tmp_path):
     out = io.StringIO()
     show(tmp_path, Console(file=out, width=120), figures=False)
     text = out.getvalue()
-    assert text.startswith("ended without a word")
+    assert text.startswith("killed or aborted")
     rows = [re.split(r"  +", line.strip()) for line in text.split("Last of ")[1].splitlines()]
     told = {row[0]: row[1:] for row in rows if len(row) == 3}
     assert list(told)[1:3] == ["time", "position"]

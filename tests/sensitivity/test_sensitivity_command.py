@@ -17,6 +17,7 @@ from small_case import write_small
 
 from castfem.base.shown_quantity import Quantity
 from castfem.base.shown_units import ShownUnits, shown_in
+from castfem.base.table import say
 from castfem.cli.app import app
 from castfem.cli.sensitivity import head_of, remarks, table_of
 from castfem.post.plots.chosen_units import in_chosen_units
@@ -100,7 +101,7 @@ def test_units_that_were_chosen() -> None:
     with shown_in(ShownUnits.read({"temperature": "degF", "shell": "inch"})):
         own = rows()
         out = io.StringIO()
-        Console(file=out, width=120).print(table_of(FOUND))
+        say(Console(file=out, width=120), table_of(FOUND))
     assert close(own[1], (320.0, "degF", 9.0, "degF/degF", 18.0))
     assert close(own[4], (320.0, "degF", 0.1 / 1.8, "inch/degF", 18.0))
     assert close(own[5], (100.0, "percent", 0.1, "inch/percent", 1.0))

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import io
-
 import pytest
-from rich.console import Console
 
 from castfem.base.shown_quantity import Quantity
-from castfem.studies.sweep.results import Row, printed
+from castfem.post.compare.study_tables import sweep_table
+from castfem.studies.sweep.results import Row
 
 GIVEN = {
     "casting.speed": "{} m/min", "casting.superheat": "40 K", "mould.taper": "1 percent/m",
@@ -31,9 +29,7 @@ def table(width: int) -> list[str]:
         Row(f"run{i}", {k: v.format(3 + i) for k, v in GIVEN.items()}, "finished", RESULTS, 3.0, "")
         for i in range(3)
     ]
-    stream = io.StringIO()
-    Console(file=stream, width=width).print(printed(rows, width), highlight=False)
-    return stream.getvalue().splitlines()
+    return sweep_table(rows, width).lines(width)
 
 
 @pytest.mark.parametrize("width", [80, 100])

@@ -12,7 +12,7 @@ from small_case import small
 import castfem
 from castfem.base.errors import InputError
 from castfem.cli.drawing import build_mesh
-from castfem.cli.mould_heat import heat_lines
+from castfem.cli.plant_numbers import heat_lines
 from castfem.model import Case
 from castfem.model.plausibility import warnings
 from castfem.model.shared_heat import fixed_while_varied, shared_heat

@@ -13,7 +13,7 @@ from small_case import small
 
 import castfem
 from castfem.base.errors import InputError
-from castfem.cli.spray_water import water_lines
+from castfem.cli.plant_numbers import water_lines
 from castfem.meshes import build as build_mesh
 from castfem.model.build.simulation import build, case_steel
 from castfem.model.mould import Oscillation

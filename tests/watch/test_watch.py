@@ -18,11 +18,10 @@ from synthetic_run import COLUMNS, LENGTH, rows, summary, write_run
 from castfem.base.errors import InputError
 from castfem.base.progress import Progress
 from castfem.cli import execute
-from castfem.post.watch.many import PATIENCE, SweepWatcher
 from castfem.post.watch.page import Page
-from castfem.post.watch.run_status import Look, Watcher
+from castfem.post.watch.run_status import RunStatus, Watcher
+from castfem.post.watch.sweep_status import PATIENCE, SweepWatcher, unfinished
 from castfem.post.watch.terminal import Viewing, watch
-from castfem.post.watch.words import unfinished
 from castfem.runs.loop import run
 from castfem.runs.output.folder import OutputFolder
 from castfem.runs.output.history import History
@@ -70,13 +69,13 @@ def lines(width: int = 100, terminal: bool = False) -> Iterator[tuple[Console, C
 
 
 def test_a_run_at_work_is_seen_by_its_files_alone(tmp_path: Path) -> None:
-    folder, seen = tmp_path / "run", list[Look]()
+    folder, seen = tmp_path / "run", list[RunStatus]()
     watcher = Watcher(folder)
 
     class Watched(Progress):
         def update(self, position: float, *step: object, **more: object) -> None:  # type: ignore[override]
             before = {path: path.stat().st_mtime_ns for path in folder.rglob("[!.]*")}
-            seen.append(watcher.look())
+            seen.append(watcher.status())
             assert before == {path: path.stat().st_mtime_ns for path in folder.rglob("[!.]*")}
             assert seen[-1].position == pytest.approx(position)
 
@@ -85,7 +84,7 @@ def test_a_run_at_work_is_seen_by_its_files_alone(tmp_path: Path) -> None:
     assert [look.share for look in seen] == sorted(look.share for look in seen)
     assert seen[-1].share == pytest.approx(1.0) and seen[0].title == CASE.title
     assert any("surface" in quantity.label for quantity in seen[-1].quantities.values())
-    assert watcher.look().state == "finished"
+    assert watcher.status().state == "finished"
 
 
 def test_time_left_is_that_of_the_pace(tmp_path: Path) -> None:
@@ -93,18 +92,18 @@ def test_time_left_is_that_of_the_pace(tmp_path: Path) -> None:
     clock = Clock()
     work = AtWork(tmp_path / "run", steps=40)
     watcher = Watcher(tmp_path / "run", clock)
-    assert math.isnan(watcher.look().left)
+    assert math.isnan(watcher.status().left)
     for _ in range(30):
         clock.now += 2.0
         work.step()
-        look = watcher.look()
+        look = watcher.status()
     passed = rows(40)[30]["position"], rows(40)[0]["position"]
     assert look.position == pytest.approx(passed[0])
     watcher._length = LENGTH  # that of the synthetic rows
-    left = watcher.look().left
+    left = watcher.status().left
     assert left == pytest.approx(60.0 * (LENGTH - passed[0]) / (passed[0] - passed[1]), rel=1e-6)
     clock.now += 5.0
-    assert watcher.look().left == pytest.approx(left - 5.0)
+    assert watcher.status().left == pytest.approx(left - 5.0)
     work.folder.close()
 
 
@@ -145,11 +144,11 @@ def test_pages_cost_a_tenth_of_the_time(tmp_path: Path) -> None:
     page = Page(folder, tmp_path / "page.html", 1.0, clock)
     page._write = lambda *_: None  # type: ignore[method-assign]
     page._next, clock.now = 5.0, 4.0
-    page.write_run(watcher.look())
+    page.write_run(watcher.status())
     assert not page.target.exists()
     del page._write
     clock.now = 6.0
-    page.write_run(watcher.look())
+    page.write_run(watcher.status())
     assert page.target.is_file() and page._next == pytest.approx(7.0)
     work.folder.close()
 
@@ -167,14 +166,14 @@ def test_the_picture_of_a_run(tmp_path: Path) -> None:
 def test_who_takes_up_a_killed_run_finds_its_lock_free(tmp_path: Path) -> None:
     folder, tried = write_run(tmp_path / "run", finish=False), list[bool]()
     watcher = Watcher(folder)
-    assert watcher.look().state == "killed"
+    assert watcher.status().state == "killed"
     original = OutputFolder.is_running
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(OutputFolder, "is_running", lambda it: tried.append(original(it)))
-        assert watcher.look().state == "killed" and not tried
+        assert watcher.status().state == "killed" and not tried
     with OutputFolder(folder) as again:
         again.begin(STRIP)
-        assert watcher.look().state == "running" and watcher.look().state == "running"
+        assert watcher.status().state == "running" and watcher.status().state == "running"
 
 
 def test_a_sweep_has_a_line_a_run(tmp_path: Path) -> None:
@@ -190,8 +189,8 @@ def test_a_sweep_has_a_line_a_run(tmp_path: Path) -> None:
     write_run(tmp_path / "slow")
     work = AtWork(tmp_path / "middle", steps=2)
     watcher = SweepWatcher(tmp_path, clock)
-    found = watcher.look()
-    states = {row.name: row.look.state for row in found.rows}
+    found = watcher.status()
+    states = {row.name: row.status.state for row in found.rows}
     assert states == {
         "slow": "finished", "fast": "failed", "middle": "running", "later": "waiting",
     }  # fmt: skip
@@ -200,17 +199,17 @@ def test_a_sweep_has_a_line_a_run(tmp_path: Path) -> None:
         watch(tmp_path, Viewing(console, 1.0, sleep=_stop))
     assert "speed 3 m/min" in text() and "4 runs: 1 finished, 1 running, 1 waiting" in text()
     clock.now = PATIENCE + 1.0
-    assert not watcher.look().ended
+    assert not watcher.status().ended
     while not work.folder.record.ended:
         work.step()
-    assert watcher.look().count("finished") == 2
+    assert watcher.status().count("finished") == 2
     clock.now *= 2.0
-    last = watcher.look()
+    last = watcher.status()
     assert last.ended and not last.complete
     said = "\n".join(unfinished(last))
     assert "1 waiting: later" in said and "no run has been at work for 1:01" in said
     assert "--wait" in said and "fast: failed: it breaks out" in said
-    assert not SweepWatcher(tmp_path, clock, math.inf).look().ended
+    assert not SweepWatcher(tmp_path, clock, math.inf).status().ended
     target = tmp_path / "page.html"
     Page(tmp_path, target, 1.0, clock).write_sweep(last)
     root = ElementTree.fromstring(target.read_text().replace("<!DOCTYPE html>", ""))
@@ -236,7 +235,7 @@ def test_a_folder_without_a_run_is_told_in_one_line(
         assert execute(["watch", str(folder)]) == 1
         assert capsys.readouterr().err == f"castfem: {folder}: {told}\n"
         with pytest.raises(InputError):
-            Watcher(folder).look()
+            Watcher(folder).status()
     write_run(tmp_path / "run")
     for every in ("5 mm", "0 s", "soon"):
         assert execute(["watch", str(tmp_path / "run"), "--every", every]) == 1
@@ -262,7 +261,7 @@ def test_a_run_that_is_about_to_begin_is_waited_for(tmp_path: Path) -> None:
         viewing = Viewing(console, 0.5, page, wait=True, sleep=lambda _: next(events))
         assert watch(folder, viewing)
     printed = text().splitlines()
-    assert printed[0] == f"{folder}: no run has begun there; waiting for one"
+    assert printed[0].startswith(f"{folder}: no run has begun")
     (stopped,) = (one for one in printed if "waiting for it to be taken up again" in one)
     assert "killed or aborted" in stopped and printed[-1].startswith("finished")
     assert printed.index(stopped) < len(printed) - 2

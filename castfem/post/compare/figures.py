@@ -14,8 +14,8 @@ import pandas
 
 from castfem.base.result_registry import AT_FRACTION
 from castfem.post.compare.runs import Run
-from castfem.post.plots.fronts import open_front
-from castfem.post.plots.mechanics import CLOSED
+from castfem.post.plots.along_strand import CLOSED, rate_of
+from castfem.post.plots.history import open_front
 
 _PLACES = ("mid_face", "narrow_face", "corner", "max", "min", "mean", "core")
 _LAST = ("max", "min", "mean")  # places that are none: their panels come after the others
@@ -214,12 +214,12 @@ def _same(one: Panel, other: Panel) -> bool:
         return False
     pairs = zip(one.curves, other.curves, strict=True)
     return all(
-        np.allclose(a.values, b.values, rtol=0.0, atol=_hair(b.values), equal_nan=True)
+        np.allclose(a.values, b.values, rtol=0.0, atol=_invisible(b.values), equal_nan=True)
         for a, b in pairs
     )
 
 
-def _hair(values: np.ndarray) -> float:
+def _invisible(values: np.ndarray) -> float:
     """A difference that cannot be seen."""
     finite = values[np.isfinite(values)]
     return 2e-3 * float(np.ptp(finite)) if len(finite) else 0.0
@@ -232,9 +232,7 @@ def _derive(table: pandas.DataFrame, base: pandas.DataFrame | None) -> None:
         return
     removed, position = table["heat_removed"].to_numpy(), table["position"].to_numpy()
     if "heat_rate" not in table:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            rate = np.diff(removed) / np.diff(table["time"].to_numpy())
-        table["heat_rate"] = np.concatenate([rate[:1], rate])
+        table["heat_rate"] = rate_of(table)
         units["heat_rate"] = "W/m"
     if base is not None and "heat_removed" in base:
         theirs = np.interp(position, base["position"], base["heat_removed"], right=np.nan)

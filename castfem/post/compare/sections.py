@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,23 +12,24 @@ from numpy.typing import NDArray
 
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.shown_units import said, scale_of
-from castfem.post.compare.places import bar, legend, places
 from castfem.post.compare.runs import Run
-from castfem.post.plots.deformation import STRESS_MAP, cover_soft, draw_outlines, stress_levels
+from castfem.post.plots.deformation import cover_soft, draw_outlines, fill_stress, stress_levels
 from castfem.post.plots.section import (
-    STATES,
     Steel,
     draw_isotherms,
+    fill_states,
     section_triangles,
     shade,
     state_shares,
 )
 from castfem.post.plots.shape import Distortion, von_mises
+from castfem.post.plots.style import new_figure
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.xdmf import HDF5_NAME
 from castfem.runs.results.numbers import small_gap
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.tri import Triangulation
 
@@ -36,6 +37,12 @@ _SLENDER = 5.0  # ratio of the sides from which the picture of a strip would say
 _MOVES = 0.25  # of a section, by which its surface may seem to move: one factor is for all runs
 _TITLE = 34  # characters as wide as a section
 _CLOSED = 1e-6  # m; a gap below is none
+_ACROSS = 3  # sections side by side
+_CELL = 2.2  # inches, the longer side of a section
+_LEFT, _RIGHT, _ABOVE, _BELOW = 0.6, 1.0, 0.7, 1.0  # inches around them all
+_BESIDE, _BETWEEN = 0.4, 0.65  # inches from one to the next
+_MARGIN = 0.04  # of a section
+_ENTRY = 1.7  # inches; of the legend
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,125 +140,202 @@ def draw_sections(runs: Sequence[Run], words: Callable[[str], str]) -> dict[str,
     sides = np.max([np.ptp(section.places, axis=0) for section in sections], axis=0)
     if max(sides) > _SLENDER * min(sides):
         return {}
-    titles = [words(section.label) for section in sections]
-    figures = {"temperature": _draw_temperature(sections, titles)}
+    titled = {words(section.label): section for section in sections}
+    figures = {"temperature": _draw_temperature(titled)}
     if all(section.steel is not None for section in sections):
-        figures["states"] = _draw_states(sections, titles)
+        figures["states"] = _draw_states(titled)
         if max(section.strongest for section in sections) > 0.0:
-            figures["von_mises"] = _draw_stress(sections, titles)
+            figures["von_mises"] = _draw_stress(titled)
     if any(section.distortion is not None for section in sections):
-        figures["shape"] = _draw_shape(sections, titles)
+        figures["shape"] = _draw_shape(titled)
     return figures
 
 
-def _draw_temperature(sections: Sequence[Section], titles: Sequence[str]) -> Figure:
-    """Temperature with solidus and liquidus."""
-    figure, axes = places([s.places for s in sections], "Temperature where the runs end")
+@dataclass(frozen=True, slots=True)
+class _Drawn:
+    """What has been drawn of a section: its colours, entries of the legend, words on it."""
+
+    shades: Any = None
+    handles: Sequence[Any] = ()
+    words: str = ""
+
+
+def _side_by_side(
+    sections: Mapping[str, Section],
+    title: str,
+    draw: Callable[[Axes, Section], _Drawn],
+    scale: str = "",
+    extents: Sequence[NDArray[np.float64]] = (),
+) -> Figure:
+    """A picture of each section, a common legend, and a scale of colours.
+
+    Args:
+        sections: By their titles.
+        title: Of the figure.
+        draw: Draws one.
+        scale: Label of the scale; empty for none.
+        extents: What each has to show, (n, 2) [mm]; by default its undistorted places.
+    """
+    shown = extents or [section.places for section in sections.values()]
+    figure, axes = places(shown, title, bar=bool(scale), margin=bool(extents))
     handles: dict[str, Any] = {}
-    low, high = _range(sections)
-    for ax, section, title in zip(axes, sections, titles, strict=True):
-        shades = shade(ax, section.mesh, section.temperature, "inferno", low, high)
-        lines = draw_isotherms(ax, section.mesh, section.temperature, section.steel)
-        handles |= {str(line.get_label()): line for line in lines}
-        ax.set_title(title, fontsize=9)
-    bar(figure, shades, "temperature [°C]")
+    shades = None
+    for ax, (name, section) in zip(axes, sections.items(), strict=True):
+        found = draw(ax, section)
+        shades = found.shades or shades
+        handles |= {str(handle.get_label()): handle for handle in found.handles}
+        short = len(name) + len(found.words) < _TITLE
+        apart = ": " if short else ":\n"
+        ax.set_title(name + (apart + found.words if found.words else ""), fontsize=9)
+    if scale:
+        bar(figure, shades, scale)
     legend(figure, handles)
     return figure
 
 
-def _range(sections: Sequence[Section]) -> tuple[float, float]:
+def _range(sections: Iterable[Section]) -> tuple[float, float]:
     """Lowest and highest temperature [degC] of all."""
-    low = min(float(section.temperature.min()) for section in sections)
-    return low, max(max(float(section.temperature.max()) for section in sections), low + 1.0)
+    low, high = zip(*((s.temperature.min(), s.temperature.max()) for s in sections), strict=True)
+    return float(min(low)), max(float(max(high)), float(min(low)) + 1.0)
 
 
-def _draw_shape(sections: Sequence[Section], titles: Sequence[str]) -> Figure:
+def _draw_temperature(sections: Mapping[str, Section]) -> Figure:
+    """Temperature with solidus and liquidus."""
+    limits = _range(sections.values())
+
+    def draw(ax: Axes, section: Section) -> _Drawn:
+        shades = shade(ax, section.mesh, section.temperature, "inferno", *limits)
+        lines = draw_isotherms(ax, section.mesh, section.temperature, section.steel)
+        return _Drawn(shades, lines)
+
+    return _side_by_side(sections, "Temperature where the runs end", draw, "temperature [°C]")
+
+
+def _draw_shape(sections: Mapping[str, Section]) -> Figure:
     """The distorted sections, coloured by temperature, in their moulds; one factor for all."""
-    shapes = [section.distortion for section in sections]
+    shapes = [section.distortion for section in sections.values()]
     factor = min(shape.factor(_MOVES) for shape in shapes if shape is not None)
-    drawn = [
+    extents = [
         section.places if shape is None else shape.places(factor)
-        for section, shape in zip(sections, shapes, strict=True)
+        for section, shape in zip(sections.values(), shapes, strict=True)
     ]
-    title = f"Shape where the runs end, displacement and taper × {factor:g}"
-    figure, axes = places(drawn, title, margin=True)
-    handles: dict[str, Any] = {}
-    low, high = _range(sections)
-    for ax, section, shape, title in zip(axes, sections, shapes, titles, strict=True):
+    limits = _range(sections.values())
+
+    def draw(ax: Axes, section: Section) -> _Drawn:
         mesh = section.distorted(factor)
-        shades = shade(ax, mesh, section.temperature, "inferno", low, high)
+        shades = shade(ax, mesh, section.temperature, "inferno", *limits)
         lines = draw_isotherms(ax, mesh, section.temperature, section.steel)
-        if shape is not None:
-            lines = [*lines, *draw_outlines(ax, shape, factor, "black")]
-        handles |= {str(line.get_label()): line for line in lines}
-        if math.isfinite(section.gap):
-            title = _headed(title, _gap_text(section.gap))
-        ax.set_title(title, fontsize=9)
-    bar(figure, shades, "temperature [°C]")
-    legend(figure, handles)
-    return figure
+        if section.distortion is not None:
+            lines = [*lines, *draw_outlines(ax, section.distortion, factor, "black")]
+        return _Drawn(shades, lines, _gap_text(section.gap))
+
+    title = f"Shape where the runs end, displacement and taper × {factor:g}"
+    return _side_by_side(sections, title, draw, "temperature [°C]", extents)
 
 
 def _gap_text(gap: float) -> str:
-    """The largest gap [m] in words."""
+    """The largest gap [m] in words; nothing without a mould."""
+    if math.isnan(gap):
+        return ""
     if gap < _CLOSED:
         return "no gap"
     small = small_gap(1e3 * gap, scale_of("mm", "gap").unit)
-    if small is not None:
-        return f"gap up to {small} µm"
-    return f"gap up to {said(1e3 * gap, 'mm', '.2f', 'gap')}"
+    return f"gap up to {said(1e3 * gap, 'mm', '.2f', 'gap') if small is None else f'{small} µm'}"
 
 
-def _headed(title: str, said: str) -> str:
-    """The title of a section with what is said of it, on two lines if one is too short."""
-    return f"{title}: {said}" if len(title) + len(said) < _TITLE else f"{title}:\n{said}"
-
-
-def _draw_states(sections: Sequence[Section], titles: Sequence[str]) -> Figure:
+def _draw_states(sections: Mapping[str, Section]) -> Figure:
     """What is solid, mushy and liquid, with the share that is solid."""
-    from matplotlib.patches import Patch
 
-    figure, axes = places(
-        [s.places for s in sections], "State of the steel where the runs end", bar=False
-    )
-    for ax, section, title in zip(axes, sections, titles, strict=True):
+    def draw(ax: Axes, section: Section) -> _Drawn:
         assert section.steel is not None
         kelvin = section.temperature + ZERO_CELSIUS
-        solidus = section.steel.solidus
-        liquidus = max(section.steel.liquidus, float(np.nextafter(solidus, np.inf)))
-        low = min(float(kelvin.min()), solidus) - 1.0
-        high = max(float(kelvin.max()), liquidus) + 1.0
-        levels = [low, solidus, liquidus, high]
-        ax.tricontourf(section.mesh, kelvin, levels=levels, colors=list(STATES.values()))
+        patches = fill_states(ax, section.mesh, kelvin, section.steel)
         solid, *_ = state_shares(section.mesh, kelvin, section.steel)
-        ax.set_title(_headed(title, f"{100.0 * solid:.1f} % solid"), fontsize=9)
-    legend(figure, {k: Patch(facecolor=c, edgecolor="#444444") for k, c in STATES.items()})
-    return figure
+        return _Drawn(None, patches, f"{100.0 * solid:.1f} % solid")
+
+    return _side_by_side(sections, "State of the steel where the runs end", draw)
 
 
-def _draw_stress(sections: Sequence[Section], titles: Sequence[str]) -> Figure:
+def _draw_stress(sections: Mapping[str, Section]) -> Figure:
     """Von Mises stress of what is solid, in one scale; mushy zone and liquid are grey.
 
     Of a run without mechanics there is an empty frame: any grey would mean soft steel.
     """
-    figure, axes = places([s.places for s in sections], "Von Mises stress where the runs end")
-    solid = [section for section in sections if section.strongest]
+    solid = [section for section in sections.values() if section.strongest]
     levels = stress_levels(max(max(s.strongest, np.nan_to_num(s.named)) for s in solid))
-    handles: dict[str, Any] = {}
-    for ax, section, title in zip(axes, sections, titles, strict=True):
+
+    def draw(ax: Axes, section: Section) -> _Drawn:
         if section.stress is None or section.steel is None:
-            ax.set_title(_headed(title, "no stress"), fontsize=9)
-            continue
-        # what lies beyond the scale is soft, and covered; its very end would not be drawn
-        values = np.clip(section.stress, levels[0], (1 - 1e-6) * levels[-1])
-        shades = ax.tricontourf(section.mesh, values, levels=levels, cmap=STRESS_MAP)
+            return _Drawn(words="no stress")
+        shades = fill_stress(ax, section.mesh, section.stress, levels)
         soft = cover_soft(ax, section.mesh, section.temperature + ZERO_CELSIUS, section.steel)
-        handles |= {str(handle.get_label()): handle for handle in soft}
-        if not section.strongest:
-            title = _headed(title, "nothing is solid")
-        elif math.isfinite(section.named):
-            title = _headed(title, f"up to {said(section.named, 'MPa', '.3g', 'von_mises_max')}")
-        ax.set_title(title, fontsize=9)
-    bar(figure, shades, "von Mises stress in the solid [MPa]")
-    legend(figure, handles)
-    return figure
+        words = "" if section.strongest else "nothing is solid"
+        if section.strongest and math.isfinite(section.named):
+            words = f"up to {said(section.named, 'MPa', '.3g', 'von_mises_max')}"
+        return _Drawn(shades, soft, words)
+
+    title, scale = "Von Mises stress where the runs end", "von Mises stress in the solid [MPa]"
+    return _side_by_side(sections, title, draw, scale)
+
+
+def places(
+    drawn: Sequence[NDArray[np.float64]], title: str, *, bar: bool = True, margin: bool = False
+) -> tuple[Figure, list[Axes]]:
+    """A figure with axes [mm] of one scale for all sections, placed by hand.
+
+    Args:
+        drawn: (n, 2) what each of them has to show [mm].
+        title: Of the figure.
+        bar: Leave room for the scale of the colours.
+        margin: Leave some room around what is shown.
+    """
+    sides = np.max([np.ptp(places, axis=0) for places in drawn], axis=0)
+    around = _MARGIN * float(sides.max()) if margin else 0.0
+    sides = sides + 2.0 * around
+    wide, high = (_CELL * side / sides.max() for side in sides)
+    across = 2 if len(drawn) == 4 else min(_ACROSS, len(drawn))
+    down = math.ceil(len(drawn) / across)
+    right = _RIGHT if bar else 0.2
+    width = _LEFT + across * wide + (across - 1) * _BESIDE + right
+    height = _ABOVE + down * high + (down - 1) * _BETWEEN + _BELOW
+    figure = new_figure(width, height, layout="none")
+    figure.suptitle(title, fontsize=10.5, y=1.0 - 0.12 / height)
+    axes = []
+    for number, shown in enumerate(drawn):
+        row, column = divmod(number, across)
+        left = _LEFT + column * (wide + _BESIDE)
+        bottom = _BELOW + (down - 1 - row) * (high + _BETWEEN)
+        ax = figure.add_axes((left / width, bottom / height, wide / width, high / height))
+        ax.grid(False)
+        ax.tick_params(labelsize=8)
+        ax.locator_params(nbins=5)
+        left, bottom = shown.min(axis=0) - around
+        ax.set_xlim(left, left + sides[0])
+        ax.set_ylim(bottom, bottom + sides[1])
+        # Labels that are not shown still tell the unit of the numbers.
+        ax.set_ylabel("y [mm]", visible=column == 0)
+        ax.set_xlabel("x [mm]", visible=number + across >= len(drawn))
+        axes.append(ax)
+    return figure, axes
+
+
+def bar(figure: Figure, shades: Any, label: str) -> None:
+    """The scale of the colours to the right of all sections."""
+    width, height = figure.get_size_inches()
+    left = width - _RIGHT + 0.15
+    tall = height - _ABOVE - _BELOW
+    place = figure.add_axes((left / width, _BELOW / height, 0.14 / width, tall / height))
+    figure.colorbar(shades, cax=place, label=label)
+
+
+def legend(figure: Figure, handles: Mapping[str, Any]) -> None:
+    """The legend below everything, on as many lines as it needs."""
+    fitting = max(1, int(figure.get_size_inches()[0] / _ENTRY))
+    rows = math.ceil(len(handles) / fitting)
+    figure.legend(
+        list(handles.values()),
+        list(handles),
+        loc="lower center",
+        ncols=math.ceil(len(handles) / max(rows, 1)) or 1,
+        frameon=False,
+    )

@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from castfem.base.atomic_files import write_text
 from castfem.base.shown_quantity import Quantity, from_si, unit_of_difference
 from castfem.base.shown_units import Scale, label_shown, scale_of
+from castfem.base.table import Table
 from castfem.post.compare.runs import Run
-from castfem.post.report.remarks import mould_exit
 from castfem.runs.output.summary import SIGNS, Kind, met
+from castfem.runs.results.derived import mould_exit
 from castfem.runs.results.headline import headline, plain_label
 from castfem.runs.results.labels import last_quantities
-from castfem.runs.results.numbers import is_gap, shown, small_gap, unit_shown, with_error
+from castfem.runs.results.numbers import is_gap, shown, unit_shown, value_cells
 
 if TYPE_CHECKING:
     import pandas
-    from rich.table import Table
 
 CSV_NAME = "compare.csv"
 RATIOS = ("heat_removed", "heat_removed_slice")  # also shown as a share of the base run's
@@ -35,8 +31,6 @@ _WAY = (1 / 3, 2 / 3)  # where, of the mould
 _IDEAL = "idealised"  # label, or in the title, of a run whose mould has no gap
 _ALIKE = 1e-4  # relative; speeds and lengths that differ by less are the same
 _SAME = 1e-6  # relative; positions that differ by less are one
-_Column = tuple[str, list[str]]
-"""Header and cells."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,8 +222,8 @@ def _ratio(line: Line, base: int, judged: Sequence[bool]) -> Line:
     return Line(line.label, SHARE, share(line.ours), theirs, line.kinds, at=line.at)
 
 
-def printed(runs: Sequence[Run], table: Sequence[Line], width: int) -> list[Table]:
-    """Return the tables for the terminal: equally many runs in each, as they fit side by side.
+def table_of(runs: Sequence[Run], table: Sequence[Line]) -> Table:
+    """The table for a reader: a row a quantity, a column a run.
 
     References stand in a column of their own if all runs have the same ones, else in brackets
     behind our values; those of an unchanged case are left out.
@@ -237,36 +231,22 @@ def printed(runs: Sequence[Run], table: Sequence[Line], width: int) -> list[Tabl
     Args:
         runs: As in `lines`.
         table: From `lines`.
-        width: Of the terminal, characters.
     """
-    labels = ["\n".join(textwrap.wrap(label_shown(line.label), 26)) for line in table]
-    first = [("quantity", labels), ("unit", [unit_shown(line.scale.unit) for line in table])]
     changed = any(c.reference.changed for run in runs for c in run.summary.references)
     alone = not changed and have_common_references(table)
-    if alone:
-        cells = []
-        for line in table:
-            having = [i for i, value in enumerate(line.theirs) if math.isfinite(value)]
-            cells.append(_reference(line, having[0]) if having else "")
-        first.append(("reference", cells))
-    room = width - sum(_width(*column) for column in first)
-    columns: list[_Column] = []
+    heads = ["quantity", "unit", *(["reference"] if alone else [])]
     for number, run in enumerate(runs):
-        header = "\n".join(textwrap.wrap(run.label, 13))
-        if not alone and any(math.isfinite(line.theirs[number]) for line in table):
-            header += "\n(reference)"
-        columns.append((header, [_cell(line, number, bare=alone) for line in table]))
-    return [_block([*first, *block]) for block in _side_by_side(columns, room)]
-
-
-def _side_by_side(columns: Sequence[_Column], room: int) -> list[Sequence[_Column]]:
-    """Return the columns in as few blocks as fit, equally many in each, the last may have less."""
-    for number in range(1, len(columns)):
-        each = math.ceil(len(columns) / number)
-        blocks = [columns[i : i + each] for i in range(0, len(columns), each)]
-        if all(sum(_width(*column) for column in block) <= room for block in blocks):
-            return blocks
-    return [[column] for column in columns]
+        given = not alone and any(math.isfinite(line.theirs[number]) for line in table)
+        heads.append("\n".join(textwrap.wrap(run.label, 13)) + "\n(reference)" * given)
+    rows = []
+    for line in table:
+        cells = [_cell(line, number, bare=alone) for number in range(len(runs))]
+        if alone:
+            having = [i for i, value in enumerate(line.theirs) if math.isfinite(value)]
+            cells.insert(0, _reference(line, having[0]) if having else "")
+        label = "\n".join(textwrap.wrap(label_shown(line.label), 26))
+        rows.append((label, unit_shown(line.scale.unit), *cells))
+    return Table(heads, rows, words=(0, 1), repeated=3 if alone else 2)
 
 
 def have_common_references(table: Sequence[Line]) -> bool:
@@ -278,32 +258,16 @@ def have_common_references(table: Sequence[Line]) -> bool:
     return any(different) and all(len(values) < 2 for values in different)
 
 
-def _block(columns: Sequence[_Column]) -> Table:
-    from rich import box
-    from rich.table import Table
-
-    found = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
-    for number, (header, _) in enumerate(columns):
-        found.add_column(header, justify="left" if number < 2 else "right")
-    for cells in zip(*(cells for _, cells in columns), strict=True):
-        found.add_row(*cells)
-    return found
-
-
-def _width(header: str, cells: Sequence[str]) -> int:
-    """How wide a column is, with the two spaces behind it."""
-    return max(len(part) for text in (header, *cells) for part in text.split("\n")) + 2
-
-
 def _cell(line: Line, run: int, *, bare: bool) -> str:
     """The value of a run with its reference in brackets, or without."""
-    scale, error = line.scale, line.error(run)
-    small = small_gap(line.ours[run], scale.unit) if line.gap else None
-    if small is None:
-        error = None if error is None else scale.factor * error
-        ours = with_error(_text(line.ours[run], scale, line.resolution(run)), error)
+    value, scale = line.ours[run], line.scale
+    if scale.unit == SHARE:
+        ours = _text(value, scale)
     else:
-        ours = f"{with_error(small, None if error is None else 1e3 * error)} {unit_shown('um')}"
+        error, resolution = line.error(run), line.resolution(run)
+        ours, unit = value_cells(value, scale, error, resolution, line.gap)
+        if unit != unit_shown(scale.unit):
+            ours += f" {unit}"  # a small gap
     if bare or not math.isfinite(line.theirs[run]):
         return ours
     return f"{ours} ({_reference(line, run)})"
@@ -322,43 +286,31 @@ def _reference(line: Line, run: int) -> str:
     return SIGNS[line.kinds[run]] + _text(line.theirs[run], line.scale)
 
 
-def _text(value: float, scale: Scale, resolution: float | None = None) -> str:
+def _text(value: float, scale: Scale) -> str:
     if scale.unit == SHARE and math.isfinite(value):
         return f"{value:.1f}"
-    return shown(scale(value), scale.unit, resolution)
+    return shown(scale(value), scale.unit)
 
 
-def write_csv(folder: Path, runs: Sequence[Run], table: Sequence[Line]) -> Path:
-    """Write the table: a row a quantity, a column a run, and one for its references if it has any.
+def csv_table(runs: Sequence[Run], table: Sequence[Line]) -> Table:
+    """The table in documented units: a row a quantity, a column a run.
 
-    A run with errors has a column of them. Where some references are bounds one more column tells
-    which: `at_least` or `at_most`.
-
-    Raises:
-        RunFailure: It cannot be written.
+    A run with errors has a column of them, one with references a column of these. Where some
+    references are bounds one more column tells which: `at_least` or `at_most`.
     """
-    expected = [any(math.isfinite(line.theirs[i]) for line in table) for i in range(len(runs))]
-    bounded = [any(line.kinds[i] != "value" for line in table) for i in range(len(runs))]
-    has_error = [any(line.error(i) is not None for line in table) for i in range(len(runs))]
-    head = ["quantity", "unit"]
-    for run, error, some, bounds in zip(runs, has_error, expected, bounded, strict=True):
-        head += [run.label, *([f"{run.label}: error"] if error else [])]
-        head += [*([f"{run.label}: reference"] if some else [])]
-        head += [f"{run.label}: bound"] if bounds else []
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(head)
-    for line in table:
-        cells = [line.label, line.unit]
-        for i, (some, bounds) in enumerate(zip(expected, bounded, strict=True)):
-            cells += [_number(line.ours[i])]
-            cells += [_number(line.errors[i] if line.errors else math.nan)] if has_error[i] else []
-            cells += [*([_number(line.theirs[i])] if some else [])]
-            bound = line.kinds[i] if math.isfinite(line.theirs[i]) else "value"
-            cells += ["" if bound == "value" else bound] if bounds else []
-        writer.writerow(cells)
-    write_text(folder / CSV_NAME, text.getvalue(), durable=False)
-    return folder / CSV_NAME
+    columns = [["quantity", *(k.label for k in table)], ["unit", *(k.unit for k in table)]]
+    for i, run in enumerate(runs):
+        columns.append([run.label, *(_number(line.ours[i]) for line in table)])
+        if any(line.error(i) is not None for line in table):
+            errors = (line.errors[i] if line.errors else math.nan for line in table)
+            columns.append([f"{run.label}: error", *map(_number, errors)])
+        if any(math.isfinite(line.theirs[i]) for line in table):
+            columns.append([f"{run.label}: reference", *(_number(k.theirs[i]) for k in table)])
+        if any(line.kinds[i] != "value" for line in table):
+            kinds = (k.kinds[i] if math.isfinite(k.theirs[i]) else "value" for k in table)
+            columns.append([f"{run.label}: bound", *("" if k == "value" else k for k in kinds)])
+    heads, *rows = zip(*columns, strict=True)
+    return Table(heads, rows)
 
 
 def _number(value: float) -> str:

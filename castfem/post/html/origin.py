@@ -8,9 +8,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from castfem.model.shipped_cases import CASE_NAME
 from castfem.post.compare.runs import Run
 from castfem.post.report.show import how_it_ended
-from castfem.runs.output.folder import CASE_NAME
 from castfem.runs.output.run_record import RunRecord
 from castfem.runs.output.summary import Summary
 

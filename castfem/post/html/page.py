@@ -20,58 +20,28 @@ from castfem.base.shown_units import (
     scale_of,
     shown_in,
 )
+from castfem.base.table import Table, pairs
+from castfem.model.shipped_cases import CASE_NAME
 from castfem.post.compare.runs import Run, alone, heat_shared, read_runs
 from castfem.post.compare.table import SHARE, Line, cells, lines
 from castfem.post.html import charts as drawn
 from castfem.post.html.origin import case_text, differing_keys, effort, provenance
 from castfem.post.html.sections import Section, sections
+from castfem.post.plots.figures import FIGURES
 from castfem.post.report.cautions import cautions, cautions_of_all
 from castfem.post.report.conclusions import conclusions
-from castfem.post.report.crack_places import crack_places
+from castfem.post.report.cracks import crack_places
 from castfem.post.report.remarks import remarks_of
+from castfem.post.report.results_table import balance_tables
 from castfem.post.report.show import how_it_ended
 from castfem.runs.output.chosen_units import units_of_run
-from castfem.runs.output.folder import CASE_NAME, FIGURES_NAME
+from castfem.runs.output.folder import FIGURES_NAME
 from castfem.runs.output.run_record import RunRecord
-from castfem.runs.results.numbers import cells as number_cells
 from castfem.runs.results.numbers import finely, unit_shown
 
 REPORT_NAME = "report.html"
 LARGEST = 3_000_000  # bytes of a page; pictures beyond it are left out
-_PICTURES = ("maps", "caster", "bulging", "extraction", "slice")  # that are no curves
 _CURVES = 60  # charts of a page at most
-
-
-@dataclass(frozen=True, slots=True)
-class Cell:
-    """A number of a run in the table.
-
-    Attributes:
-        text: With its error where that is known.
-        reference: What others have found, empty for nothing.
-        verdict: Whether it keeps to a bound; None where there is none.
-    """
-
-    text: str
-    reference: str
-    verdict: bool | None
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """A quantity of all runs.
-
-    Attributes:
-        label: What it is.
-        unit: Of its numbers.
-        cells: One a run.
-        differs: Whether the runs differ in it, as it is printed.
-    """
-
-    label: str
-    unit: str
-    cells: tuple[Cell, ...]
-    differs: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +53,7 @@ class Progress:
         state: How it stands.
         share: Of its way, 0 to 1; None where that is not known.
         where: How far it has come.
-        told: Some of its results.
+        results: Some of its results.
         left: Time it will still take; empty where that is not known.
     """
 
@@ -91,7 +61,7 @@ class Progress:
     state: str
     share: float | None
     where: str
-    told: str
+    results: str
     left: str
 
 
@@ -168,10 +138,10 @@ def _content(runs: Sequence[Run], at_work: AtWork | None, at: Sequence[float]) -
     """What the template is filled with."""
     every = lines(runs, runs[0]) if runs else []
     table = [line for line in every if len(runs) > 1 or line.unit != SHARE]
-    tables = [("numbers", "Headline numbers", _rows(table, len(runs)))] if runs else []
+    tables = [("numbers", "Headline numbers", _numbers(runs, table))] if runs else []
     for number, position in enumerate(at):
-        rows = _rows(_there(runs, position), len(runs))
-        tables.append((f"place{number}", f"At {place_said(position)}", rows))
+        there = _numbers(runs, _there(runs, position))
+        tables.append((f"place{number}", f"At {place_said(position)}", there))
     charts = drawn.charts(runs)[:_CURVES] if runs else []
     drawn_sections = sections([run.folder for run in runs])
     parts = [_part(run, one, len(runs)) for run, one in zip(runs, drawn_sections, strict=True)]
@@ -181,7 +151,9 @@ def _content(runs: Sequence[Run], at_work: AtWork | None, at: Sequence[float]) -
     for one in parts:
         if one["section"] is not None:
             one["slice_data"] = _json(_slice(one["section"]))
-    differences = list(differing_keys(runs)) if len(runs) > 1 else []
+    keys = [(key, *values) for key, values in differing_keys(runs)] if len(runs) > 1 else []
+    heads = ("key", *(run.label for run in runs))
+    differences = Table(heads, keys, words=range(len(heads))) if keys else None
     size = {
         "width": drawn.WIDTH, "height": drawn.HEIGHT, "left": drawn.LEFT, "right": drawn.RIGHT,
         "top": drawn.TOP, "bottom": drawn.BOTTOM,
@@ -238,7 +210,7 @@ def _contents(found: Mapping[str, Any]) -> list[dict[str, str]]:
         **{key: (name, True) for key, name, _ in found["tables"]},
         "look": ("What to look at", any(run["remarks"] for run in found["runs"])),
         "cracks": ("Where it may crack", any(run["cracks"] for run in found["runs"])),
-        "case": ("Cases", bool(found["differences"])),
+        "case": ("Cases", found["differences"] is not None),
         "section": ("Section", any(run["section"] for run in found["runs"])),
         "curves": ("Over the strand", bool(found["charts"])),
         "pictures": ("Pictures", any(run["pictures"] for run in found["runs"])),
@@ -258,55 +230,50 @@ def _part(run: Run, drawn_section: Section | None, count: int) -> dict[str, Any]
     """
     record = RunRecord.load(run.folder)
     summary = run.summary
-    referred = any(not c.missing for c in summary.references)
+    cracks = crack_places(run.folder, summary)
+    ranking = [] if cracks is None else cracks.ranking
     return {
         "label": run.label,
         "status": "" if record.status == "finished" else how_it_ended(record),
-        "referred": referred,
         "remarks": list(_remarks(run)),
-        "cracks": crack_places(run.folder, summary),
+        "cracks": cracks,
+        "ranking": Table((), ranking, words=(0, 3)) if ranking else None,
         "section": drawn_section,
         "slice_data": "",
         "pictures": list(_pictures(run.folder, LARGEST / 2 / count)),
-        "balances": [
-            {
-                "name": f"Balance of {name.replace('_', ' ')}",
-                "terms": [
-                    {"label": q.label, "value": value, "unit": unit}
-                    for q in terms.values()
-                    for value, unit in [number_cells("", q)]
-                ],
-            }
-            for name, terms in summary.balances.items()
-        ],
+        "balances": list(balance_tables(summary)),
         "effort": effort(record, summary),
         "unchecked": summary.unchecked,
-        "provenance": provenance(run, record),
+        "provenance": pairs(provenance(run, record)),
         "case": case_text(run.folder),
     }
 
 
-def _rows(table: Sequence[Line], count: int) -> list[Row]:
-    """The table of headline numbers."""
-    found = []
-    for line in table:
-        texts = cells(line)
-        differs = len({text for text, _ in texts}) > 1
-        found.append(
-            Row(
-                label_shown(line.label),
-                unit_shown(line.scale.unit),
-                tuple(Cell(*texts[i], line.verdict(i)) for i in range(count)),
-                differs,
-            )
-        )
-    return found
+def _numbers(runs: Sequence[Run], table: Sequence[Line]) -> Table:
+    """A row a quantity; a column a run, and one for its references if it has any."""
+    referred = [any(not c.missing for c in run.summary.references) for run in runs]
+    heads, rows, marks = ["quantity"], [], {}
+    for run, also in zip(runs, referred, strict=True):
+        heads += [run.label if len(runs) > 1 else "castfem", *(["reference"] if also else [])]
+    for number, line in enumerate(table):
+        texts, row = cells(line), [label_shown(line.label)]
+        if len({text for text, _ in texts}) > 1:
+            marks[number, -1] = "differs"
+        for i, (text, reference) in enumerate(texts):
+            if line.verdict(i) is False:
+                marks[number, len(row)] = "missed"
+            row.append(text)
+            if referred[i]:
+                marks[number, len(row)] = "ref"
+                row.append(reference)
+        rows.append((*row, unit_shown(line.scale.unit)))
+    return Table((*heads, "unit"), rows, words=(0, -1), marks=marks)
 
 
 def _notes(runs: Sequence[Run]) -> Iterator[str]:
     """What is wrong in comparing the runs, what cases leave out, sources of the references."""
     yield from heat_shared(runs)
-    yield from told_of(runs)
+    yield from shown_cautions(runs)
     sources = {c.reference.source for run in runs for c in run.summary.references if not c.missing}
     if sources:
         yield f"References: {'; '.join(sorted(sources))}. In red: a bound that is not kept."
@@ -315,7 +282,7 @@ def _notes(runs: Sequence[Run]) -> Iterator[str]:
         yield f"Errors of these numbers: castfem error {folder / CASE_NAME}."
 
 
-def told_of(runs: Sequence[Run]) -> list[str]:
+def shown_cautions(runs: Sequence[Run]) -> list[str]:
     """What the cases of the runs leave out, with the labels of several."""
     if len(runs) == 1:
         return cautions(runs[0].folder, runs[0].summary)
@@ -337,14 +304,14 @@ def _slice(section_: Section) -> dict[str, Any]:
 
 def _pictures(folder: Path, room: float) -> Iterator[dict[str, str]]:
     """Pictures that are no curves, as long as the page stays small."""
-    for name in _PICTURES:
-        path = folder / FIGURES_NAME / f"{name}.png"
-        if not path.is_file():
+    for figure in FIGURES.values():
+        path = folder / FIGURES_NAME / f"{figure.name}.png"
+        if not figure.picture or not path.is_file():
             continue
         room -= 4 / 3 * path.stat().st_size
         if room > 0.0:
             data = base64.b64encode(path.read_bytes()).decode("ascii")
-            yield {"name": name.replace("_", " "), "data": data}
+            yield {"name": figure.title, "data": data}
 
 
 def _json(content: Any) -> str:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -63,35 +63,29 @@ def sections(folders: Sequence[Path]) -> list[Section | None]:
     """
     found = [_read(folder, len(folders)) for folder in folders]
     limits: dict[str, tuple[float, float]] = {}
-    for one in found:
-        for name, part in one.fields.items() if one is not None else ():
+    for _, values in filter(None, found):
+        for name, part in values.items():
             low, high = limits.get(name, (np.inf, -np.inf))
-            low, high = min(low, float(part.min())), max(high, float(part.max()))
-            limits[name] = low, high
-    return [None if one is None else one.drawn(limits) for one in found]
-
-
-@dataclass(frozen=True, slots=True)
-class _Read:
-    """What is read of a run: as `Section`, each field as shown (places, cells)."""
-
-    box: tuple[float, float]
-    mirrors: tuple[tuple[int, int], ...]
-    polygons: tuple[str, ...]
-    places: tuple[str, ...]
-    start: int
-    fields: dict[str, NDArray[np.float64]]
-
-    def drawn(self, limits: Mapping[str, tuple[float, float]]) -> Section:
-        """The section in scales of colours between limits."""
-        fields = tuple(
-            _field(name, one, *limits[name], self.start) for name, one in self.fields.items()
+            limits[name] = min(low, float(part.min())), max(high, float(part.max()))
+    return [
+        None
+        if one is None
+        else replace(
+            one[0],
+            fields=tuple(
+                _field(name, part, *limits[name], one[0].start) for name, part in one[1].items()
+            ),
         )
-        return Section(self.box, self.mirrors, self.polygons, self.places, self.start, fields)
+        for one in found
+    ]
 
 
-def _read(folder: Path, runs: int) -> _Read | None:
-    """Read the section of a run; None if it has no fields, or too many cells for a page."""
+def _read(folder: Path, runs: int) -> tuple[Section, dict[str, NDArray[np.float64]]] | None:
+    """Read the section of a run, and each field as it is shown (places, cells).
+
+    Returns:
+        None if it has no fields, or too many cells for a page.
+    """
     if not (folder / HDF5_NAME).is_file():
         return None
     with Fields(folder) as fields:
@@ -111,7 +105,7 @@ def _read(folder: Path, runs: int) -> _Read | None:
         positions = [float(fields.positions[i]) for i in chosen]
         words = tuple(place_said(one, near=".0f", beyond=np.inf) for one in positions)
         mirrors = _MIRRORS.get(_part(fields), ((1, 1),))
-        return _Read(box, mirrors, polygons, words, start, shown)
+        return Section(box, mirrors, polygons, words, start, ()), shown
 
 
 def _marks(folder: Path, end: float) -> list[float]:

@@ -6,7 +6,6 @@ magnified by a round factor that stands in the legend.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
-    from matplotlib.tri import Triangulation
+    from matplotlib.tri import Triangulation, TriContourSet
 
 
 SOFT = ("#d9d9d9", "#efefef")  # mushy, liquid: no scale of stress applies to them
@@ -66,9 +65,7 @@ def draw_von_mises(fields: Fields, steel: Steel | None, *, index: int = -1) -> F
     mesh, values = section_triangles(fields, 1e-6 * stress, mirrored=False, moved=moved)
     figure, axes = frame(mesh, when("Von Mises stress", fields, index), bar=True)
     levels = stress_levels(float(1e-6 * stress[solid].max()))
-    # what lies beyond the scale is soft, and covered; its very end would not be drawn
-    values = np.clip(values, levels[0], (1 - 1e-6) * levels[-1])
-    shades = axes.tricontourf(mesh, values, levels=levels, cmap=STRESS_MAP)
+    shades = fill_stress(axes, mesh, values, levels)
     label = "von Mises stress in the solid [MPa]"
     colour_bar(figure, axes, shades, lies_flat(mesh), label)
     _, kelvin = section_triangles(fields, temperature, mirrored=False)
@@ -111,6 +108,15 @@ def draw_shape(fields: Fields, steel: Steel | None, *, index: int = -1) -> Figur
     _name_extremes(axes, distortion, factor)
     legend_below(figure, handles)
     return figure
+
+
+def fill_stress(axes: Axes, mesh: Triangulation, values: Array, levels: Array) -> TriContourSet:
+    """Fills a section with the colours of a stress [MPa].
+
+    What lies beyond the scale is soft, and covered; its very end would not be drawn.
+    """
+    within = np.clip(values, levels[0], (1 - 1e-6) * levels[-1])
+    return axes.tricontourf(mesh, within, levels=levels, cmap=STRESS_MAP)
 
 
 def stress_levels(largest: float) -> Array:
@@ -251,9 +257,3 @@ def _extremes(outward: Array, points: Array) -> set[int]:
         found.append(int(candidates[distances.argmax()]))
     first, second = found[1:]
     return {first} if outward[first] - outward[second] <= equal else {first, second}
-
-
-SHAPE_FIGURES: dict[str, Callable[[Fields, Steel | None], Figure | None]] = {
-    "von_mises": draw_von_mises,
-    "shape": draw_shape,
-}

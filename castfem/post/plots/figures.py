@@ -1,9 +1,14 @@
-"""The figures of a run, drawn from the files in its folder at any time and without a display."""
+"""The figures of a run: one list of them, and what draws those for which there is the data.
+
+They are drawn from the files in the folder of a run, at any time and without a display.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,30 +19,197 @@ from castfem.base.errors import CastfemError
 from castfem.base.log import logger
 from castfem.base.messages import said_in_a_line
 from castfem.base.shown_units import shown_in
-from castfem.post.plots.bending import BENDING_FIGURES
-from castfem.post.plots.deformation import SHAPE_FIGURES, STRESS_MAP
-from castfem.post.plots.history import HISTORY_FIGURES
-from castfem.post.plots.mechanics import MECHANICS_FIGURES
-from castfem.post.plots.section import SECTION_FIGURES, Steel
+from castfem.model import load_case
+from castfem.model.shipped_cases import CASE_NAME
+from castfem.post.plots import along_strand, deformation, section
+from castfem.post.plots.caster_view import draw_caster
+from castfem.post.plots.maps import draw_maps
+from castfem.post.plots.secondary import draw_roll_to_roll
+from castfem.post.plots.section import Steel
 from castfem.post.plots.strand import draw_stack
 from castfem.post.plots.style import Abscissa, look, save
 from castfem.runs.output.chosen_units import units_of_run
 from castfem.runs.output.fields import Fields
-from castfem.runs.output.folder import ALL_FIGURES, CASE_NAME, FIGURES_NAME, MAPS_NAME, ROWS_NAME
+from castfem.runs.output.folder import ALL_FIGURES, FIGURES_NAME, MAPS_NAME, ROWS_NAME
 from castfem.runs.output.history import HISTORY_NAME, read_history
-from castfem.runs.output.summary import Summary
+from castfem.runs.output.summary import Summary, Zone
+from castfem.runs.output.surface_maps import SurfaceMaps
 from castfem.runs.output.xdmf import HDF5_NAME
 
 if TYPE_CHECKING:
     import pandas
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as Picture
 
     from castfem.physics.machine.rolls import Rolls
 
-_OTHERS = SHAPE_FIGURES | {"stack": draw_stack}
 _SECONDARY = "\n[secondary]\n"  # in the case of a run
-_DEFECTS = "\ndefect = [", "[[machine.defect]]"  # likewise: short, and long
-_SHADED = {"temperature": ("inferno",), "stack": ("inferno", STRESS_MAP)}  # by colour maps
+_DEFECTS = "\ndefect = [", "[[machine.defect]]"  # the same, short and long
+
+
+@dataclass(frozen=True)
+class RunData:
+    """What the files in the folder of a run hold; read where a figure needs it.
+
+    Attributes:
+        folder: Of the run.
+        summary: Its results; None before they are written.
+        files: Keeps the fields open.
+    """
+
+    folder: Path
+    summary: Summary | None
+    files: ExitStack
+
+    def has(self, what: str) -> bool:
+        """Whether there is a history of two rows ("table"), "fields" of temperature, or "maps"."""
+        if what == "table":
+            return (self.folder / HISTORY_NAME).is_file() and len(self.table) > 1
+        if what == "fields":
+            return (self.folder / HDF5_NAME).is_file() and "temperature" in self.fields.names
+        return any((self.folder / name).is_file() for name in (MAPS_NAME, ROWS_NAME))
+
+    @cached_property
+    def table(self) -> pandas.DataFrame:
+        """The history."""
+        return read_history(self.folder / HISTORY_NAME)
+
+    @cached_property
+    def fields(self) -> Fields:
+        """The fields."""
+        return self.files.enter_context(Fields(self.folder))
+
+    @cached_property
+    def maps(self) -> SurfaceMaps:
+        """The maps of the surface."""
+        return SurfaceMaps(self.folder)
+
+    @property
+    def zones(self) -> tuple[Zone, ...]:
+        """The cooling."""
+        return () if self.summary is None else self.summary.zones
+
+    @cached_property
+    def abscissa(self) -> Abscissa:
+        """The way of the slice."""
+        time = self.table["time"].to_numpy()
+        known = "position" in self.table
+        position = self.table["position"].to_numpy() if known else np.full(len(time), np.nan)
+        return Abscissa(time, position, self.zones, self.defects)
+
+    @cached_property
+    def steel(self) -> Steel | None:
+        """Solidus and liquidus, from the summary or, before there is one, from the fields."""
+        quantities = {} if self.summary is None else self.summary.quantities
+        found = Steel.of({name: quantity.value for name, quantity in quantities.items()})
+        return found or (Steel.of(self.fields.attributes) if self.has("fields") else None)
+
+    @cached_property
+    def case(self) -> str:
+        """The text of its case; "" without one."""
+        path = self.folder / CASE_NAME
+        return path.read_text(encoding="utf-8") if path.is_file() else ""
+
+    @cached_property
+    def rolls(self) -> Rolls | None:
+        """The rolls of a run whose case has defects; None of another."""
+        if not any(mark in self.case for mark in _DEFECTS):
+            return None
+        machine = load_case(self.folder / CASE_NAME).machine
+        return None if machine is None else machine.pairs()
+
+    @property
+    def defects(self) -> tuple[tuple[float, str], ...]:
+        """The rolls that have a defect: position [m] and what is wrong."""
+        pairs = () if self.rolls is None else self.rolls.pairs
+        return tuple((p.position, f"#{i} {p.defect}") for i, p in enumerate(pairs, 1) if p.defect)
+
+    @property
+    def at_exit(self) -> int:
+        """Index of the state of the fields nearest to the mould's exit, or of the last above it.
+
+        Far below its mould a strand is solid and says nothing of its shell.
+        """
+        positions = np.asarray(self.fields.positions, float)
+        ends = None if self.summary is None else self.summary.mould_exit
+        if ends is None or positions[-1] <= ends:
+            return len(positions) - 1
+        return int(np.argmin(np.abs(positions - ends)))
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """A figure of a run.
+
+    Attributes:
+        name: Of its file.
+        title: What it shows, for captions.
+        needs: What the run must have, as in `RunData.has`.
+        draw: Draws it; None where there is nothing to show.
+        colours: Colour maps of what is shaded.
+        picture: Whether the report takes it as it is; of the others it has the curves.
+    """
+
+    name: str
+    title: str
+    needs: str
+    draw: Callable[[RunData], Picture | None]
+    colours: tuple[str, ...] = ()
+    picture: bool = False
+
+
+def _along(name: str, title: str, picture: bool = False) -> Figure:
+    """A figure of the history."""
+    draw = getattr(along_strand, f"draw_{name}")
+    return Figure(
+        name, title, "table", lambda run: draw(run.table, run.abscissa, run.steel), picture=picture
+    )
+
+
+def _roll_to_roll(run: RunData) -> Picture | None:
+    if _SECONDARY not in run.case:
+        return None
+    return draw_roll_to_roll(run.table, run.abscissa, load_case(run.folder / CASE_NAME))
+
+
+def _unrolled(run: RunData) -> Picture | None:
+    return draw_maps(run.maps, Abscissa(run.maps.time, run.maps.position, run.zones))
+
+
+FIGURES = {
+    figure.name: figure
+    for figure in (
+        Figure("temperature", "Temperature of the section", "fields",
+               lambda run: section.draw_temperature(run.fields, run.steel, index=run.at_exit),
+               ("inferno",)),
+        Figure("states", "State of the steel in the section", "fields",
+               lambda run: section.draw_states(run.fields, run.steel, index=run.at_exit)),
+        Figure("von_mises", "Von Mises stress in the section", "fields",
+               lambda run: deformation.draw_von_mises(run.fields, run.steel)),
+        Figure("shape", "Shape of the section", "fields",
+               lambda run: deformation.draw_shape(run.fields, run.steel)),
+        Figure("stack", "Slices stacked along the strand", "fields",
+               lambda run: draw_stack(run.fields, run.steel),
+               ("inferno", deformation.STRESS_MAP)),
+        _along("surface_temperature", "Surface temperature"),
+        _along("shell", "Shell: depths of solidus and liquidus"),
+        _along("heat", "Heat flux, heat removed"),
+        _along("steps", "Time steps, iterations, errors"),
+        _along("tensile", "Stress over strain"),
+        _along("stress", "Von Mises stress"),
+        _along("size", "Size of the section"),
+        _along("axial", "Axial strain and force"),
+        _along("contact", "Gap, contact pressure, friction"),
+        _along("extraction", "Resistance of the rolls, drives, effort", picture=True),
+        _along("slice", "Thickness of the slice, neutral axis, axial stress", picture=True),
+        _along("bulging", "Bulge between rolls, force on the rolls", picture=True),
+        Figure("roll_to_roll", "Surface temperature from roll to roll", "table", _roll_to_roll),
+        Figure("maps", "Surface unrolled: temperature, low ductility, crack indexes", "maps",
+               _unrolled, picture=True),
+        Figure("caster", "Strand between its rolls", "maps",
+               lambda run: draw_caster(run.maps, run.rolls), picture=True),
+    )
+}  # fmt: skip
+"""All figures of a run by name, in the order in which they are drawn."""
 
 
 def draw_figures(folder: Path | str) -> list[Path]:
@@ -56,137 +228,28 @@ def draw_figures(folder: Path | str) -> list[Path]:
         InputError: A file is damaged.
         RunFailure: They cannot be written.
     """
-    path = Path(folder)
-    summary = Summary.load(path)
-    drawn: list[Path] = []
-    with look(), shown_in(units_of_run(path)):
-        if (path / HDF5_NAME).is_file():
-            drawn += _draw_section(path, summary)
-        if (path / HISTORY_NAME).is_file():
-            drawn += _draw_history(path, summary)
-        if any((path / name).is_file() for name in (MAPS_NAME, ROWS_NAME)):
-            drawn += _draw_maps(path, summary)
+    path, drawn = Path(folder), []
+    with ExitStack() as files, look(), shown_in(units_of_run(path)):
+        run = RunData(path, Summary.load(path), files)
+        for figure in FIGURES.values():
+            if run.has(figure.needs) and (file := _drawn(figure, run)) is not None:
+                drawn.append(file)
     return drawn
 
 
-def _draw_maps(path: Path, summary: Summary | None) -> list[Path]:
-    """The figures over the surface of the strand."""
-    from castfem.post.plots.caster_view import draw_caster
-    from castfem.post.plots.maps import draw_maps
-    from castfem.runs.output.surface_maps import SurfaceMaps
-
-    maps = SurfaceMaps(path)
-    abscissa = Abscissa(maps.time, maps.position, summary.zones if summary else ())
-    return [
-        *_drawn(path, "maps", lambda: draw_maps(maps, abscissa)),
-        *_drawn(path, "caster", lambda: draw_caster(maps, _with_defects(path))),
-    ]
-
-
-def _drawn(
-    path: Path, name: str, draw: Callable[[], Figure | None], maps: tuple[str, ...] = ()
-) -> list[Path]:
+def _drawn(figure: Figure, run: RunData) -> Path | None:
     """The file of a figure, if there is something to draw and it could be drawn."""
+    assert figure.name in ALL_FIGURES, f"{figure.name}: not listed, it would outlive its run"
     try:
-        figure = draw()
-        return [] if figure is None else [save(figure, _target(path, name), maps=maps)]
+        picture = figure.draw(run)
+        if picture is None:
+            return None
+        target = run.folder / FIGURES_NAME / f"{figure.name}.png"
+        with saving(target):
+            target.parent.mkdir(exist_ok=True)
+        return save(picture, target, maps=figure.colours)
     except CastfemError:
         raise
     except Exception as error:
-        logger.warning("%s.png could not be drawn (%s)", name, said_in_a_line(error))
-        return []
-
-
-def _target(path: Path, name: str) -> Path:
-    """The file of a figure, its folder made."""
-    assert name in ALL_FIGURES, f"{name}: not listed, it would outlive its run"
-    target = path / FIGURES_NAME / f"{name}.png"
-    with saving(target):
-        target.parent.mkdir(exist_ok=True)
-    return target
-
-
-def _draw_section(path: Path, summary: Summary | None) -> list[Path]:
-    """The figures over the section: temperature and states where the mould ends, else at the end.
-
-    Far below its mould a strand is solid and says nothing of its shell.
-    """
-    drawn = []
-    with Fields(path) as fields:
-        if "temperature" not in fields.names:
-            return []
-        steel = _steel(fields, summary)
-        index = _state_at_exit(fields, summary)
-        for name, draw in SECTION_FIGURES.items():
-            made = partial(draw, fields, steel, index=index)
-            drawn += _drawn(path, name, made, _SHADED.get(name, ()))
-        for name, draw in _OTHERS.items():
-            drawn += _drawn(path, name, partial(draw, fields, steel), _SHADED.get(name, ()))
-    return drawn
-
-
-def _state_at_exit(fields: Fields, summary: Summary | None) -> int:
-    """Index of the state nearest to the mould's exit; that of the last if the run ends above."""
-    positions = np.asarray(fields.positions, float)
-    ends = None if summary is None else summary.mould_exit
-    if ends is None or positions[-1] <= ends:
-        return len(positions) - 1
-    return int(np.argmin(np.abs(positions - ends)))
-
-
-def _draw_history(path: Path, summary: Summary | None) -> list[Path]:
-    """The figures along the strand."""
-    table = read_history(path / HISTORY_NAME)
-    if len(table) < 2:
-        return []
-    time = table["time"].to_numpy()
-    position = table["position"].to_numpy() if "position" in table else np.full(len(time), np.nan)
-    abscissa = Abscissa(time, position, summary.zones if summary else (), _defects(path))
-    steel = Steel.of(_known(summary))
-    if steel is None and (path / HDF5_NAME).is_file():
-        with Fields(path) as fields:
-            steel = _steel(fields, summary)
-    drawn = []
-    for name, draw in (HISTORY_FIGURES | MECHANICS_FIGURES | BENDING_FIGURES).items():
-        drawn += _drawn(path, name, partial(draw, table, abscissa, steel))
-    return drawn + _draw_roll_to_roll(path, table, abscissa)
-
-
-def _defects(path: Path) -> tuple[tuple[float, str], ...]:
-    """The rolls of a run that have a defect: position [m] and what is wrong."""
-    rolls = _with_defects(path)
-    pairs = () if rolls is None else rolls.pairs
-    return tuple((p.position, f"#{i} {p.defect}") for i, p in enumerate(pairs, 1) if p.defect)
-
-
-def _with_defects(path: Path) -> Rolls | None:
-    """The rolls of a run whose case has defects; None of another."""
-    case = path / CASE_NAME
-    text = case.read_text(encoding="utf-8") if case.is_file() else ""
-    if not any(mark in text for mark in _DEFECTS):
+        logger.warning("%s.png could not be drawn (%s)", figure.name, said_in_a_line(error))
         return None
-    from castfem.model import load_case
-
-    machine = load_case(case).machine
-    return None if machine is None else machine.pairs()
-
-
-def _draw_roll_to_roll(path: Path, table: pandas.DataFrame, abscissa: Abscissa) -> list[Path]:
-    """Surface temperatures above what the faces meet, of a case with [secondary]."""
-    case = path / CASE_NAME
-    if not case.is_file() or _SECONDARY not in case.read_text(encoding="utf-8"):
-        return []
-    from castfem.model import load_case
-    from castfem.post.plots.secondary import draw_roll_to_roll
-
-    return _drawn(path, "roll_to_roll", lambda: draw_roll_to_roll(table, abscissa, load_case(case)))
-
-
-def _known(summary: Summary | None) -> dict[str, float]:
-    """The quantities of a summary by name, in SI."""
-    return {name: q.value for name, q in summary.quantities.items()} if summary else {}
-
-
-def _steel(fields: Fields, summary: Summary | None) -> Steel | None:
-    """Solidus and liquidus, from the summary or, before there is one, from the fields."""
-    return Steel.of(_known(summary)) or Steel.of(fields.attributes)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.collections import TriMesh
     from matplotlib.colorbar import Colorbar
     from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
     from matplotlib.tri import Triangulation
 
 STATES = {"solid": "#5b6f82", "mushy": "#f2a541", "liquid": "#fbe7b2"}
@@ -119,26 +120,30 @@ def draw_states(
     fields: Fields, steel: Steel | None, *, index: int = -1, mirrored: bool = True
 ) -> Figure | None:
     """What is solid, mushy and liquid, with the share of each; None when the steel is unknown."""
-    from matplotlib.patches import Patch
-
     if steel is None:
         return None
     temperature = fields.values("temperature", index)
     mesh, values = section_triangles(fields, temperature, mirrored)
     figure, axes = frame(mesh, when("State of the steel", fields, index), bar=False)
-    low = min(float(values.min()), steel.solidus) - 1.0
-    high = max(float(values.max()), steel.liquidus) + 1.0
-    gap = max(steel.liquidus, np.nextafter(steel.solidus, np.inf))
-    axes.tricontourf(
-        mesh, values, levels=[low, steel.solidus, gap, high], colors=list(STATES.values())
-    )
-    shares = state_shares(mesh, values, steel)
-    handles = [
-        Patch(facecolor=colour, edgecolor="#444444", label=f"{state}  {100 * share:.1f} %")
-        for (state, colour), share in zip(STATES.items(), shares, strict=True)
-    ]
+    handles = fill_states(axes, mesh, values, steel)
+    for handle, share in zip(handles, state_shares(mesh, values, steel), strict=True):
+        handle.set_label(f"{handle.get_label()}  {100 * share:.1f} %")
     legend_below(figure, handles)
     return figure
+
+
+def fill_states(
+    axes: Axes, mesh: Triangulation, kelvin: NDArray[np.float64], steel: Steel
+) -> list[Patch]:
+    """Fills what is solid, mushy and liquid; returns their legend."""
+    from matplotlib.patches import Patch
+
+    low = min(float(kelvin.min()), steel.solidus) - 1.0
+    liquidus = max(steel.liquidus, float(np.nextafter(steel.solidus, np.inf)))
+    high = max(float(kelvin.max()), liquidus) + 1.0
+    levels = [low, steel.solidus, liquidus, high]
+    axes.tricontourf(mesh, kelvin, levels=levels, colors=list(STATES.values()))
+    return [Patch(facecolor=c, edgecolor="#444444", label=name) for name, c in STATES.items()]
 
 
 def state_shares(
@@ -306,9 +311,3 @@ def when(what: str, fields: Fields, index: int) -> str:
     position, time = float(fields.positions[index]), float(fields.times[index])
     where = place_said(position, near=".4g")
     return f"{what} at {where} below the meniscus, t = {said(time, 's', '.4g', 'time')}"
-
-
-SECTION_FIGURES: dict[str, Callable[..., Figure | None]] = {
-    "temperature": draw_temperature,
-    "states": draw_states,
-}

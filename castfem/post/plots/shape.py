@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from castfem.base.tolerances import ROUNDING
 from castfem.base.types import Array
-from castfem.post.plots.mould_wall import WallLine
+from castfem.model.shipped_cases import CASE_NAME
 from castfem.runs.output.fields import Fields
 
 Indices = NDArray[np.intp]
@@ -23,6 +24,7 @@ _EDGES = {
 _PLANES = {"quarter": (0, 1), "half": (0,)}  # the axis that is 0 on each plane of symmetry
 _ROUND = (5.0, 2.0, 1.0)
 _SHARE = 0.05  # of the size of the section, by which its surface may seem to move
+_FINE = 33  # points of a segment; odd: one lies in the middle of a face, on the plane of symmetry
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +88,45 @@ class Outline:
         nodes = np.unique(self.surface)
         normals = sums[nodes]
         return nodes, normals / np.linalg.norm(normals, axis=1)[:, None]
+
+
+@dataclass(frozen=True, slots=True)
+class WallLine:
+    """The wall round the modelled part of a section; NaN parts its pieces.
+
+    Attributes:
+        start: (n, 2) at the meniscus [m].
+        moved: (n, 2) how far the same points have moved since [m]: the taper.
+    """
+
+    start: Array
+    moved: Array
+
+    @classmethod
+    def of(cls, fields: Fields, index: int) -> WallLine | None:
+        """From the case of the run; None without a mould at that time, or without a sound case."""
+        from castfem.model import Case, read_case
+        from castfem.model.build_mould import build_mould
+
+        file, position = fields.folder / CASE_NAME, float(fields.positions[index])
+        case = read_case(file).case if file.is_file() else None
+        if not isinstance(case, Case) or case.mould is None:
+            return None
+        mould = build_mould(case.mould, case.section)
+        if position > mould.length * (1.0 + ROUNDING):
+            return None
+        start, now = (
+            np.concatenate([s.points(_FINE) for s in mould.contour(place).segments])
+            for place in (0.0, position)
+        )
+        near = ROUNDING * float(np.abs(start).max())
+        for axis in _PLANES.get(str(fields.attributes.get("symmetry")), ()):
+            start[start[:, axis] < -near] = np.nan
+        return cls(start, now - start)
+
+    def drawn(self, factor: float) -> Array:
+        """The wall (n, 2) [m], the taper magnified by a factor."""
+        return self.start + factor * self.moved
 
 
 @dataclass(frozen=True, slots=True)

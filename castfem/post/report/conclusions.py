@@ -12,15 +12,14 @@ from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.errors import InputError
 from castfem.base.shown_units import said
 from castfem.post.plots.history import curves
-from castfem.post.report.crack_places import CrackPlaces, crack_places
-from castfem.post.report.remarks import Remark, remarks_of
-from castfem.post.report.reversals import REMELTED
-from castfem.post.report.run_case import case_with
+from castfem.post.report.cracks import CrackPlaces, crack_places
+from castfem.post.report.remarks import REMELTED, Remark, remarks_of
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.numbers import cells, finely
+from castfem.runs.results.run_case import case_with
 
-_TOLD = (REMELTED, "largest gap on the way", "largest bulge between rolls")
+_REMARKS = (REMELTED, "largest gap on the way", "largest bulge between rolls")
 
 
 def conclusions(
@@ -30,15 +29,14 @@ def conclusions(
 
     Args:
         folder: Of the run.
-        summary: Of the run, with the results that its history tells
-            (`castfem.post.report.derived`).
+        summary: Of the run, with the results that its history tells (`runs.results.derived`).
         base: Label, folder and results of the run it is measured by, such as that of the machine in
             order; None for none.
     """
     found = [*_shell(summary), *_pool(summary), *_unbending(folder)]
     found += list(_worst(folder, summary, base))
     remarks = {one.what: one for one in remarks_of(folder, summary)}
-    return found + [(name, _remark(remarks[name])) for name in _TOLD if name in remarks]
+    return found + [(name, _remark(remarks[name])) for name in _REMARKS if name in remarks]
 
 
 def _remark(one: Remark) -> str:

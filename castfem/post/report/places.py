@@ -1,4 +1,4 @@
-"""Places of a run that are worth a column, and what is told of them."""
+"""Places of a run that are worth a column, and the tables of results there."""
 
 from __future__ import annotations
 
@@ -7,12 +7,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from castfem.base.errors import InputError
 from castfem.base.result_registry import AT_FRACTION
 from castfem.base.shown_quantity import Quantity
-from castfem.post.report.run_case import case_with
+from castfem.base.shown_units import Scale, place_said, scale_of
+from castfem.base.table import Table
+from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
-from castfem.runs.results.faces import at_places, repeats
-from castfem.runs.results.headline import AT_PROBES, HEADLINE
+from castfem.runs.results.headline import AT_PROBES, HEADLINE, at_places, repeats
+from castfem.runs.results.numbers import resolution_in, unit_shown, value_cells
+from castfem.runs.results.places import quantities_at
+from castfem.runs.results.run_case import case_with
 
 _MOST = 8  # places in the table of a run that was asked for none
 _NAMES = (
@@ -92,3 +97,64 @@ def table_names(runs: Sequence[Mapping[str, Quantity]], *, everything: bool = Fa
 
 def _same(one: float, other: float) -> bool:
     return math.isclose(one, other, rel_tol=1e-6)
+
+
+def table_at(folder: Path, positions: Sequence[float]) -> Table:
+    """The table of all results at some positions, m.
+
+    Raises:
+        InputError: There is no history, or the run has not been there.
+    """
+    table = read_history(folder / HISTORY_NAME)
+    if table.empty:
+        raise InputError(f"{folder}: no step has been taken yet")
+    summary = Summary.load(folder)
+    runs = [quantities_at(table, position, folder, summary) for position in positions]
+    names = [n for n in table_names(runs, everything=True) if n != "position"]
+    return _table("Results on the way", [Place("", p) for p in positions], runs, names)
+
+
+def table_along(folder: Path, summary: Summary | None) -> Table | None:
+    """What there is at the ends of zones, bending and straightening; None where there are none."""
+    try:
+        table = read_history(folder / HISTORY_NAME)
+    except InputError:
+        return None
+    if len(table) < 2 or "position" not in table:
+        return None
+    start, end = (float(table["position"].iloc[i]) for i in (0, -1))
+    places = [place for place in places_of(folder, summary, end) if place.position >= start]
+    if len(places) < 2:
+        return None
+    runs = [quantities_at(table, place.position, folder, summary) for place in places]
+    return _table("Along the strand", places, runs, table_names(runs))
+
+
+def _table(
+    title: str,
+    places: Sequence[Place],
+    runs: Sequence[Mapping[str, Quantity]],
+    names: Sequence[str],
+) -> Table:
+    """A row a quantity, a column a place."""
+    rows = []
+    for name in names:
+        some = next(run[name] for run in runs if name in run)
+        scale = scale_of(some.shown_unit, name)
+        numbers = [_cell(run.get(name), scale) for run in runs]
+        rows.append((some.label, unit_shown(scale.unit), *numbers))
+    heads = ("quantity", "unit", *map(_heading, places))
+    return Table(heads, rows, title, words=(0, 1), repeated=2)
+
+
+def _heading(place: Place) -> str:
+    """What stands above a column: the place in words, its position in mm or m."""
+    at = place_said(place.position, near=".5g", beyond=math.nextafter(10.0, 0.0))
+    return "\n".join([*place.name.split(" "), at]).strip()
+
+
+def _cell(quantity: Quantity | None, scale: Scale) -> str:
+    if quantity is None:
+        return "-"
+    resolution = resolution_in(scale, quantity)
+    return value_cells(quantity.shown, scale, quantity.shown_error, resolution)[0]

@@ -15,52 +15,64 @@ import numpy as np
 
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.errors import InputError
-from castfem.base.shown_units import documented, plain_unit, said, scale_of
-from castfem.base.tolerances import ROUNDING
+from castfem.base.shown_units import documented, place_said, plain_unit, said, scale_of
 from castfem.base.types import Array
 from castfem.post.plots.history import curves, has_values, unit_of
 from castfem.post.plots.section import Steel
 from castfem.post.report.hot_spots import HotSpot, hottest, thinnest
-from castfem.post.report.remark import Remark, at_place, in_mm
-from castfem.post.report.reversals import reheating, remelting
-from castfem.post.report.roll_load import RollLoads
 from castfem.runs.output.field_files import HDF5_NAME
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
+from castfem.runs.results.derived import OPEN, mould_exit, spells
 from castfem.runs.results.resolution import STAIR
+from castfem.runs.results.roll_load import BULGE, RollLoads
 
 if TYPE_CHECKING:
     import pandas
 
-
 NOT_CONVERGED = "coupling windows not converged"
-OPEN = 1e-3  # mm; a gap beyond counts as lost contact
 _THINNEST, _HOTTEST = "thinnest shell", "hottest surface"
 _THINNER, _HOTTER = 0.03, 3.0  # of the shell, K; less beside the probes is not named
 _COARSE = 0.2  # mm; what the shell is off by less is not told
 _MORE = 1.0  # % of the surface; if less of it touches again, only the least is named
 _BULGED = 0.01  # of the section
+REMELTED = "shell melted again"
+_MELTED = 0.1  # mm; a shell that loses less on the way is not named
+_REHEATED = 5.0  # K; surfaces that heat up by less are not named
 
 
 @dataclass(frozen=True, slots=True)
-class Spell:
-    """A stretch without contact, between two positions [m].
+class Remark:
+    """One line: what, how much, and where.
 
     Attributes:
-        start: Where contact was lost.
-        end: Where it was found again, or where the history ends.
-        regained: Whether it was found again.
+        what: Of which quantity.
+        value: In `unit`.
+        unit: As in history.csv.
+        where: Place and position, for a reader.
+        name: Of the column, where its unit may be chosen by it.
+        resolution: How exactly the cells resolve it, in `unit`; None where that is not known.
     """
 
-    start: float
-    end: float
-    regained: bool
+    what: str
+    value: float
+    unit: str
+    where: str
+    name: str = ""
+    resolution: float | None = None
 
-    @property
-    def length(self) -> float:
-        """From start to end [m]."""
-        return self.end - self.start
+
+def in_mm(position: float) -> str:
+    """A position below the meniscus."""
+    return place_said(position, near=".0f", far=".2f")
+
+
+def at_place(position: float, table: pandas.DataFrame) -> str:
+    """A position and the time when the slice is there."""
+    time = float(np.interp(position, table["position"], table["time"]))
+    digits = ".3g" if time < 1e3 else ".0f"  # 1100 s, not 1.1e+03 s
+    return f"{in_mm(position)}, t = {said(time, 's', digits, 'time')}"
 
 
 def remarks_of(folder: Path, summary: Summary | None) -> list[Remark]:
@@ -70,7 +82,7 @@ def remarks_of(folder: Path, summary: Summary | None) -> list[Remark]:
     """
     try:
         table, loads = read_history(folder / HISTORY_NAME), RollLoads.of(folder)
-        bulge = [] if loads is None else list(loads.bulge())
+        bulge = [] if loads is None else list(_between_rolls(loads))
         if not (folder / HDF5_NAME).is_file():
             return [*remarks(table, summary), *bulge]
         with Fields(folder) as fields:
@@ -107,38 +119,11 @@ def remarks(
         *_bulging(table, position),
         *weakest.values(),
         *_stairs(table, position),
-        *remelting(table, position),
-        *reheating(table, position),
-        *_stress(table, position),
+        *_remelting(table, position),
+        *_reheating(table, position),
+        *_largest(table, position, "von_mises", "largest von Mises stress"),
         *_coupling(summary),
     ]
-
-
-def spells(gap: Array, position: Array, threshold: float) -> list[Spell]:
-    """Where contact was lost after there had been contact, and until where.
-
-    Args:
-        gap: (n,) between surface and wall; what is unknown (NaN) goes on as before.
-        position: (n,) growing.
-        threshold: The gap beyond which there is no contact; its place is found by straight lines.
-    """
-    known = np.isfinite(gap)
-    gap, position = gap[known], position[known]
-    apart = gap > threshold
-    changes = np.flatnonzero(apart[1:] != apart[:-1])
-    found: list[Spell] = []
-    lost: float | None = None
-    for i in changes:
-        share = (threshold - gap[i]) / (gap[i + 1] - gap[i])
-        at = float(position[i] + share * (position[i + 1] - position[i]))
-        if apart[i + 1]:
-            lost = at
-        elif lost is not None:
-            found.append(Spell(lost, at, True))
-            lost = None
-    if lost is not None:
-        found.append(Spell(lost, float(position[-1]), False))
-    return found
 
 
 def _contact(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
@@ -225,9 +210,60 @@ def _bulging(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
             )
 
 
-def _stress(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
-    """The largest stress."""
-    yield from _largest(table, position, "von_mises", "largest von Mises stress")
+def _between_rolls(loads: RollLoads) -> Iterator[Remark]:
+    """The largest bulge between rolls, and where."""
+    if (one := loads.largest(BULGE)) is not None:
+        number, value = one
+        where = f"below {loads.where(number)}"
+        yield Remark("largest bulge between rolls", value, loads.units[BULGE], where, BULGE)
+
+
+def _largest_way_back(
+    table: pandas.DataFrame, prefix: str, sign: float
+) -> tuple[float, str, int, int, str] | None:
+    """By how much a quantity falls most (sign 1) or rises (-1) on its way at any probe.
+
+    Returns:
+        The difference, the label of the probe, the rows between which it is, and the column.
+    """
+    best: tuple[float, str, int, int, str] | None = None
+    for label, _, column in curves(table, prefix):
+        values = sign * table[column].to_numpy()
+        lost = np.fmax.accumulate(values) - values
+        if not np.isfinite(lost).any():
+            continue
+        end = int(np.nanargmax(lost))
+        start = int(np.nanargmax(values[: end + 1]))
+        if best is None or lost[end] > best[0]:
+            best = float(lost[end]), label, start, end, column
+    return best
+
+
+def _remelting(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+    """Where the shell has become thinner on the way down, by the most at any probe.
+
+    A shell that is gone again lets the steel out: what follows is a strand without a breakout.
+    """
+    best = _largest_way_back(table, "shell", 1.0)
+    if best is None or best[0] < _MELTED:
+        return
+    value, label, start, end, column = best
+    rest, unit = float(table[column].iloc[end]), unit_of(table, column)
+    left = f"where {said(rest, unit, '.2g', column)} are left"
+    if rest <= 0.0:
+        left = "where none is left: a sign of a breakout"
+    where = f"{label}, from {in_mm(position[start])} to {in_mm(position[end])}, {left}"
+    yield Remark(REMELTED, value, unit, where, column)
+
+
+def _reheating(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+    """The largest rise of a surface temperature on the way down."""
+    best = _largest_way_back(table, "surface_temperature", -1.0)
+    if best is None or best[0] < _REHEATED:
+        return
+    value, label, start, end, _ = best
+    where = f"{label}, from {in_mm(position[start])} to {in_mm(position[end])}"
+    yield Remark("largest reheating of the surface", value, "K", where)
 
 
 def _coupling(summary: Summary | None) -> Iterator[Remark]:
@@ -329,14 +365,6 @@ def _instead(probe: Remark, value: float, hot_spot: HotSpot, where: str) -> Rema
     place = f"x = {x:{far}}, y = {y:{far}} {plain_unit(across.unit)}, {where}"
     said_ = f"{place}; {label}: {beside:{digits}}"
     return Remark(probe.what, value, probe.unit, said_, probe.name, probe.resolution)
-
-
-def mould_exit(position: Array, summary: Summary | None) -> tuple[float, str]:
-    """Where the mould ends [m], and what to call it: the end of the run when it ends before."""
-    ends = None if summary is None else summary.mould_exit
-    if ends is not None and ends <= position[-1] * (1 + ROUNDING):
-        return ends, "mould exit"
-    return float(position[-1]), "end of the run"
 
 
 def _finite(values: Array) -> Array:

@@ -1,14 +1,13 @@
-"""The table of a run's results, each beside what others have found, and its balances."""
+"""The tables of a run's results, each beside what others have found, and of its balances."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
 
 from castfem.base.shown_quantity import Quantity, from_si, unit_of_difference
 from castfem.base.shown_units import Scale, difference_of, label_shown, plain_unit, scale_of
-from castfem.post.report.printing import empty_table, print_line, wrapped
+from castfem.base.table import Table, pairs
 from castfem.runs.output.summary import SIGNS, Comparison, Summary
 from castfem.runs.results.headline import ENDS
 from castfem.runs.results.numbers import (
@@ -22,41 +21,35 @@ from castfem.runs.results.numbers import (
     with_error,
 )
 
-if TYPE_CHECKING:
-    from rich.console import Console
-
 _NARROW, _WIDE = "_narrow_face", "_mid_face"  # ends of names
 UNCHANGED = "of the unchanged case"
 """What stands in place of a difference where the case is not that of the reference any more."""
 
 
-def print_results(out: Console, summary: Summary) -> None:
-    """The results, each with what others have found, and the balances."""
+def result_tables(summary: Summary, title: str = "Results") -> Iterator[Table]:
+    """Yield the results, each with what others have found, and the notes on these."""
     sources: dict[str, str] = {}
     rows = result_rows(summary, sources)
-    others = ("reference", "difference", "") if summary.references else ()
-    table = empty_table("Results", "quantity", "castfem", "unit", *others)
-    for row in rows:
-        table.add_row(*row[: 3 + len(others)])
-    if rows:
-        out.print(table, highlight=False)
-    for source, mark in sources.items():
-        for line in wrapped(out, source, f"{mark} "):
-            print_line(out, line)
+    heads = ("quantity", "castfem", "unit", *("reference", "difference", ""))
+    count = len(heads) if summary.references else 3
+    yield Table(heads[:count], [row[:count] for row in rows], title, words=(0, 2, 5))
+    notes = [(mark, source) for source, mark in sources.items()]
     keys = dict.fromkeys(k for c in summary.references for k in c.reference.changed)
     if keys:
         text = f"the case of these references had other values of {', '.join(keys)}"
-        for line in wrapped(out, text, f"{UNCHANGED}: "):
-            print_line(out, line)
+        notes.append((f"{UNCHANGED}:", text))
+    for note in notes:
+        yield pairs([note])
     for line in summary.unchecked:
-        for part in wrapped(out, line, "from memory, not compared with its source: "):
-            print_line(out, part)
-    out.print()
+        yield pairs([("from memory, not compared with its source:", line)])
+
+
+def balance_tables(summary: Summary) -> Iterator[Table]:
+    """Yield the balances of a run."""
     for name, terms in summary.balances.items():
-        table = empty_table(f"Balance of {name.replace('_', ' ')}", "term", "value", "unit")
-        for quantity in terms.values():
-            table.add_row(label_shown(quantity.label), *cells("", quantity))
-        out.print(table, "", highlight=False)
+        rows = [(label_shown(term.label), *cells("", term)) for term in terms.values()]
+        title = f"Balance of {name.replace('_', ' ')}"
+        yield Table(("term", "value", "unit"), rows, title, words=(0, 2))
 
 
 def result_rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ...]]:

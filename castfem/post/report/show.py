@@ -3,34 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.base.errors import InputError
 from castfem.base.messages import said_in_a_line
-from castfem.base.shown_units import (
-    place_said,
-    said,
-    shown_in,
-)
+from castfem.base.shown_units import place_said, said, shown_in
+from castfem.base.table import Table, listed, pairs, say
 from castfem.base.tolerances import ROUNDING
 from castfem.post.report.cautions import cautions
-from castfem.post.report.crack_places import crack_places
-from castfem.post.report.place_tables import print_along, print_places
-from castfem.post.report.printing import empty_table, print_line, print_list, wrapped
+from castfem.post.report.cracks import crack_places
+from castfem.post.report.places import table_along, table_at
 from castfem.post.report.remarks import remarks_of
-from castfem.post.report.results_table import print_results, result_rows
+from castfem.post.report.results_table import balance_tables, result_tables
 from castfem.runs.output.chosen_units import units_of_run
 from castfem.runs.output.folder import LOG_NAME, OutputFolder
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.run_record import RunRecord
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.labels import last_quantities
-from castfem.runs.results.numbers import (
-    duration,
-    finely,
-)
+from castfem.runs.results.numbers import duration, finely
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -68,33 +61,33 @@ def show(
 
 def _show(path: Path, out: Console, *, figures: bool, at: Sequence[float]) -> None:
     """As `show`, in units that have been chosen."""
-    record = RunRecord.load(path)
-    summary = Summary.load(path)
+    record, summary = RunRecord.load(path), Summary.load(path)
     running = record.status == "running" and OutputFolder(path).is_running()
     if summary is not None and summary.title:
-        out.print(summary.title, style="bold", highlight=False)
-    print_line(out, _status(record, running))
+        say(out, summary.title, style="bold")
+    say(out, _status(record, running))
     if at:
-        print_places(out, path, at)
+        say(out, table_at(path, at))
         return
     if summary is None or record.status != "finished":
-        _print_last_state(out, path, record)
+        say(out, *_last_state(path, record))
     if summary is not None:
-        print_results(out, summary)
-        _print_liquid_left(out, summary)
-        for line in cautions(path, summary):
-            print_line(out, line, style="yellow")
-    if summary is not None and not (path / HISTORY_NAME).is_file():
-        text = f"{path / HISTORY_NAME} is missing: no figures over time, and nothing to look at"
-        print_line(out, text, style="yellow")
-    print_along(out, path, summary)
-    _print_remarks(out, path, summary)
-    _print_cracks(out, path, summary)
-    _print_effort(out, record, summary)
+        say(out, *result_tables(summary), "", *balance_tables(summary), *_liquid_left(summary))
+        say(out, *cautions(path, summary), style="yellow")
+        if not (path / HISTORY_NAME).is_file():
+            text = "is missing: no figures over time, and nothing to look at"
+            say(out, f"{path / HISTORY_NAME} {text}", style="yellow")
+    if (along := table_along(path, summary)) is not None:
+        say(out, along)
+    say(out, *_remarks(path, summary), *_cracks(path, summary), *_effort(record, summary))
+    if warning := slow_output(record):
+        say(out, warning, style="yellow")
+    if record.memory_mb is not None:
+        say(out, f"memory: {record.memory_mb:.0f} MB")
     if record.status == "failed":
-        print_line(out, f"what happened: {path / LOG_NAME}")
+        say(out, f"what happened: {path / LOG_NAME}")
     if figures:
-        _print_figures(out, path)
+        _draw_figures(out, path)
 
 
 def how_it_ended(record: RunRecord) -> str:
@@ -106,7 +99,7 @@ def _status(record: RunRecord, running: bool) -> str:
     """One line: how the run stands."""
     how = record.status
     if how == "running" and not running:
-        how = "ended without a word (killed or aborted)"
+        how = "killed or aborted"
     facts = f"on {record.ranks} rank{'s' if record.ranks > 1 else ''}"
     seconds = sum(record.wall_time.values())
     if seconds:
@@ -117,50 +110,30 @@ def _status(record: RunRecord, running: bool) -> str:
     return f"{how} {facts}" + (f": {record.reason}" if record.reason else "")
 
 
-def _print_remarks(out: Console, path: Path, summary: Summary | None) -> None:
+def _remarks(path: Path, summary: Summary | None) -> Iterator[Table | str]:
     """What is worth a look."""
-    found = remarks_of(path, summary)
-    if not found:
-        return
-    print_line(out, "What to look at", "bold")
-    lines = [
-        (remark, finely(remark.value, remark.unit, remark.name, remark.resolution))
-        for remark in found
+    rows = [
+        (one.what, finely(one.value, one.unit, one.name, one.resolution), one.where)
+        for one in remarks_of(path, summary)
     ]
-    what, value = (
-        max(len(text) for text in texts)
-        for texts in zip(*((remark.what, text) for remark, text in lines), strict=True)
-    )
-    for remark, text in lines:
-        start = f"{remark.what:<{what}}  {text:>{value}}  "
-        for line in wrapped(out, remark.where, start):
-            print_line(out, line)
-    out.print()
+    if rows:
+        yield from (Table((), rows, "What to look at", words=(0, 2)), "")
 
 
-def _print_cracks(out: Console, path: Path, summary: Summary | None) -> None:
+def _cracks(path: Path, summary: Summary | None) -> Iterator[Table | str]:
     """Where the strand may crack, which roll carries most, reheat, end of the pool; with maps."""
     found = crack_places(path, summary)
     if found is None:
         return
-    if found.ranking or found.nowhere:
-        print_line(out, "Where it may crack", "bold")
-        wide = [max((len(row[i]) for row in found.ranking), default=0) for i in range(3)]
-        for name, value, less, where in found.ranking:
-            start = f"{name:<{wide[0]}}  {value:>{wide[1]}}  {less:>{wide[2]}}  "
-            print_list(out, start, [where])
-        if found.nowhere:
-            print_line(out, found.nowhere)
-        out.print()
+    if found.ranking:
+        yield from (Table((), found.ranking, "Where it may crack", words=(0, 3)), "")
+    elif found.nowhere:
+        yield from (pairs([("", found.nowhere)], "Where it may crack"), "")
     if found.others:
-        print_line(out, found.title, "bold")
-        widest = max(len(what) for what, _ in found.others)
-        for what, where in found.others:
-            print_list(out, f"{what:<{widest}}  ", [where])
-        out.print()
+        yield from (pairs(found.others, found.title), "")
 
 
-def _print_liquid_left(out: Console, summary: Summary) -> None:
+def _liquid_left(summary: Summary) -> Iterator[str]:
     """Say that a strand that has left its mould is not solid where the run ends."""
     found, end = summary.quantities, summary.quantities.get("position")
     exit_ = summary.mould_exit
@@ -169,78 +142,69 @@ def _print_liquid_left(out: Console, summary: Summary) -> None:
         return
     if "solidus" not in found or (length is not None and math.isfinite(length.value)):
         return
-    core = found.get("liquid_end")
-    ended = core is not None and math.isfinite(core.value)
-    from_ = said(core.value, "m", ".4g", "liquid_end") if ended and core else ""
-    what = f"no longer liquid from {from_} on, mushy" if from_ else "liquid"
+    what, core = "liquid", found.get("liquid_end")
+    if core is not None and math.isfinite(core.value):
+        from_ = said(core.value, "m", ".4g", "liquid_end")
+        what = f"no longer liquid from {from_} on, mushy"
     at = said(end.value, "m", ".4g", "position")
-    print_line(out, f"not solid at the end of the run, at {at}: its core is {what}")
+    yield f"not solid at the end of the run, at {at}: its core is {what}"
 
 
-def _print_last_state(out: Console, path: Path, record: RunRecord) -> None:
+def _last_state(path: Path, record: RunRecord) -> Iterator[Table | str]:
     """The last row of the history and the last checkpoint of a run that has not finished."""
     try:
         table = read_history(path / HISTORY_NAME)
     except InputError:
-        print_line(out, "no step has been taken yet")
-        return
-    if table.empty:
-        print_line(out, "no step has been taken yet")
+        table = None
+    if table is None or table.empty:
+        yield "no step has been taken yet"
         return
     row = {str(name): float(value) for name, value in table.iloc[-1].items()}
-    quantities = last_quantities(row, table.attrs["units"])
-    last = empty_table(f"Last of {len(table)} steps", "quantity", "castfem", "unit")
-    for label, value, unit, *_ in result_rows(Summary("", record.status, quantities), {}):
-        last.add_row(label, value, unit)
-    out.print(last, "", highlight=False)
+    last = Summary("", record.status, last_quantities(row, table.attrs["units"]))
+    yield from result_tables(last, f"Last of {len(table)} steps")
     if "time" in record.reached:
         at = f"t = {record.reached['time']:.6g} s"
         if "position" in record.reached:
             position = place_said(record.reached["position"], beyond=math.inf)
             at += f", {position} below the meniscus"
-        print_line(out, f"last checkpoint at {at}; continue from it with --resume")
+        yield f"last checkpoint at {at}; continue from it with --resume"
 
 
-def _print_effort(out: Console, record: RunRecord, summary: Summary | None) -> None:
-    """Steps, wall time by stage, memory."""
+def _effort(record: RunRecord, summary: Summary | None) -> Iterator[Table]:
+    """Steps and wall time by stage."""
     if summary is not None and summary.steps:
-        counts = [f"{_step(name)} {number:.6g}" for name, number in summary.steps.items()]
-        print_list(out, "steps: ", counts)
+        # "Newton iterations, mechanics" is one entry
+        names = {n: n.replace("_", " ").replace(", ", " of the ") for n in summary.steps}
+        yield listed("steps:", [f"{names[n]} {count:.6g}" for n, count in summary.steps.items()])
     if record.wall_time:
         total = sum(record.wall_time.values())
-        long = {k: v for k, v in record.wall_time.items() if v >= _BRIEF * total}
-        stages = [
-            f"{k.replace('_', ' ')} {v:.2f} s"
-            for k, v in sorted(long.items(), key=lambda item: -item[1])
-        ]
+        stages = sorted(record.wall_time.items(), key=lambda item: -item[1])
+        long = {name: value for name, value in stages if value >= _BRIEF * total}
+        entries = [f"{name.replace('_', ' ')} {value:.2f} s" for name, value in long.items()]
         rest = total - sum(long.values())
-        print_list(out, "wall time: ", [*stages, *([f"the rest {rest:.2f} s"] if rest else [])])
-        written = record.wall_time.get("output", 0.0)
-        if written > max(_MUCH * total, _FELT):
-            print_line(
-                out,
-                f"{written / total:.0%} of the time went into files: write the fields less often "
-                "(output.every), fewer of them (output.fields), checkpoints more seldom "
-                "(output.checkpoint_every)",
-                style="yellow",
-            )
-    if record.memory_mb is not None:
-        print_line(out, f"memory: {record.memory_mb:.0f} MB")
+        yield listed("wall time:", [*entries, *([f"the rest {rest:.2f} s"] if rest else [])])
 
 
-def _step(name: str) -> str:
-    """What is counted, as in "Newton iterations, mechanics", without the comma."""
-    return name.replace("_", " ").replace(", ", " of the ")
+def slow_output(record: RunRecord) -> str:
+    """A warning that files have taken much of the time; "" where they have not."""
+    total, written = sum(record.wall_time.values()), record.wall_time.get("output", 0.0)
+    if written <= max(_MUCH * total, _FELT):
+        return ""
+    return (
+        f"{written / total:.0%} of the time went into files: write the fields less often "
+        "(output.every), fewer of them (output.fields), checkpoints more seldom "
+        "(output.checkpoint_every)"
+    )
 
 
-def _print_figures(out: Console, path: Path) -> None:
+def _draw_figures(out: Console, path: Path) -> None:
     """Draws the figures and says where they are."""
     from castfem.post.plots.figures import draw_figures
 
     try:
         drawn = draw_figures(path)
     except Exception as error:  # the run is what it is, whatever becomes of its pictures
-        print_line(out, f"figures: {said_in_a_line(error)}", style="yellow")
+        say(out, f"figures: {said_in_a_line(error)}", style="yellow")
         return
     if drawn:
-        print_list(out, f"figures in {drawn[0].parent}: ", [figure.name for figure in drawn])
+        say(out, listed(f"figures in {drawn[0].parent}:", [figure.name for figure in drawn]))

@@ -13,11 +13,10 @@ from castfem.base.atomic_files import write_text
 from castfem.base.errors import InputError
 from castfem.post.compare.runs import Run, read_runs
 from castfem.post.html.page import AtWork, Progress, rendered
-from castfem.post.report.derived import derived
-from castfem.post.watch.many import FINISHED, Overview
-from castfem.post.watch.run_status import RUNNING, Look
-from castfem.post.watch.words import brief, ending, left, where
+from castfem.post.watch.run_status import FINISHED, RUNNING, RunStatus, brief, ending, left, where
+from castfem.post.watch.sweep_status import SweepStatus
 from castfem.runs.output.summary import Summary
+from castfem.runs.results.derived import derived
 
 _SHARE = 10.0  # times as long as a page takes to write is waited before the next
 
@@ -44,21 +43,21 @@ class Page:
         self.folder, self.target, self._every, self._wait = folder, target, every, wait
         self._clock, self._next = clock, -math.inf
 
-    def write_run(self, look: Look) -> None:
+    def write_run(self, status: RunStatus) -> None:
         """Write the page of one run if it is due, or if the run has ended.
 
         Raises:
             RunFailure: It cannot be written.
         """
-        ended = look.has_ended(self._wait)
+        ended = status.has_ended(self._wait)
         if not ended and self._clock() < self._next:
             return
-        status = RUNNING if look.state == RUNNING else ending(self.folder, look)
-        run = Run(self.folder, self.folder.resolve().name, self._summary(look))
-        head = self._head(look.title, status, ended, (_progress("", look),), look.messages)
-        self._write([run], None if look.state == FINISHED else head)
+        state = RUNNING if status.state == RUNNING else ending(self.folder, status)
+        run = Run(self.folder, self.folder.resolve().name, self._summary(status))
+        head = self._head(status.title, state, ended, (_progress("", status),), status.messages)
+        self._write([run], None if status.state == FINISHED else head)
 
-    def write_sweep(self, found: Overview) -> None:
+    def write_sweep(self, found: SweepStatus) -> None:
         """Write the page of a sweep: all its runs at its head, below it those that have finished.
 
         Raises:
@@ -71,16 +70,16 @@ class Page:
         except InputError:  # fewer than two have finished
             runs = []
         title = f"{self.folder.resolve().name}: {len(found.rows)} runs"
-        states = dict.fromkeys(row.look.state for row in found.rows)
+        states = dict.fromkeys(row.status.state for row in found.rows)
         status = ", ".join(f"{found.count(state)} {state}" for state in states)
-        progress = tuple(_progress(row.label, row.look) for row in found.rows)
+        progress = tuple(_progress(row.label, row.status) for row in found.rows)
         head = self._head(title, status, found.ended, progress)
         self._write(runs, None if runs and found.count(FINISHED) == len(found.rows) else head)
 
-    def _summary(self, look: Look) -> Summary:
+    def _summary(self, status: RunStatus) -> Summary:
         """The results of a run that has ended; those of the last row before."""
-        summary = None if look.state == RUNNING else Summary.load(self.folder)
-        found = summary or Summary(look.title, look.state, look.quantities)
+        summary = None if status.state == RUNNING else Summary.load(self.folder)
+        found = summary or Summary(status.title, status.state, status.quantities)
         more = derived(self.folder, found)
         return replace(found, quantities={**found.quantities, **more})
 
@@ -105,8 +104,8 @@ class Page:
         self._next = now + max(self._every, _SHARE * (now - begun))
 
 
-def _progress(label: str, look: Look) -> Progress:
+def _progress(label: str, status: RunStatus) -> Progress:
     """How far a run has come, as the page has it."""
-    told = ", ".join(f"{word} {text}" for word, text in brief(look).items())
-    share = None if math.isnan(look.share) else look.share
-    return Progress(label, look.state, share, where(look), told, left(look))
+    results = ", ".join(f"{word} {text}" for word, text in brief(status).items())
+    share = None if math.isnan(status.share) else status.share
+    return Progress(label, status.state, share, where(status), results, left(status))

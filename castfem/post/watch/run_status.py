@@ -1,4 +1,4 @@
-"""A look at a run: how it stands, its last row, and how long it will still take."""
+"""The status of a run at work: its last row, how long it will still take, and words on it."""
 
 from __future__ import annotations
 
@@ -11,23 +11,37 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from castfem.base.errors import InputError
-from castfem.base.progress import time_left
+from castfem.base.progress import clock, time_left
 from castfem.base.shown_quantity import Quantity
+from castfem.base.shown_units import plain_unit, scale_of
 from castfem.model import Case, read_case
-from castfem.runs.output.folder import CASE_NAME, LOG_NAME, OutputFolder
+from castfem.model.shipped_cases import CASE_NAME
+from castfem.post.report.results_table import result_rows
+from castfem.post.report.show import how_it_ended
+from castfem.runs.output.folder import LOG_NAME, OutputFolder
 from castfem.runs.output.history import HISTORY_NAME, last_row
 from castfem.runs.output.run_record import RUN_NAME, RunRecord
+from castfem.runs.output.summary import Summary
 from castfem.runs.results.labels import last_quantities
+from castfem.runs.results.numbers import cells
 
 RUNNING, KILLED, FINISHED, FAILED = "running", "killed", "finished", "failed"
 _TAIL = 8192  # bytes of a log that hold its last messages
 _MESSAGES = 5
 _STAMP = re.compile(r"\d{4}-\d\d-\d\d [\d:,]+ ([A-Z]+) +(.*)")
 _WINDOW = 60.0  # s over which the pace is taken
+COLUMNS = {
+    "shell_mid_face": "shell",
+    "gap_max": "gap",
+    "surface_temperature_mid_face": "surface",
+    "von_mises_max": "stress",
+}
+"""What stands of a run in one line, and how it is called there."""
+_STARTS = ("shell_", "surface_temperature_", "gap_", "von_mises_max")
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class RunStatus:
     """A run as it stands.
 
     Attributes:
@@ -67,7 +81,7 @@ class Look:
 
 
 class Watcher:
-    """Looks at a run again and again; nothing is written, nothing asked of the run.
+    """Reads the status of a run again and again; nothing is written, nothing asked of the run.
 
     Args:
         folder: Of the run.
@@ -82,7 +96,7 @@ class Watcher:
         self._seen: tuple[float, ...] = ()
         self._dead = False
 
-    def look(self) -> Look:
+    def status(self) -> RunStatus:
         """How the run stands now.
 
         Raises:
@@ -104,7 +118,9 @@ class Watcher:
             state = KILLED if record.status == RUNNING else record.status
         messages, told = self._log()
         left = self._left(position, told) if state == RUNNING else math.nan
-        return Look(state, self._title, record, position, self._length, quantities, left, messages)
+        return RunStatus(
+            state, self._title, record, position, self._length, quantities, left, messages
+        )
 
     def _begin(self, record: RunRecord) -> None:
         """Take in the case of a run that is seen for the first time, or was taken up again."""
@@ -137,7 +153,7 @@ class Watcher:
     def _at_work(self) -> bool:
         """Whether the run is at work.
 
-        Its lock is tried only when its files have not changed since the look before, and no more
+        Its lock is tried only when its files have not changed since the last time, and no more
         once it was found free: whoever takes the run up again must find it so.
         """
         paths = (self.folder / name for name in (RUN_NAME, HISTORY_NAME, LOG_NAME))
@@ -176,3 +192,70 @@ class Watcher:
         (since, start), (last, _) = self._way[0], self._way[-1]
         pace = (position - start) / max(last - since, 1e-9)
         return max(0.0, (self._length - position) / pace - (self._clock() - last))
+
+
+def results(status: RunStatus) -> list[tuple[str, ...]]:
+    """Label, value and unit of shell, surface, gap and largest stress."""
+    chosen = {
+        name: quantity
+        for start in _STARTS
+        for name, quantity in status.quantities.items()
+        if name.startswith(start)
+    }
+    return [row[:3] for row in result_rows(Summary("", status.state, chosen), {})]
+
+
+def brief(status: RunStatus) -> dict[str, str]:
+    """Shell, gap, surface and stress of a run as one line has them, those that it has."""
+    return {
+        word: " ".join(cells(name, status.quantities[name]))
+        for name, word in COLUMNS.items()
+        if name in status.quantities
+    }
+
+
+def where(status: RunStatus) -> str:
+    """How far the run has come."""
+    if math.isnan(status.position):
+        return "no step has been taken yet"
+    scale = scale_of("m", "position")
+    digits = ".3f" if scale.unit == "m" else ".5g"
+    here = f"{scale(status.position):{digits}}"
+    if math.isnan(status.length):
+        return f"{here} {plain_unit(scale.unit)}"
+    return f"{here} of {scale(status.length):{digits}} {plain_unit(scale.unit)}"
+
+
+def percent(status: RunStatus) -> str:
+    """The share of its way in percent; empty where it is not known."""
+    return "" if math.isnan(status.share) else f"{100.0 * status.share:.0f} %"
+
+
+def left(status: RunStatus) -> str:
+    """The time left, as 0:07; empty where it is not known."""
+    return "" if math.isnan(status.left) else clock(status.left)
+
+
+def line(name: str, status: RunStatus) -> str:
+    """A run in one line."""
+    parts = [
+        f"{name}:",
+        status.state if status.state != RUNNING else "",
+        percent(status),
+        where(status),
+    ]
+    parts += [f"{word} {text}" for word, text in brief(status).items()]
+    parts += [f"left {left(status)}"] if left(status) else []
+    return "  ".join(part for part in parts if part)
+
+
+def ending(folder: Path, status: RunStatus) -> str:
+    """How a run has ended, why, and what can be done; one line."""
+    how = how_it_ended(status.record)
+    if status.state == KILLED:
+        return f"{how}; castfem run --resume {folder} goes on from its last checkpoint"
+    if status.state == "interrupted":
+        return f"{how}; castfem run --resume {folder} goes on"
+    if status.state == "failed":
+        return f"{how}; what happened: {folder / LOG_NAME}"
+    return f"{how}; its results: castfem show {folder}"

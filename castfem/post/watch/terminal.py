@@ -11,23 +11,36 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.base.errors import InputError
-from castfem.base.progress import clock
 from castfem.base.shown_units import shown_in
-from castfem.post.watch.many import PATIENCE, WAITING, Overview, SweepWatcher
-from castfem.post.watch.run_status import FAILED, FINISHED, RUNNING, Look, Watcher
-from castfem.post.watch.words import (
+from castfem.base.table import FAILED as RED
+from castfem.base.table import Table
+from castfem.post.watch.run_status import (
     COLUMNS,
+    FAILED,
+    FINISHED,
+    KILLED,
+    RUNNING,
+    RunStatus,
+    Watcher,
     brief,
     ending,
     left,
     line,
     percent,
     results,
-    unfinished,
     where,
+)
+from castfem.post.watch.sweep_status import (
+    PATIENCE,
+    WAITING,
+    SweepStatus,
+    SweepWatcher,
+    counts,
+    unfinished,
 )
 from castfem.runs.output.chosen_units import units_of_run
 from castfem.runs.output.run_record import RUN_NAME
+from castfem.studies.sweep.plan import shortened
 from castfem.studies.sweep.record import SWEEP_NAME
 
 if TYPE_CHECKING:
@@ -36,10 +49,8 @@ if TYPE_CHECKING:
 
     from castfem.post.watch.page import Page
 
-_STYLES = {FAILED: "red", "killed": "red", "interrupted": "yellow", WAITING: "dim", RUNNING: "bold"}
 _FEWEST = 5  # rows of a sweep that are shown, however low the terminal is
 _AROUND = 8  # lines about them
-_IDLE = 5.0  # s without a run at work that are told; between two runs there are fewer
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,29 +117,29 @@ def _until_begun(folder: Path, viewing: Viewing) -> None:
 def _watch_run(folder: Path, viewing: Viewing) -> bool:
     """Show one run."""
     watcher, name, console = Watcher(folder), folder.resolve().name, viewing.console
-    look = watcher.look()
+    status = watcher.status()
     stopped = False  # whether it has been told that the run is no more at work
     with _Screen(console) as screen, shown_in(units_of_run(folder)):
         while True:
             if viewing.page is not None:
-                viewing.page.write_run(look)
-            if look.has_ended(viewing.wait):
+                viewing.page.write_run(status)
+            if status.has_ended(viewing.wait):
                 break
-            if look.state == RUNNING or not stopped:
-                screen.show(partial(picture, look), line(name, look))
-            stopped = _told_stopped(folder, look, stopped, viewing)
+            if status.state == RUNNING or not stopped:
+                screen.show(partial(picture, status), line(name, status))
+            stopped = _say_stopped(folder, status, stopped, viewing)
             viewing.sleep(viewing.every)
-            look = watcher.look()
-        screen.show(partial(picture, look), line(name, look))
-    viewing.say(ending(folder, look))
-    return look.state == FINISHED
+            status = watcher.status()
+        screen.show(partial(picture, status), line(name, status))
+    viewing.say(ending(folder, status))
+    return status.state == FINISHED
 
 
-def _told_stopped(folder: Path, look: Look, before: bool, viewing: Viewing) -> bool:
+def _say_stopped(folder: Path, status: RunStatus, before: bool, viewing: Viewing) -> bool:
     """Say once of a run that is waited for that it is not at work; return whether it is not."""
-    if look.state != RUNNING and not before:
-        viewing.say(f"{ending(folder, look)}; waiting for it to be taken up again")
-    return look.state != RUNNING
+    if status.state != RUNNING and not before:
+        viewing.say(f"{ending(folder, status)}; waiting for it to be taken up again")
+    return status.state != RUNNING
 
 
 def _watch_sweep(folder: Path, viewing: Viewing) -> bool:
@@ -137,15 +148,15 @@ def _watch_sweep(folder: Path, viewing: Viewing) -> bool:
     console = viewing.console
     with _Screen(console) as screen:
         while True:
-            found = watcher.look()
-            first = next((r.name for r in found.rows if r.look.quantities), "")
+            found = watcher.status()
+            first = next((r.name for r in found.rows if r.status.quantities), "")
             with shown_in(units_of_run(folder / first)):
                 if viewing.page is not None:
                     viewing.page.write_sweep(found)
                 screen.show(
                     partial(overview, found, max(_FEWEST, console.height - _AROUND)),
                     f"{folder.resolve().name}: {counts(found)}",
-                    [line(r.name, r.look) for r in found.rows if r.look.state == RUNNING],
+                    [line(r.name, r.status) for r in found.rows if r.status.state == RUNNING],
                 )
             if found.ended:
                 break
@@ -186,66 +197,44 @@ class _Screen:
         self._console.file.flush()
 
 
-def picture(look: Look) -> RenderableType:
+def picture(status: RunStatus) -> RenderableType:
     """One run: its way, results of its last row, and the last messages of its log."""
     from rich.console import Group
     from rich.progress_bar import ProgressBar
-    from rich.table import Table
+    from rich.table import Table as Grid
     from rich.text import Text
 
-    head = Table.grid(padding=(0, 2, 0, 0))
-    way = f"{where(look)}  {percent(look)}" + (f"  left {left(look)}" if left(look) else "")
-    share = 0.0 if look.share != look.share else look.share
-    head.add_row(look.state, ProgressBar(1.0, share, width=30), way)
-    body = Table.grid(padding=(0, 2, 0, 0))
-    body.add_column()
-    body.add_column(justify="right")
-    for label, value, unit in results(look):
-        body.add_row(Text(label), value, unit)
-    return Group(
-        Text(look.title, style="bold"),
-        head,
-        body,
-        *(
-            Text(message, style="dim", overflow="ellipsis", no_wrap=True)
-            for message in look.messages
-        ),
+    head = Grid.grid(padding=(0, 2, 0, 0))
+    remaining = f"  left {left(status)}" if left(status) else ""
+    share = 0.0 if math.isnan(status.share) else status.share
+    bar = ProgressBar(1.0, share, width=30)
+    head.add_row(status.state, bar, f"{where(status)}  {percent(status)}{remaining}")
+    rows = results(status)
+    found = Table((), rows, words=(0, 2)).lines() if rows else []
+    messages = (
+        Text(message, style="dim", overflow="ellipsis", no_wrap=True) for message in status.messages
     )
+    return Group(Text(status.title, style="bold"), head, *map(Text, found), *messages)
 
 
-def counts(found: Overview) -> str:
-    """How many runs of a sweep have finished, are at work, wait, have failed."""
-    states = dict.fromkeys((FINISHED, RUNNING, WAITING, *(r.look.state for r in found.rows)))
-    parts = [f"{found.count(state)} {state}" for state in states]
-    end = "" if found.left != found.left else f", left {clock(found.left)}"
-    if found.idle >= _IDLE and not found.complete:
-        end = f"; none at work for {clock(found.idle)}"
-    return f"{len(found.rows)} runs: {', '.join(parts)}{end}"
-
-
-def overview(found: Overview, most: int) -> RenderableType:
+def overview(found: SweepStatus, most: int) -> RenderableType:
     """The runs of a sweep, a line each; where they are too many, those first that are at work."""
     from rich.console import Group
-    from rich.table import Table
     from rich.text import Text
 
-    order = {RUNNING: 0, "killed": 1, "interrupted": 1, FAILED: 2, FINISHED: 3, WAITING: 4}
+    order = {RUNNING: 0, KILLED: 1, "interrupted": 1, FAILED: 2, FINISHED: 3, WAITING: 4}
     shown = found.rows
     if len(shown) > most:
-        shown = tuple(sorted(shown, key=lambda row: order[row.look.state])[:most])
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    table.add_column("run", overflow="ellipsis", no_wrap=True)
-    table.add_column("")
-    for name in ("way", *COLUMNS.values(), "left"):
-        table.add_column(name, justify="right", no_wrap=True)
+        shown = tuple(sorted(shown, key=lambda row: order[row.status.state])[:most])
+    rows = []
     for row in shown:
-        look, told = row.look, brief(row.look)
-        table.add_row(
-            Text(row.label),
-            Text(look.state, style=_STYLES.get(look.state, "")),
-            percent(look),
-            *(told.get(word, "") for word in COLUMNS.values()),
-            left(look),
-        )
-    rest = [Text(f"... and {len(found.rows) - len(shown)} more")] * (len(shown) < len(found.rows))
-    return Group(table, *rest, Text(counts(found), style="bold"))
+        status, values = row.status, brief(row.status)
+        columns = [values.get(word, "") for word in COLUMNS.values()]
+        rows.append((shortened(row.label), status.state, percent(status), *columns, left(status)))
+    marks = {(i, -1): RED for i, row in enumerate(shown) if row.status.state in (FAILED, KILLED)}
+    rest = len(found.rows) - len(shown)
+    notes = [f"... and {rest} more"] if rest else []
+    heads = ("run", "", "way", *COLUMNS.values(), "left")
+    table = Table(heads, rows, words=(0, 1), notes=notes, marks=marks)
+    lines = (Text(text, style=style, no_wrap=True) for text, style in table.styled())
+    return Group(*lines, Text(counts(found), style="bold"))

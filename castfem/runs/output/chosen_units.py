@@ -7,7 +7,7 @@ from pathlib import Path
 
 from castfem.base.errors import InputError
 from castfem.base.shown_units import ShownUnits
-from castfem.runs.output.folder import CASE_NAME
+from castfem.model.shipped_cases import CASE_NAME
 
 
 def units_of_run(folder: Path) -> ShownUnits:

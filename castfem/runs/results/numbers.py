@@ -86,11 +86,30 @@ def small_gap(value: float, unit: str) -> str | None:
 def cells(name: str, quantity: Quantity) -> tuple[str, str]:
     """Value and unit of a quantity as the table of a run prints them."""
     scale = scale_of(quantity.shown_unit, name)
-    value, unit, error = scale(quantity.shown), scale.unit, quantity.shown_error
-    error = None if error is None else scale.factor * error
-    if is_gap(name) and (small := small_gap(value, unit)) is not None:
+    resolution = resolution_in(scale, quantity)
+    return value_cells(quantity.shown, scale, quantity.shown_error, resolution, is_gap(name))
+
+
+def value_cells(
+    value: float,
+    scale: Scale,
+    error: float | None = None,
+    resolution: float | None = None,
+    gap: bool = False,
+) -> tuple[str, str]:
+    """A value with its error, and its unit, as tables print them.
+
+    Args:
+        value: In its documented unit.
+        scale: What turns it into what is shown.
+        error: In the documented unit; None where none is known.
+        resolution: How exactly it is resolved, as it is shown; None where that is not known.
+        gap: Tell it in micrometres if it is small.
+    """
+    value, error = scale(value), None if error is None else scale.factor * error
+    if gap and (small := small_gap(value, scale.unit)) is not None:
         return with_error(small, None if error is None else 1e3 * error), unit_shown("um")
-    return with_error(shown(value, unit, resolution_in(scale, quantity)), error), unit_shown(unit)
+    return with_error(shown(value, scale.unit, resolution), error), unit_shown(scale.unit)
 
 
 def resolution_in(scale: Scale, quantity: Quantity) -> float | None:

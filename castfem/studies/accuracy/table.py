@@ -28,7 +28,8 @@ from castfem.base.atomic_files import write_json
 from castfem.base.errors import InputError
 from castfem.base.shown_quantity import Quantity, to_si, unit_of_difference
 from castfem.model import Case, read_case
-from castfem.runs.output.folder import CASE_NAME, ERROR_NAME
+from castfem.model.shipped_cases import CASE_NAME
+from castfem.runs.output.folder import ERROR_NAME
 from castfem.runs.output.run_record import RunRecord
 from castfem.runs.output.summary import SUMMARY_NAME, Summary
 from castfem.studies.accuracy import sizes

@@ -22,7 +22,8 @@ from castfem.base.messages import differences
 from castfem.base.shown_quantity import Quantity
 from castfem.model.key_names import full_key
 from castfem.model.portable import portable
-from castfem.runs.output.folder import CASE_NAME, PROPERTIES_NAME, RunRecord
+from castfem.model.shipped_cases import CASE_NAME
+from castfem.runs.output.folder import PROPERTIES_NAME, RunRecord
 from castfem.runs.output.summary import CUT, Summary
 from castfem.studies.sensitivity.slopes import Slopes, read_slopes
 from castfem.studies.sweep.plan import Variant, run_name

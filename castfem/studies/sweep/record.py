@@ -13,8 +13,9 @@ from castfem.base.atomic_files import write_json
 from castfem.base.errors import InputError
 from castfem.base.file_lock import taken
 from castfem.model.portable import portable
+from castfem.model.shipped_cases import CASE_NAME
 from castfem.runs import existing_run
-from castfem.runs.output.folder import CASE_NAME, PROPERTIES_NAME, OutputFolder
+from castfem.runs.output.folder import PROPERTIES_NAME, OutputFolder
 from castfem.runs.output.run_record import RUN_NAME, RunRecord
 from castfem.studies.sweep.plan import Variant
 from castfem.studies.sweep.work import Job, Outcome

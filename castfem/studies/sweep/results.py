@@ -2,33 +2,23 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from castfem.base import units
-from castfem.base.atomic_files import write_text
 from castfem.base.errors import CastfemError
 from castfem.base.shown_quantity import Quantity
-from castfem.base.shown_units import plain_unit, scale_of
-from castfem.post.report.derived import derived
+from castfem.base.table import Table
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
-from castfem.runs.results.headline import headline, plain_label
+from castfem.runs.results.derived import derived
 from castfem.runs.results.places import quantities_at
-from castfem.studies.sweep.plan import shortened
 from castfem.studies.sweep.record import Record
 
-if TYPE_CHECKING:
-    from rich.table import Table
-
 TABLE_NAME = "sweep.csv"
-_LEAST = 4  # results that are shown before what was varied has columns of its own
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,138 +115,25 @@ def _results_at(folder: Path, at: Sequence[float]) -> dict[str, Quantity]:
 
 
 def write_table(path: Path, table: Sequence[Row]) -> None:
-    """Write the table as CSV, `name [unit]` in its header, every quantity of the runs.
+    """Write every quantity of the runs in documented units as CSV, a row a run.
 
     Raises:
         RunFailure: It cannot be written.
     """
-    keys, cells = _varied(table)
+    keys, cells = varied(table)
     names = {name: q.shown_unit for row in table for name, q in row.quantities.items()}
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
     results = [f"{name} [{unit}]" for name, unit in names.items()]
-    writer.writerow(["run", *keys, "status", *results, "wall_time [s]", "message"])
-    for row, varied in zip(table, cells, strict=True):
+    found = []
+    for row, own in zip(table, cells, strict=True):
         values = [row.quantities.get(name) for name in names]
         numbers = [f"{q.shown:.12g}" if q and math.isfinite(q.shown) else "" for q in values]
         took = f"{row.seconds:.3f}" if row.seconds else ""
-        writer.writerow([row.name, *varied, row.status, *numbers, took, row.message])
-    write_text(path, text.getvalue(), durable=False)
+        found.append((row.name, *own, row.status, *numbers, took, row.message))
+    heads = ("run", *keys, "status", *results, "wall_time [s]", "message")
+    Table(heads, found).write_csv(path)
 
 
-def printed(table: Sequence[Row], width: int) -> Table:
-    """Return the table for the terminal: what was varied, and as many headline results as fit.
-
-    Those that do not are named below it.
-
-    Args:
-        table: The runs.
-        width: Of the terminal, characters.
-    """
-    from rich import box
-    from rich.table import Table
-
-    found = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
-    columns, results = _leading_columns(table), _main_columns(table)
-    remarks = [_remark(row) for row in table]
-    left = width - min(30, max(map(len, remarks)))
-    wanted = sum(_width(*column) for column in results[:_LEAST])
-    if left - sum(_width(*column) for column in columns) < wanted:
-        columns = _folded(columns)
-    room = left - sum(_width(*column) for column in columns)
-    beside = list(results)
-    while beside and (room := room - _width(*beside[0])) >= 0:
-        columns.append(beside.pop(0))
-    for header, cells in columns:
-        lines = any("\n" in cell for cell in cells)
-        found.add_column(header, justify="left" if lines else "right", no_wrap=True)
-    found.add_column("")
-    for number, row in enumerate(table):
-        style = "red" if row.status == "failed" else ""
-        found.add_row(*(column[number] for _, column in columns), remarks[number], style=style)
-    if beside:
-        names = ", ".join(" ".join(header.split()) for header, _ in beside)
-        found.caption, found.caption_justify = f"not shown, but in {TABLE_NAME}: {names}", "left"
-    return found
-
-
-def _leading_columns(table: Sequence[Row]) -> list[tuple[str, list[str]]]:
-    """Header and cells of what tells the runs apart.
-
-    Runs that have names need no values that would be cut.
-    """
-    columns = []
-    named = any(row.label for row in table)
-    if named:
-        columns.append(("run", [row.label or row.name for row in table]))
-    keys, cells = _varied(table)
-    for key, values in zip(keys, zip(*cells, strict=True), strict=True):
-        short = [shortened(value) for value in values]
-        if not named or short == list(values):
-            leaf, _, unit = key.partition(" ")
-            columns.append((_header(leaf.rpartition(".")[2], unit), short))
-    return columns
-
-
-def _folded(columns: Sequence[tuple[str, list[str]]]) -> list[tuple[str, list[str]]]:
-    """What was varied in one column, a line a key: the results are what the table is read for."""
-    if len(columns) < 2:
-        return list(columns)
-    heads = [header.replace("\n", " ").partition(" [") for header, _ in columns]
-    names = [name for name, _, _ in heads]
-    units_of = [unit.removesuffix("]") for _, _, unit in heads]
-    cells = []
-    for values in zip(*(cells for _, cells in columns), strict=True):
-        lines = [
-            f"{name} {value} {unit}".strip()
-            for name, value, unit in zip(names, values, units_of, strict=True)
-            if value
-        ]
-        cells.append("\n".join(shortened(line) for line in lines))
-    return [("varied", cells)]
-
-
-def _main_columns(table: Sequence[Row]) -> list[tuple[str, list[str]]]:
-    """Header and cells of the headline results, the most wanted first."""
-    from castfem.runs.results.numbers import resolution_in, shown
-
-    all_of = [row.quantities for row in table if row.quantities]
-    found = []
-    placed = [name for q in all_of for name in q if " at " in name]
-    wanted = headline(all_of)
-    chosen = [n for n in dict.fromkeys(placed) if n.partition(" at ")[0] in wanted]
-    chosen.sort(key=lambda name: wanted.index(name.partition(" at ")[0]))
-    for name in chosen or wanted:
-        some = next(q[name] for q in all_of if name in q)
-        quantities = [row.quantities.get(name) for row in table]
-        scale = scale_of(some.shown_unit, name.partition(" at ")[0])
-        cells = [
-            shown(scale(q.shown), scale.unit, resolution_in(scale, q)) if q else "-"
-            for q in quantities
-        ]
-        unit = scale.unit if scale.unit == some.shown_unit else plain_unit(scale.unit)
-        found.append((_header(plain_label(some), f"[{unit}]"), cells))
-    return found
-
-
-def _header(name: str, unit: str) -> str:
-    """A heading with a word or two on each line."""
-    return "\n".join([*textwrap.wrap(name, 12, break_long_words=False), unit]).strip()
-
-
-def _width(header: str, cells: Sequence[str]) -> int:
-    """How wide a column is, with the two spaces behind it."""
-    lines = [line for text in (header, *cells) for line in text.split("\n")]
-    return max(map(len, lines)) + 2
-
-
-def _remark(row: Row) -> str:
-    if row.status == "finished" and not row.message:
-        return ""
-    return f"{row.status}: {row.message}" if row.message else row.status
-
-
-def _varied(table: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
+def varied(table: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
     """Return the headers of what is varied, and its cells row by row.
 
     The unit goes to the header if all values have the same one.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +10,14 @@ import numpy as np
 from castfem.base.errors import InputError
 from castfem.base.shown_quantity import Quantity
 from castfem.base.tolerances import ROUNDING
+from castfem.base.types import Array
 from castfem.post.plots.history import curves
-from castfem.post.report.remarks import OPEN, mould_exit, spells
-from castfem.post.report.roll_load import RollLoads
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.labels import last_quantities
+from castfem.runs.results.roll_load import RollLoads
+
+OPEN = 1e-3  # mm; a gap beyond counts as lost contact
 
 
 def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
@@ -56,3 +58,58 @@ def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
         last = np.nan if open_ else max(spell.end for spell in lost)
         found["contact_regained"] = Quantity(last, "mm", "contact regained at, last probe")
     return found
+
+
+@dataclass(frozen=True, slots=True)
+class Spell:
+    """A stretch without contact, between two positions [m].
+
+    Attributes:
+        start: Where contact was lost.
+        end: Where it was found again, or where the history ends.
+        regained: Whether it was found again.
+    """
+
+    start: float
+    end: float
+    regained: bool
+
+    @property
+    def length(self) -> float:
+        """From start to end [m]."""
+        return self.end - self.start
+
+
+def spells(gap: Array, position: Array, threshold: float) -> list[Spell]:
+    """Where contact was lost after there had been contact, and until where.
+
+    Args:
+        gap: (n,) between surface and wall; what is unknown (NaN) goes on as before.
+        position: (n,) growing.
+        threshold: The gap beyond which there is no contact; its place is found by straight lines.
+    """
+    known = np.isfinite(gap)
+    gap, position = gap[known], position[known]
+    apart = gap > threshold
+    changes = np.flatnonzero(apart[1:] != apart[:-1])
+    found: list[Spell] = []
+    lost: float | None = None
+    for i in changes:
+        share = (threshold - gap[i]) / (gap[i + 1] - gap[i])
+        at = float(position[i] + share * (position[i + 1] - position[i]))
+        if apart[i + 1]:
+            lost = at
+        elif lost is not None:
+            found.append(Spell(lost, at, True))
+            lost = None
+    if lost is not None:
+        found.append(Spell(lost, float(position[-1]), False))
+    return found
+
+
+def mould_exit(position: Array, summary: Summary | None) -> tuple[float, str]:
+    """Where the mould ends [m], and what to call it: the end of the run when it ends before."""
+    ends = None if summary is None else summary.mould_exit
+    if ends is not None and ends <= position[-1] * (1 + ROUNDING):
+        return ends, "mould exit"
+    return float(position[-1]), "end of the run"

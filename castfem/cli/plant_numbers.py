@@ -1,4 +1,4 @@
-"""The measured heat of a mould as a plant tells it: in all, and per area beside what is usual."""
+"""The heat of a mould and the spray water of a case in the numbers of a plant."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from castfem.model.heat_law import Extent, Surroundings
 from castfem.model.measured_heat import ScaledLaw
 from castfem.model.mould_laws import Contact
 from castfem.model.shared_heat import fixed_heat
+from castfem.model.spray import Spray
+from castfem.model.water import PER_LITRE_AND_KG, Supply, steel_per_length
 from castfem.physics.thermal.mould_flux import MOULD_FLUXES, heat_to_mould
+from castfem.physics.thermal.sprays import WATER_DENSITY
 
 if TYPE_CHECKING:
     from castfem.meshes import SectionMesh
@@ -21,6 +24,7 @@ if TYPE_CHECKING:
     from castfem.physics.machine import Machine
     from castfem.physics.materials import Steel
 
+LITRES_A_MINUTE = 6e4  # in a m3/s
 _FAR = 3.0  # times a published flux, or this part of it: another unit was meant
 
 
@@ -103,3 +107,51 @@ def _published(machine: Machine, between: tuple[float, float]) -> dict[str, floa
         for name, flux in MOULD_FLUXES.items()
         if end <= flux.until
     }
+
+
+def water_flows(case: Case, supply: Supply, mesh: SectionMesh) -> list[tuple[str, float]]:
+    """Return name and flow, m3/s, of all zones and circuits with sprays, each at its largest.
+
+    Args:
+        case: A sound case.
+        supply: Of water.
+        mesh: Of its section.
+    """
+    found: list[tuple[str, float]] = []
+    start = 0.0
+    for zone in case.cooling:
+        end = case.casting.length if zone.to is None else zone.to
+        sprays = [law for law in zone.surface if isinstance(law, Spray)]
+        if sprays and end > start:  # a run may end above a zone that has no end
+            flows = [_flow(case, supply, mesh, law, end - start) for law in sprays]
+            found.append((zone.name, sum(flows)))
+        start = end
+    circuits = () if case.secondary is None else case.secondary.circuit
+    return [*found, *((c.name, supply.most(c)) for c in circuits)]
+
+
+def _flow(case: Case, supply: Supply, mesh: SectionMesh, law: Spray, length: float) -> float:
+    """Water of a spray in its whole zone, m3/s."""
+    if law.water is None:
+        return supply.most(law)
+    perimeter = mesh.perimeter(law_groups(case.section, law))
+    return law.water / WATER_DENSITY * perimeter * length
+
+
+def water_lines(case: Case, steel: Steel, mesh: SectionMesh) -> list[str]:
+    """Return the table of the water, flows and what they are per mass of steel, and the sum.
+
+    They are the largest flows, over the steel that passes at the fastest casting speed.
+    """
+    casting = case.casting
+    supply = Supply(steel_per_length(mesh, steel), casting.travel, case.water, casting.clock)
+    found = water_flows(case, supply, mesh)
+    cast = supply.mass * supply.travel.fastest
+    rows = [*found, ("in all", sum(flow for _, flow in found))]
+    widest = max(len(name) for name, _ in rows)
+    lines = [f"spray water at most, of {3.6 * cast:.4g} t/h of steel:"]
+    for name, flow in rows:
+        per_mass = PER_LITRE_AND_KG * flow / cast
+        flows = f"{LITRES_A_MINUTE * flow:8.4g} L/min  {per_mass:7.3g} L/kg"
+        lines.append(f"  {name:{widest}}  {flows}")
+    return lines

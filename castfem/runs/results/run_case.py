@@ -1,12 +1,13 @@
-"""Where the errors of a run's numbers are tabulated: of shipped cases that ran as shipped."""
+"""The case in the folder of a run: what of it is shown, and where its errors are tabulated."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
 
+from castfem.base.errors import CastfemError
 from castfem.model import Case, load_case, read_case, shipped_cases
-from castfem.runs.output.folder import CASE_NAME
+from castfem.model.shipped_cases import CASE_NAME
 
 _BILLET = 'docs/billet.md, "Error of the shipped default"'
 # Beginnings of the names of shipped cases, and the page on their errors; the first one counts.
@@ -17,7 +18,24 @@ _PAGES = (
 )
 
 
-def page(folder: Path) -> str:
+def case_with(folder: Path, *words: str) -> Case | None:
+    """Return the case of a run that has one of some words; None without, or if it is damaged.
+
+    Args:
+        folder: Of the run.
+        words: Keys; cases without any of them are not read further.
+    """
+    path = folder / CASE_NAME
+    try:
+        text = path.read_text(encoding="utf-8")
+        if not any(word in text for word in words):
+            return None
+        return load_case(path)
+    except (OSError, CastfemError):
+        return None
+
+
+def error_page(folder: Path) -> str:
     """Return which page of the documentation tabulates the errors of a run's numbers.
 
     Mesh, windows and all else must be as shipped; otherwise, and for cases whose errors have not
@@ -39,7 +57,7 @@ def page(folder: Path) -> str:
     return ""
 
 
-def lines(folders: Mapping[str, Path]) -> list[str]:
+def error_lines(folders: Mapping[str, Path]) -> list[str]:
     """Return a line for each page that tabulates errors of runs in some folders.
 
     Args:
@@ -47,7 +65,7 @@ def lines(folders: Mapping[str, Path]) -> list[str]:
     """
     runs: dict[str, list[str]] = {}
     for name, folder in folders.items():
-        runs.setdefault(page(folder), []).append(name)
+        runs.setdefault(error_page(folder), []).append(name)
     return [
         "errors of these numbers"
         + ("" if len(names) == len(folders) else f", of {', '.join(names)}")

@@ -1,20 +1,28 @@
-"""A look at all runs of a sweep."""
+"""The status of all runs of a sweep, and words on it."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from castfem.base.errors import InputError
-from castfem.post.watch.run_status import FAILED, FINISHED, RUNNING, Look, Watcher
+from castfem.base.progress import clock as minutes
+from castfem.post.watch.run_status import FAILED, FINISHED, KILLED, RUNNING, RunStatus, Watcher
 from castfem.runs.output.run_record import RUN_NAME, RunRecord
 from castfem.studies.sweep.plan import brief
 from castfem.studies.sweep.record import Entry, Record
 
 WAITING = "waiting"
+_STOPPED = {
+    KILLED: "killed or aborted",
+    "interrupted": "interrupted",
+    WAITING: "waiting",
+}
+_NAMED = 5  # runs, of those that are alike
+_IDLE = 5.0  # s without a run at work that are told; between two runs there are fewer
 PATIENCE = 60.0  # s without a run at work, after which a sweep is taken for ended
 
 
@@ -25,18 +33,18 @@ class Row:
     Attributes:
         name: Of its folder.
         label: What it is called by what is varied.
-        look: How it stands; its state may be "waiting".
+        status: How it stands; its state may be "waiting".
         seconds: How long it took, if it has ended.
     """
 
     name: str
     label: str
-    look: Look
+    status: RunStatus
     seconds: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
-class Overview:
+class SweepStatus:
     """A sweep as it stands.
 
     Attributes:
@@ -51,7 +59,7 @@ class Overview:
 
     def count(self, state: str) -> int:
         """Number of runs in a state."""
-        return sum(row.look.state == state for row in self.rows)
+        return sum(row.status.state == state for row in self.rows)
 
     @property
     def complete(self) -> bool:
@@ -66,8 +74,8 @@ class Overview:
     @property
     def left(self) -> float:
         """Time the sweep will still take, s, by its runs so far; NaN before one has ended."""
-        took = [row.seconds for row in self.rows if row.look.state == FINISHED and row.seconds]
-        at_work = [row.look.left for row in self.rows if row.look.state == RUNNING]
+        took = [row.seconds for row in self.rows if row.status.state == FINISHED and row.seconds]
+        at_work = [row.status.left for row in self.rows if row.status.state == RUNNING]
         if not took or not at_work:
             return math.nan
         mean = sum(took) / len(took)
@@ -77,7 +85,7 @@ class Overview:
 
 
 class SweepWatcher:
-    """Looks at the runs of a sweep again and again.
+    """Reads the status of the runs of a sweep again and again.
 
     Args:
         folder: Of the sweep.
@@ -96,7 +104,7 @@ class SweepWatcher:
         self._ended: dict[str, tuple[Entry, Row]] = {}
         self._busy = clock()
 
-    def look(self) -> Overview:
+    def status(self) -> SweepStatus:
         """How the sweep stands now.
 
         Raises:
@@ -104,35 +112,65 @@ class SweepWatcher:
         """
         rows = tuple(self._row(name, entry) for name, entry in Record(self.folder).entries.items())
         now = self._clock()
-        if any(row.look.state == RUNNING for row in rows):
+        if any(row.status.state == RUNNING for row in rows):
             self._busy = now
-        return Overview(rows, now - self._busy, self._patience)
+        return SweepStatus(rows, now - self._busy, self._patience)
 
     def _row(self, name: str, entry: Entry) -> Row:
-        """One run; what has been noted as ended is not looked at again."""
+        """One run; what has been noted as ended is not read again."""
         known = self._ended.get(name)
         if known is not None and known[0] == entry:
             return known[1]
         label = entry.label or ", ".join(brief(entry.given)) or name
-        row = Row(name, label, self._look(name, entry), entry.seconds)
+        row = Row(name, label, self._status(name, entry), entry.seconds)
         if entry.physics or entry.message:
             self._ended[name] = (entry, row)
         return row
 
-    def _look(self, name: str, entry: Entry) -> Look:
+    def _status(self, name: str, entry: Entry) -> RunStatus:
         """How a run stands; of what its record and the sweep's say the sweep's holds if noted."""
         folder = self.folder / name
-        look = Look(WAITING, "", RunRecord(status=WAITING))
+        status = RunStatus(WAITING, "", RunRecord(status=WAITING))
         if (folder / RUN_NAME).is_file():
             watcher = self._watchers.setdefault(name, Watcher(folder, self._clock))
             try:
-                look = watcher.look()
+                status = watcher.status()
             except InputError as error:
-                look = replace(look, messages=error.problems)
+                status = replace(status, messages=error.problems)
         if entry.message:
-            return replace(look, state=FAILED, record=replace(look.record, reason=entry.message))
+            return replace(
+                status, state=FAILED, record=replace(status.record, reason=entry.message)
+            )
         if entry.physics:
-            return replace(look, state=FINISHED)
-        if look.state == FAILED:  # in an earlier call, or its sweep was ended before it was noted
-            return replace(look, state=WAITING)
-        return look
+            return replace(status, state=FINISHED)
+        if status.state == FAILED:  # in an earlier call, or its sweep was ended before it was noted
+            return replace(status, state=WAITING)
+        return status
+
+
+def counts(found: SweepStatus) -> str:
+    """How many runs of a sweep have finished, are at work, wait, have failed."""
+    states = dict.fromkeys((FINISHED, RUNNING, WAITING, *(r.status.state for r in found.rows)))
+    parts = [f"{found.count(state)} {state}" for state in states]
+    end = "" if found.left != found.left else f", left {minutes(found.left)}"
+    if found.idle >= _IDLE and not found.complete:
+        end = f"; none at work for {minutes(found.idle)}"
+    return f"{len(found.rows)} runs: {', '.join(parts)}{end}"
+
+
+def unfinished(found: SweepStatus) -> Iterator[str]:
+    """What is to be said of the runs of a sweep that have not ended well, a line each."""
+    for state, why in _STOPPED.items():
+        names = [row.name for row in found.rows if row.status.state == state]
+        if names:
+            listed = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
+            yield f"{len(names)} {why}: {listed}"
+    if not found.complete:
+        yield (
+            f"no run has been at work for {minutes(found.idle)}: the sweep was stopped, or the "
+            "rest waits for its turn; the command of the sweep goes on with it (--resume: from the "
+            "checkpoints), castfem watch --wait waits until it does"
+        )
+    for row in found.rows:
+        if row.status.state == FAILED:
+            yield f"{row.name}: failed: {row.status.record.reason}"

@@ -16,13 +16,12 @@ from castfem.base.tolerances import ROUNDING
 from castfem.model.machine import thickness_of
 from castfem.physics.machine.stations import Stations
 from castfem.post.plots.history import has_values, unit_of
-from castfem.post.report.remark import Remark
-from castfem.post.report.run_case import case_with
 from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.results.run_case import case_with
 
-_FORCE, _BULGE = "roll_force", "bulge_pitch"
+_FORCE, BULGE = "roll_force", "bulge_pitch"
 _LITTLE = 0.05  # of the larger one; a change that is less is not told
-_NAMES = {_FORCE: "force on roll {}, a metre of width", _BULGE: "bulge below roll {}"}
+_NAMES = {_FORCE: "force on roll {}, a metre of width", BULGE: "bulge below roll {}"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +69,7 @@ class RollLoads:
             table = read_history(folder / HISTORY_NAME)
         except InputError:  # told where its figures are drawn
             return None
-        having = [name for name in (_FORCE, _BULGE) if has_values(table, name)]
+        having = [name for name in (_FORCE, BULGE) if has_values(table, name)]
         if not having:
             return None
         position, places = table["position"].to_numpy(), [p.position for p in stations.rolls.pairs]
@@ -92,7 +91,7 @@ class RollLoads:
     def quantities(self) -> dict[str, Quantity]:
         """The largest bulge and force, for tables of many runs."""
         labels = {
-            _BULGE: ("bulge_largest", "largest bulge between rolls"),
+            BULGE: ("bulge_largest", "largest bulge between rolls"),
             _FORCE: ("roll_force_largest", "largest force on a roll, a metre of width"),
         }
         found = {}
@@ -101,13 +100,6 @@ class RollLoads:
                 unit = documented(self.units[column])
                 found[name] = Quantity(to_si(one[1], unit), unit, label)
         return found
-
-    def bulge(self) -> Iterator[Remark]:
-        """The largest bulge, and where."""
-        if (one := self.largest(_BULGE)) is not None:
-            number, value = one
-            where = f"below {self.stations.words(self._place(number))}"
-            yield Remark("largest bulge between rolls", value, self.units[_BULGE], where, _BULGE)
 
     def changes(self, base: RollLoads) -> Iterator[str]:
         """Where force and bulge differ most from those of another run of the same rolls."""
@@ -126,11 +118,8 @@ class RollLoads:
 
     def where(self, number: int) -> str:
         """Words for the place of a pair."""
-        return self.stations.words(self._place(number))
-
-    def _place(self, number: int) -> float:
         assert self.stations.rolls is not None, "it has forces"
-        return self.stations.rolls.pairs[number - 1].position
+        return self.stations.words(self.stations.rolls.pairs[number - 1].position)
 
 
 def heaviest_roll(folder: Path, stations: Stations) -> Iterator[tuple[str, str]]:
