@@ -12,7 +12,7 @@ from synthetic_run import HALF, LIQUIDUS, SOLIDUS, rectangle, write_run
 
 from castfem.post.plots.along_strand import draw_heat, draw_steps
 from castfem.post.plots.figures import draw_figures
-from castfem.post.plots.history import curves, probes_with
+from castfem.post.plots.history import curves
 from castfem.post.plots.section import Steel, draw_states, draw_temperature, section_triangles
 from castfem.post.plots.section import state_shares as shares_of
 from castfem.post.plots.style import Abscissa
@@ -21,6 +21,7 @@ from castfem.runs.output.folder import FIGURES
 from castfem.runs.output.history import read_history
 from castfem.runs.output.summary import Zone
 from castfem.runs.output.xdmf import FieldWriter
+from castfem.runs.results.labels import probes_with
 
 
 def test_figures_need_no_display_and_no_pyplot(finished_run, tmp_path):

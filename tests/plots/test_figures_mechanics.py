@@ -27,7 +27,6 @@ from castfem.post.plots.along_strand import (
 )
 from castfem.post.plots.deformation import SOFT, draw_shape, draw_von_mises, stress_levels
 from castfem.post.plots.figures import draw_figures
-from castfem.post.plots.history import probes_with
 from castfem.post.plots.section import Steel
 from castfem.post.plots.shape import Outline, WallLine, displacement, magnification, von_mises
 from castfem.post.plots.strand import Stack, View, draw_stack
@@ -36,6 +35,7 @@ from castfem.runs.output.fields import Fields
 from castfem.runs.output.folder import FIGURES, MECHANICS_FIGURES, OutputFolder
 from castfem.runs.output.layout import components
 from castfem.runs.output.xdmf import FieldWriter
+from castfem.runs.results.labels import probes_with
 
 STEEL = Steel(SOLIDUS, LIQUIDUS)
 

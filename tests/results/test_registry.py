@@ -37,14 +37,14 @@ from castfem.base.shown_quantity import si_unit
 from castfem.fem import reductions
 from castfem.model import load_case
 from castfem.model.build.simulation import build
-from castfem.post.plots.history import axis_label, probes_with
+from castfem.post.plots.history import axis_label
 from castfem.runs import loop
 from castfem.runs.loop import TimeLoop
 from castfem.runs.output.history import read_history
 from castfem.runs.output.summary import Summary
 from castfem.runs.results import registry as of_simulation
 from castfem.runs.results.headline import HEADLINE
-from castfem.runs.results.labels import last_quantities
+from castfem.runs.results.labels import last_quantities, probes_with
 from castfem.runs.results.mechanical import smooth_peak
 from castfem.runs.results.mould_extremes import SmoothPeak, SmoothStress
 from castfem.runs.results.needs import are_met

@@ -20,13 +20,12 @@ from castfem.post.plots.history import (
     column,
     curves,
     drawn,
-    has_values,
     open_front,
     prefix_for,
-    unit_of,
 )
 from castfem.post.plots.section import Steel
 from castfem.post.plots.style import LIQUIDUS_COLOUR, SOLIDUS_COLOUR, Abscissa, new_figure
+from castfem.runs.results.labels import has_values, unit_of
 from castfem.runs.results.resolution import STAIR
 
 if TYPE_CHECKING:

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from castfem.base.result_registry import find, probe_label
-from castfem.base.shown_units import plain_unit
 from castfem.base.types import Array
 from castfem.post.plots.legend import place_legend
 from castfem.post.plots.style import (
@@ -22,13 +21,13 @@ from castfem.post.plots.style import (
     new_panels,
     probe_colours,
 )
+from castfem.runs.results.labels import has_values, probes_with, unit_of
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_NO_PROBES = ("min", "max")  # ends of names of columns over the whole section
 _NAMED = 3  # probes with one curve that are all named
 _JUMP = 0.2  # of the way to the middle: what a front goes at once when the pool closes
 _END = 1e-9  # relative
@@ -148,21 +147,6 @@ def axis_of(table: pandas.DataFrame, *names: str) -> tuple[str, str]:
     raise KeyError(", ".join(names))
 
 
-def probes_with(table: pandas.DataFrame, prefix: str) -> dict[str, str]:
-    """Probe to column, of the columns `prefix_PROBE` that hold any number.
-
-    A column of the whole slice that begins so is none of them.
-    """
-    return {
-        name[len(prefix) + 1 :]: name
-        for name in map(str, table.columns)
-        if name.startswith(f"{prefix}_")
-        and name[len(prefix) + 1 :] not in _NO_PROBES
-        and ((known := find(name)) is None or known[1])
-        and table[name].notna().any()
-    }
-
-
 def curves(table: pandas.DataFrame, prefix: str) -> list[tuple[str, str, str]]:
     """Label, colour and column of each curve `prefix_PROBE`.
 
@@ -223,18 +207,8 @@ def prefix_for(largest: float, unit: str) -> tuple[float, str]:
     return 1.0, unit
 
 
-def has_values(table: pandas.DataFrame, name: str) -> bool:
-    """Whether a column is there and holds any number."""
-    return name in table and bool(table[name].notna().any())
-
-
 def axis_label(table: pandas.DataFrame, name: str) -> str:
     """What a column is and its unit, for the axis of a figure."""
     known = find(name)
     label = name.replace("_", " ") if known is None else known[0].axis_label
     return f"{label} [{unit_of(table, name)}]"
-
-
-def unit_of(table: pandas.DataFrame, name: str) -> str:
-    """The unit of a column as figures write it."""
-    return plain_unit(str(table.attrs["units"][name]))

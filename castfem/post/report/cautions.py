@@ -11,11 +11,12 @@ from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.errors import InputError
 from castfem.base.shown_units import said
 from castfem.physics.thermal.flux_laws import Radiation
-from castfem.post.plots.history import curves, has_values
+from castfem.post.plots.history import curves
 from castfem.post.report.remarks import NOT_CONVERGED, REMELTED, remarks
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.derived import OPEN, spells
+from castfem.runs.results.labels import has_values
 from castfem.runs.results.run_case import case_with
 
 FLICKERS = 3  # losses of contact at one probe: taper and shrinkage lose it once or twice

@@ -17,7 +17,7 @@ from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.errors import InputError
 from castfem.base.shown_units import documented, place_said, plain_unit, said, scale_of
 from castfem.base.types import Array
-from castfem.post.plots.history import curves, has_values, unit_of
+from castfem.post.plots.history import curves
 from castfem.post.plots.section import Steel
 from castfem.post.report.hot_spots import HotSpot, hottest, thinnest
 from castfem.runs.output.field_files import HDF5_NAME
@@ -25,6 +25,7 @@ from castfem.runs.output.fields import Fields
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.derived import OPEN, mould_exit, spells
+from castfem.runs.results.labels import has_values, unit_of
 from castfem.runs.results.resolution import STAIR
 from castfem.runs.results.roll_load import BULGE, RollLoads
 

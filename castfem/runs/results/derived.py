@@ -11,10 +11,9 @@ from castfem.base.errors import InputError
 from castfem.base.shown_quantity import Quantity
 from castfem.base.tolerances import ROUNDING
 from castfem.base.types import Array
-from castfem.post.plots.history import curves
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
-from castfem.runs.results.labels import last_quantities
+from castfem.runs.results.labels import last_quantities, probes_with
 from castfem.runs.results.roll_load import RollLoads
 
 OPEN = 1e-3  # mm; a gap beyond counts as lost contact
@@ -48,7 +47,7 @@ def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
             depths[thinnest], label=f"thinnest shell, {name}", shown_unit="mm",
             error=error,
         )  # fmt: skip
-    gaps = [table[c].to_numpy() for _, _, c in curves(table, "gap")]
+    gaps = [table[c].to_numpy() for c in probes_with(table, "gap").values()]
     lost = [spell for gap in gaps for spell in spells(gap, position, OPEN)]
     if gaps:
         first = min((spell.start for spell in lost), default=np.nan)

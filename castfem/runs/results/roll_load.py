@@ -15,8 +15,8 @@ from castfem.base.shown_units import documented, said
 from castfem.base.tolerances import ROUNDING
 from castfem.model.machine import thickness_of
 from castfem.physics.machine.stations import Stations
-from castfem.post.plots.history import has_values, unit_of
 from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.results.labels import has_values, unit_of
 from castfem.runs.results.run_case import case_with
 
 _FORCE, BULGE = "roll_force", "bulge_pitch"
