@@ -17,12 +17,12 @@ from castfem.fem.reductions import peak
 from castfem.physics.machine.stations import Stations
 from castfem.post.report.crack_places import crack_places, defects_of
 from castfem.post.report.cracks import CrackReport, pool_end
-from castfem.post.report.roll_load import heaviest_roll
 from castfem.post.report.show import show
 from castfem.runs.output.folder import OutputFolder
 from castfem.runs.output.history import HISTORY_NAME
 from castfem.runs.output.summary import Quantity, Summary
 from castfem.runs.output.surface_maps import SurfaceMaps
+from castfem.runs.results.roll_load import heaviest_roll
 
 
 @pytest.fixture

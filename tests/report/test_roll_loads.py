@@ -9,12 +9,12 @@ import pytest
 from castfem.api import load
 from castfem.post.compare.remarks import remarks
 from castfem.post.compare.runs import Run
-from castfem.post.report.derived import derived
 from castfem.post.report.remarks import remarks_of
-from castfem.post.report.roll_load import RollLoads
 from castfem.runs.output.folder import CASE_NAME
 from castfem.runs.output.history import HISTORY_NAME
 from castfem.runs.output.summary import Summary
+from castfem.runs.results.derived import derived
+from castfem.runs.results.roll_load import RollLoads
 
 
 def write(folder: Path, force: dict[int, float], bulge: dict[int, float]) -> Path:

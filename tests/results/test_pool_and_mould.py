@@ -12,9 +12,9 @@ from small_case import small
 from strained_run import LOST, REGAINED, write_strained
 
 import castfem
-from castfem.post.report.derived import derived
 from castfem.post.report.show import show
 from castfem.runs.output.summary import Summary
+from castfem.runs.results.derived import derived
 from castfem.runs.results.headline import headline
 
 FLUX = [{"law": "flux", "value": "2 MW/m^2"}]

@@ -11,9 +11,9 @@ from castfem.post.compare.table import SHARE, Line
 from castfem.post.report.cautions import cautions_of_all
 from castfem.post.report.crack_places import crack_places, defects_of
 from castfem.post.report.results_table import UNCHANGED
-from castfem.post.report.roll_load import RollLoads
 from castfem.runs.results.headline import plain_label
 from castfem.runs.results.numbers import shown, unit_shown
+from castfem.runs.results.roll_load import RollLoads
 
 _SEPARATOR = "; "  # between the parts of a note
 _HERE = "castfem compare"  # a part that sends the reader of a single run to this very table

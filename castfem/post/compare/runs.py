@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.base.errors import InputError
-from castfem.post.report.derived import derived
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.run_record import RunRecord
 from castfem.runs.output.summary import Summary
+from castfem.runs.results.derived import derived
 from castfem.studies.sweep.plan import brief
 from castfem.studies.sweep.record import SWEEP_NAME, Record
 
@@ -133,7 +133,7 @@ def _distinct(runs: Sequence[Run]) -> list[Run]:
 def heat_shared(runs: Sequence[Run]) -> list[str]:
     """Return what is wrong in comparing runs of different speed, a line for each law of a mould."""
     from castfem.model.shared_heat import shared_heat
-    from castfem.post.report.run_case import case_with
+    from castfem.runs.results.run_case import case_with
 
     cases = [case_with(run.folder, "power", "water_rise", "position") for run in runs]
     return shared_heat(case for case in cases if case is not None)

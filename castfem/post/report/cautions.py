@@ -10,10 +10,10 @@ from castfem.base.shown_units import said
 from castfem.post.plots.history import curves, has_values
 from castfem.post.report.remarks import NOT_CONVERGED, OPEN, remarks, spells
 from castfem.post.report.reversals import REMELTED
-from castfem.post.report.run_case import case_with
 from castfem.post.report.wide_gap import wide_gap
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
+from castfem.runs.results.run_case import case_with
 
 FLICKERS = 3  # losses of contact at one probe: taper and shrinkage lose it once or twice
 _MOST = 10  # lines below a table of several runs

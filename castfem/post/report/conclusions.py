@@ -15,10 +15,10 @@ from castfem.post.plots.history import curves
 from castfem.post.report.crack_places import CrackPlaces, crack_places
 from castfem.post.report.remarks import Remark, remarks_of
 from castfem.post.report.reversals import REMELTED
-from castfem.post.report.run_case import case_with
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.numbers import cells, finely
+from castfem.runs.results.run_case import case_with
 
 _TOLD = (REMELTED, "largest gap on the way", "largest bulge between rolls")
 
@@ -30,7 +30,7 @@ def conclusions(
 
     Args:
         folder: Of the run.
-        summary: Of the run, with the results that its history tells (`castfem.post.report.derived`).
+        summary: Of the run, with the results that its history tells (`castfem.runs.results.derived`).
         base: Label, folder and results of the run it is measured by, such as that of the machine in
             order; None for none.
     """

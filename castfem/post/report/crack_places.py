@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.base.constants import ZERO_CELSIUS
-from castfem.post.report.run_case import case_with
 from castfem.runs.output.folder import MAPS_NAME, ROWS_NAME
 from castfem.runs.output.summary import Summary
+from castfem.runs.results.run_case import case_with
 
 if TYPE_CHECKING:
     from castfem.post.report.cracks import CrackReport
@@ -54,8 +54,8 @@ def crack_places(folder: Path, summary: Summary | None) -> CrackPlaces | None:
     if not any((folder / name).is_file() for name in (MAPS_NAME, ROWS_NAME)):
         return None
     from castfem.post.report.cracks import CrackReport, pool_end
-    from castfem.post.report.roll_load import heaviest_roll
     from castfem.runs.output.surface_maps import SurfaceMaps
+    from castfem.runs.results.roll_load import heaviest_roll
 
     report = CrackReport.of(SurfaceMaps(folder))
     ranking = list(report.ranking())

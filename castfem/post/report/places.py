@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from castfem.post.report.run_case import case_with
 from castfem.runs.output.summary import Quantity, Summary
 from castfem.runs.results.faces import at_places, repeats
 from castfem.runs.results.headline import AT_PROBES, HEADLINE
 from castfem.runs.results.registry import AT_FRACTION
+from castfem.runs.results.run_case import case_with
 
 _MOST = 8  # places in the table of a run that was asked for none
 _NAMES = (

@@ -23,12 +23,12 @@ from castfem.post.plots.section import Steel
 from castfem.post.report.hot_spots import HotSpot, hottest, thinnest
 from castfem.post.report.remark import Remark, at_place, in_mm
 from castfem.post.report.reversals import reheating, remelting
-from castfem.post.report.roll_load import RollLoads
 from castfem.runs.output.field_files import HDF5_NAME
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.resolution import STAIR
+from castfem.runs.results.roll_load import RollLoads
 
 if TYPE_CHECKING:
     import pandas

@@ -9,8 +9,8 @@ import numpy as np
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.shown_units import said
 from castfem.physics.thermal.flux_laws import Radiation
-from castfem.post.report.run_case import case_with
 from castfem.runs.output.summary import Summary
+from castfem.runs.results.run_case import case_with
 
 SURFACE, WALL = 1200.0 + ZERO_CELSIUS, 150.0 + ZERO_CELSIUS  # K
 EMISSIVITY = 0.8

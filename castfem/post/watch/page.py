@@ -13,11 +13,11 @@ from castfem.base.atomic_files import write_text
 from castfem.base.errors import InputError
 from castfem.post.compare.runs import Run, read_runs
 from castfem.post.html.page import AtWork, Progress, rendered
-from castfem.post.report.derived import derived
 from castfem.post.watch.many import FINISHED, Overview
 from castfem.post.watch.run_status import RUNNING, Look
 from castfem.post.watch.words import brief, ending, left, where
 from castfem.runs.output.summary import Summary
+from castfem.runs.results.derived import derived
 
 _SHARE = 10.0  # times as long as a page takes to write is waited before the next
 

@@ -47,7 +47,7 @@ FROM_HISTORY = (
     "bulge_largest",
     "roll_force_largest",
 )
-"""What tables of many runs have besides (`castfem.post.report.derived`)."""
+"""What tables of many runs have besides (`castfem.runs.results.derived`)."""
 ENDS = ("liquid_end", "metallurgical_length")
 """Ends of the pool, which stand first, where any of the runs has come to them."""
 # Place, position, roll, time and phase of the largest value of a map.

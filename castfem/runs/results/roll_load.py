@@ -16,9 +16,9 @@ from castfem.model.machine import thickness_of
 from castfem.physics.machine.stations import Stations
 from castfem.post.plots.history import has_values, unit_of
 from castfem.post.report.remark import Remark
-from castfem.post.report.run_case import case_with
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Quantity, to_si
+from castfem.runs.results.run_case import case_with
 
 _FORCE, _BULGE = "roll_force", "bulge_pitch"
 _LITTLE = 0.05  # of the larger one; a change that is less is not told

@@ -11,10 +11,10 @@ from castfem.base.errors import InputError
 from castfem.base.tolerances import ROUNDING
 from castfem.post.plots.history import curves
 from castfem.post.report.remarks import OPEN, mould_exit, spells
-from castfem.post.report.roll_load import RollLoads
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Quantity, Summary
 from castfem.runs.results.labels import last_quantities
+from castfem.runs.results.roll_load import RollLoads
 
 
 def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
