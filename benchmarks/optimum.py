@@ -18,9 +18,10 @@ from scipy.interpolate import PchipInterpolator
 
 from benchmarks.report import Output, table
 from castfem.api import load
+from castfem.post.plots.optimisation import optimum_figure
+from castfem.post.plots.style import save
 from castfem.runs.output.history import HISTORY_NAME, read_history
-from castfem.studies.optimisation import Evaluator, Optimum, Study, Wanted
-from castfem.studies.optimisation.figure import draw
+from castfem.studies.optimisation import Evaluator, Optimum, RunRequest, Study
 from castfem.studies.optimisation.mould_table import mould_table
 
 CASES = ("single", "corner", "double", "parabolic", "double_corner")
@@ -164,15 +165,15 @@ def grid(
     name: str, study: Study, found: Optimum, sizes: Sequence[tuple[float, float, int]]
 ) -> dict[str, Any]:
     """A grid of runs between tapers, %/m, and the best that is read off it."""
-    axes = study.question.axes
+    axes = study.problem.variables
     ticks = [np.linspace(*size) for size in sizes]
     places = itertools.product(*ticks)
     wanted = [
-        study.question.at(np.array([a.share(v) for a, v in zip(axes, place, strict=True)]))
+        study.problem.request(np.array([a.share(v) for a, v in zip(axes, place, strict=True)]))
         for place in places
     ]
-    with Evaluator(study.question.case, folder(name), processes=2) as evaluator:
-        runs = Study(study.question.case, evaluator=evaluator).run(wanted)
+    with Evaluator(study.problem.case, folder(name), processes=2) as evaluator:
+        runs = Study(study.problem.case, evaluator=evaluator).run(wanted)
     (kept,) = found.constraints
     shape = [len(values) for values in ticks]
     stress = np.reshape([1e-6 * r["von_mises_max"] for r in runs], shape)
@@ -203,11 +204,11 @@ def ordered(name: str, study: Study, found: Optimum) -> dict[str, Any]:
     """The mould that the check asks for, its tapers rounded, run by the level of the check."""
     tapers = [v.value if v.checked is None else v.checked for v in found.values]
     level = found.checked or found.fidelity
-    wanted = Wanted(tuple(round(taper, 2) for taper in tapers), level)
-    case = study.question.case
+    wanted = RunRequest(tuple(round(taper, 2) for taper in tapers), level)
+    case = study.problem.case
     with Evaluator(case, folder(name), processes=2) as evaluator:
-        run, ideal = Study(case, evaluator=evaluator).run([wanted, study.question.ideal(wanted)])
-    _, sizes = mould_table(case.with_(study.question.changes(wanted)))
+        run, ideal = Study(case, evaluator=evaluator).run([wanted, study.problem.ideal(wanted)])
+    _, sizes = mould_table(case.with_(study.problem.changes(wanted)))
     share = run["heat_removed"] / ideal["heat_removed"]
     return {
         "mould": name,
@@ -238,7 +239,7 @@ def main(output: Output, quick: bool) -> None:
             output.csv("optimum_single", [best_single(found)])
             figures = output.folder / "figures"
             figures.mkdir(parents=True, exist_ok=True)
-            draw(found, figures / "optimum_single.png")
+            save(optimum_figure(found), figures / "optimum_single.png")
         if name in sizes:
             grids.append(grid(name, study, found, sizes[name]))
             print(f"  {grids[-1]}", flush=True)

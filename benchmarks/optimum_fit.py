@@ -24,8 +24,8 @@ from benchmarks.report import Output, table
 from castfem.api import load
 from castfem.base.types import Array
 from castfem.studies.optimisation.evaluator import lean, variant
-from castfem.studies.optimisation.question import Question, Wanted
-from castfem.studies.optimisation.response import fit
+from castfem.studies.optimisation.polynomial_fit import fit
+from castfem.studies.optimisation.problem import DesignProblem, RunRequest
 from castfem.studies.sensitivity.run import sensitivity
 
 TAPER = 0.34, 0.84  # %/m: about the best one
@@ -70,12 +70,12 @@ class _Runs:
     """Makes the runs of a question at places of its taper and its inputs."""
 
     def __init__(self) -> None:
-        self.question = Question(load("billet125/optimum_inputs"))
+        self.question = DesignProblem(load("billet125/optimum_inputs"))
         self._base = lean(self.question.case)
         inputs = self.question.inputs
         ends = [TAPER, *((one.low, one.high) for one in inputs)]
         self._low, self._high = (np.array(side) for side in zip(*ends, strict=True))
-        self._keys = [*(a.key for a in self.question.axes), *(one.key for one in inputs)]
+        self._keys = [*(a.key for a in self.question.variables), *(one.key for one in inputs)]
         self._relative = [False, *(one.relative for one in inputs)]
 
     def at(self, place: Array, *, carries: bool) -> _Point:
@@ -83,7 +83,7 @@ class _Runs:
         question, bound = self.question, self.question.bounds[0]
         given = self._low + 0.5 * (place + 1.0) * (self._high - self._low)
         drawn = tuple(float(f"{value:.6g}") for value in given)
-        wanted = Wanted(drawn[:1], "coarse", inputs=drawn[1:])
+        wanted = RunRequest(drawn[:1], "coarse", inputs=drawn[1:])
         start = process_time()
         own, slopes = self._run(wanted, drawn, carries)
         ideal, ideal_slopes = self._run(question.ideal(wanted), drawn, carries)
@@ -92,7 +92,9 @@ class _Runs:
         slopes[1] -= bound.value * ideal_slopes[1]
         return _Point(place, 1e-6 * own, 1e-6 * slopes, seconds)
 
-    def _run(self, wanted: Wanted, drawn: tuple[float, ...], carries: bool) -> tuple[Array, Array]:
+    def _run(
+        self, wanted: RunRequest, drawn: tuple[float, ...], carries: bool
+    ) -> tuple[Array, Array]:
         """Stress and heat, SI, and their derivatives by the place."""
         changes = self.question.changes(wanted)
         case = variant(self._base, changes, wanted.fidelity, ideal=wanted.ideal)

@@ -28,7 +28,7 @@ from castfem.model.build.simulation import build
 from castfem.runs.loop import TimeLoop
 from castfem.runs.results.registry import columns_of, results_of
 from castfem.studies.optimisation.evaluator import lean, variant
-from castfem.studies.optimisation.question import Question, Wanted
+from castfem.studies.optimisation.problem import DesignProblem, RunRequest
 from castfem.studies.sensitivity.run import sensitivity
 
 LARGEST, SMOOTH = "von_mises_max", "von_mises_smooth"
@@ -60,7 +60,7 @@ class Runs:
         seconds: Processor time of all.
     """
 
-    question: Question
+    question: DesignProblem
     base: Case
     bound: float
     carries: bool
@@ -70,7 +70,7 @@ class Runs:
 
     def at(self, shares: Array) -> tuple[Array, Array]:
         """Results and gradients at shares of the ranges (n,)."""
-        wanted = self.question.at(np.asarray(shares))
+        wanted = self.question.request(np.asarray(shares))
         if wanted.values not in self.seen:
             if len(self.seen) == self.most:
                 raise _Spent
@@ -90,11 +90,13 @@ class Runs:
         )
 
 
-def _run(question: Question, base: Case, wanted: Wanted, carries: bool) -> tuple[Array, Array]:
+def _run(
+    question: DesignProblem, base: Case, wanted: RunRequest, carries: bool
+) -> tuple[Array, Array]:
     """Objective and bounded result of a run, SI, and derivatives by shares of the ranges."""
     case = variant(base, question.changes(wanted), wanted.fidelity, ideal=wanted.ideal)
     names = [question.table.objectives[0][0], question.bounds[0].quantity]
-    axes = question.axes
+    axes = question.variables
     if carries:
         found = sensitivity(case, names, [a.key for a in axes], comm=MPI.COMM_SELF)
         slopes = [[found.gradient[n][a.key] * (a.high - a.low) for a in axes] for n in names]
@@ -152,10 +154,10 @@ def main(output: Output, quick: bool) -> None:
     rows: list[dict[str, Any]] = []
     for name, stress, values in SEARCHED:
         asked = {"optimise.minimise": stress, "output.smooth": True, **CHANGES}
-        question = Question(load(f"billet125/{name}").with_(asked))
+        question = DesignProblem(load(f"billet125/{name}").with_(asked))
         base, share = lean(question.case), question.bounds[0].value
-        start = np.array([a.share(v) for a, v in zip(question.axes, values, strict=True)])
-        ideal = _run(question, base, question.ideal(question.at(start)), carries=False)[0]
+        start = np.array([a.share(v) for a, v in zip(question.variables, values, strict=True)])
+        ideal = _run(question, base, question.ideal(question.request(start)), carries=False)[0]
         make = partial(Runs, question, base, share * float(ideal[1]))
         for words, (search, carries) in SEARCHES.items():
             runs = make(carries, 2 if quick else MOST if carries else 1000)

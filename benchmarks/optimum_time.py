@@ -28,7 +28,7 @@ from castfem.post.plots.style import look, new_figure
 from castfem.studies.optimisation import Evaluator, Study
 from castfem.studies.optimisation.evaluator import lean, variant
 from castfem.studies.optimisation.fidelity import at_level
-from castfem.studies.optimisation.question import Question
+from castfem.studies.optimisation.problem import DesignProblem
 
 CASE, START, SHARE = "billet125/optimum_single", 1.0, 0.99
 LEVELS = "coarse", "default", "fine"
@@ -93,7 +93,7 @@ def by_search(level: str, words: str) -> Answer:
     """The best taper by one of the searches of `optimum_gradients`."""
     search, carries = SEARCHES[words]
     runs = _runs(level, carries)
-    search(runs, np.array([runs.question.axes[0].share(START)]))
+    search(runs, np.array([runs.question.variables[0].share(START)]))
     (taper,), values = runs.best()
     return Answer(taper, float(values[0]), 1 + len(runs.seen), runs.seconds)
 
@@ -101,7 +101,7 @@ def by_search(level: str, words: str) -> Answer:
 def by_grid(level: str) -> Answer:
     """The best taper by runs all over, read off monotone cubics through them."""
     runs = _runs(level, carries=False)
-    axis = runs.question.axes[0]
+    axis = runs.question.variables[0]
     found = np.array([runs.at(np.array([axis.share(taper)]))[0] for taper in GRID])
     best, stress = just_kept(list(GRID), list(found[:, 1]), list(found[:, 0]))
     return Answer(float(best), float(stress), 1 + len(GRID), runs.seconds)
@@ -120,9 +120,9 @@ def by_optimise() -> Answer:
 
 def _runs(level: str, carries: bool) -> Runs:
     """Runs of a level, that in the idealised mould done."""
-    question = Question(load(CASE).with_({"optimise.fidelity": level, **CHANGES}))
+    question = DesignProblem(load(CASE).with_({"optimise.fidelity": level, **CHANGES}))
     base, start = lean(question.case), process_time()
-    wanted = question.ideal(question.at(np.array([question.axes[0].share(START)])))
+    wanted = question.ideal(question.request(np.array([question.variables[0].share(START)])))
     case = variant(base, question.changes(wanted), wanted.fidelity, ideal=True)
     (heat,) = plain(case, ("heat_removed",))
     bound = question.bounds[0].value * float(heat)

@@ -219,7 +219,7 @@ def optimise(
 
     from castfem.fem.root import raise_together
     from castfem.studies.optimisation import Evaluator, Study, serve
-    from castfem.studies.optimisation.given import origin_of
+    from castfem.studies.optimisation.argument_checks import origin_of
 
     comm = MPI.COMM_WORLD if comm is None else comm
     found: Optimum | None = None

@@ -157,7 +157,7 @@ def test_levels(tmp_path):
     assert coarse.mesh.surface_size == pytest.approx(1.5 * case.mesh.surface_size)
     assert fine.mesh.core_size == pytest.approx(0.625 * case.mesh.core_size)
     assert at_level(case, "default") is case
-    with pytest.raises(InputError, match=r'"corse" is not known; .*did you mean coarse'):
+    with pytest.raises(InputError, match=r"must be one of .*, got 'corse'; did you mean coarse"):
         at_level(case, "corse")
 
 
@@ -285,7 +285,7 @@ def test_a_disk_that_is_full_leaves_no_rank_waiting(tmp_path):
 def test_ranks_that_cannot_be_parted(tmp_path):
     for ranks, message in (
         (2, r"ranks=2: 1 rank cannot .* mpirun -n 2 for one"),
-        (0, "ranks: a whole number from 1"),
+        (0, "ranks must be an integer >= 1"),
     ):
         with pytest.raises(InputError, match=message):
             Evaluator(small(SHORT), tmp_path, ranks=ranks)
