@@ -8,10 +8,11 @@ from time import perf_counter
 from typing import Any
 
 from benchmarks.report import Columns, Output
-from castfem.api import load
+from castfem.model.shipped_cases import load
+from castfem.post.plots.optimisation import optimum_figure
+from castfem.post.plots.style import save
 from castfem.runs.output.history import HISTORY_NAME, read_history
-from castfem.studies.optimisation import Evaluator, Optimum, Study, Wanted
-from castfem.studies.optimisation.figure import draw
+from castfem.studies.optimisation import Evaluator, Optimum, RunRequest, Study
 from castfem.studies.optimisation.mould_table import mould_table
 
 CASES = ("single", "corner", "double", "parabolic", "double_corner")
@@ -136,11 +137,11 @@ def ordered(name: str, study: Study, found: Optimum) -> dict[str, Any]:
     """The mould that the check asks for, its tapers rounded, run by the level of the check."""
     tapers = [v.value if v.checked is None else v.checked for v in found.values]
     level = found.checked or found.fidelity
-    wanted = Wanted(tuple(round(taper, 2) for taper in tapers), level)
-    case = study.question.case
+    wanted = RunRequest(tuple(round(taper, 2) for taper in tapers), level)
+    case = study.problem.case
     with Evaluator(case, folder(name), processes=2) as evaluator:
-        run, ideal = Study(case, evaluator=evaluator).run([wanted, study.question.ideal(wanted)])
-    _, sizes = mould_table(case.with_(study.question.changes(wanted)))
+        run, ideal = Study(case, evaluator=evaluator).run([wanted, study.problem.ideal(wanted)])
+    _, sizes = mould_table(case.with_(study.problem.changes(wanted)))
     share = run["heat_removed"] / ideal["heat_removed"]
     return {
         "mould": name,
@@ -169,7 +170,7 @@ def main(output: Output, quick: bool) -> None:
             output.csv("optimum_single", [best_single(found)])
             figures = output.folder / "figures"
             figures.mkdir(parents=True, exist_ok=True)
-            draw(found, figures / "optimum_single.png")
+            save(optimum_figure(found), figures / "optimum_single.png")
     show(output)
 
 

@@ -11,12 +11,11 @@ from typing import Any
 
 from benchmarks.optimum import folder
 from benchmarks.report import Columns, Output
-from castfem.api import load
-from castfem.studies.optimisation import Evaluator, Optimum, Study, Wanted
-from castfem.studies.optimisation.figure import draw_front
-from castfem.studies.optimisation.mould_figure import draw_mould
+from castfem.model.shipped_cases import load
+from castfem.post.plots.optimisation import front_figure, indices_figure, mould_figure
+from castfem.post.plots.style import save
+from castfem.studies.optimisation import Evaluator, Optimum, RunRequest, Study
 from castfem.studies.optimisation.mould_table import mould_table
-from castfem.studies.optimisation.spread_figure import draw_spread
 
 INPUTS = {
     "cooling.mould.surface.0.coefficient [times]": "heat transfer, ± 10 %",
@@ -43,8 +42,8 @@ def study_of(name: str, runs: Path) -> tuple[Study, Optimum]:
 
 def ideal_heat(study: Study, found: Optimum) -> float:
     """Heat that the idealised mould takes by the level of the search, J/m."""
-    wanted = Wanted(tuple(v.value for v in found.values), found.fidelity)
-    (ideal,) = study.run([study.question.ideal(wanted)])
+    wanted = RunRequest(tuple(v.value for v in found.values), found.fidelity)
+    (ideal,) = study.run([study.problem.ideal(wanted)])
     return ideal["heat_removed"]
 
 
@@ -76,8 +75,9 @@ def inputs(output: Output) -> None:
     output.csv("optimum_inputs", rows)
     figures = output.folder / "figures"
     figures.mkdir(parents=True, exist_ok=True)
-    draw_spread(found.spread, figures / "optimum_inputs.png")
-    draw_mould(*mould_table(study.case_of(found)), runs / found.best, figures / "optimum_mould.png")
+    save(indices_figure(found.spread), figures / "optimum_inputs.png")
+    mould = mould_table(study.case_of(found))
+    save(mould_figure(*mould, runs / found.best), figures / "optimum_mould.png")
 
 
 def front(output: Output) -> None:
@@ -97,7 +97,7 @@ def front(output: Output) -> None:
         for number, point in enumerate(found.front.points, 1)
     ]
     output.csv("optimum_front", rows)
-    draw_front(found.front, output.folder / "figures" / "optimum_front.png")
+    save(front_figure(found.front), output.folder / "figures" / "optimum_front.png")
 
 
 def main(output: Output, quick: bool) -> None:

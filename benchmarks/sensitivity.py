@@ -21,9 +21,10 @@ from mpi4py import MPI
 import numpy as np
 
 from benchmarks.report import Output
-from castfem.api import load, run, sensitivities
+from castfem.api import run, sensitivities
 from castfem.model import Case
 from castfem.model.build.simulation import build
+from castfem.model.shipped_cases import load
 from castfem.runs.loop import TimeLoop
 from castfem.studies.sensitivity.differentiated_steps import followed
 from castfem.studies.sensitivity.readings import Readings, asked_quantities

@@ -35,9 +35,10 @@ from typing import TYPE_CHECKING, Any
 from castfem.base import dolfinx_import
 
 if TYPE_CHECKING:
-    from castfem.api import Result, Snapshot, load, run, sensitivities
+    from castfem.api import Result, Snapshot, run, sensitivities
     from castfem.base.errors import CastfemError, InputError, RunFailure
     from castfem.base.result_registry import quantity
+    from castfem.model.shipped_cases import load
     from castfem.several_runs import (
         comparison,
         error_table,

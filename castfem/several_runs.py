@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from castfem.api import load
 from castfem.base.errors import InputError
+from castfem.model.shipped_cases import load
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -220,7 +220,7 @@ def optimise(
 
     from castfem.fem.root import raise_together
     from castfem.studies.optimisation import Evaluator, Study, serve
-    from castfem.studies.optimisation.given import origin_of
+    from castfem.studies.optimisation.argument_checks import origin_of
 
     comm = MPI.COMM_WORLD if comm is None else comm
     found: Optimum | None = None

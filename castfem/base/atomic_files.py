@@ -7,12 +7,14 @@ the old file or the new one.
 
 from __future__ import annotations
 
+import csv
 import errno
+import io
 import json
 import math
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -184,6 +186,13 @@ def write_text(path: Path, text: str, durable: bool = True) -> None:
 def write_json(path: Path, content: dict[str, Any]) -> None:
     """Writes JSON atomically; NaN and infinities become null, numpy values plain ones."""
     write_text(path, json.dumps(plain(content), indent=2, ensure_ascii=False) + "\n")
+
+
+def write_csv(path: Path, rows: Iterable[Iterable[Any]], *, durable: bool = True) -> None:
+    """Writes rows of CSV atomically; see `write_text`."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    write_text(path, text.getvalue(), durable=durable)
 
 
 def plain(value: Any) -> Any:

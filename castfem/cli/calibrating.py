@@ -22,11 +22,17 @@ from castfem.post.plots.calibration import Compared, draw_calibration
 from castfem.post.plots.style import save
 from castfem.runs.results.numbers import error_shown, shown, unit_shown
 from castfem.runs.results.of_case import faults_of
-from castfem.studies.optimisation.calibrate import Free, read_free
-from castfem.studies.optimisation.calibration import Calibration, calibrate, followed, scaled, write
+from castfem.studies.optimisation.calibrate import (
+    Calibration,
+    Free,
+    calibrate,
+    followed,
+    read_free,
+    write,
+)
 from castfem.studies.optimisation.evaluator import Evaluator, serve
 from castfem.studies.optimisation.measured import Measured, read_measured
-from castfem.studies.optimisation.probe_data import is_of_probe, lacking
+from castfem.studies.optimisation.probe_data import is_of_probe, missing_column
 from castfem.studies.sweep.view import View
 
 FIGURE_NAME = "calibration.png"
@@ -96,7 +102,7 @@ def _check_results(case: Case, measured: Sequence[Measured]) -> None:
     at_probes = {name: one for name, one in first.items() if is_of_probe(name)}
     others = {name: one for name, one in first.items() if name not in at_probes}
     faults = dict(zip(others, faults_of(case, list(others)), strict=True))
-    faults |= {name: lacking(case, name) for name in at_probes}
+    faults |= {name: missing_column(case, name) for name in at_probes}
     problems = [f"{first[name].where}: {fault}" for name, fault in faults.items() if fault]
     if problems:
         raise InputError(problems)
@@ -178,13 +184,13 @@ def _panels(found: Calibration) -> list[Compared]:
     for name in dict.fromkeys(m.name for m in found.measured):
         mine = [i for i, m in enumerate(found.measured) if m.name == name]
         some = found.after[mine[0]]
-        unit = some.shown_unit
+        unit, difference = some.shown_unit, unit_of_difference(some.shown_unit)
         panels.append(
             Compared(
                 name, some.label, unit,
                 np.array([found.measured[i].position for i in mine]),
                 np.array([from_si(found.measured[i].value, unit) for i in mine]),
-                np.array([scaled(found.measured[i].error, unit) for i in mine]),
+                np.array([from_si(found.measured[i].error, difference) for i in mine]),
                 np.array([found.before[i].shown for i in mine]),
                 np.array([found.after[i].shown for i in mine]),
             )

@@ -205,10 +205,10 @@ def _search_faults(case: Case, path: Path) -> list[str]:
     """What of the table [optimise] no search could begin with: keys, ranges, results."""
     if case.optimise is None:
         return []
-    from castfem.studies.optimisation.question import Question
+    from castfem.studies.optimisation.problem import DesignProblem
 
     try:
-        Question(case, str(path)).check_results()
+        DesignProblem(case, str(path)).check_results()
     except InputError as error:
         return list(error.problems)
     return []

@@ -22,8 +22,8 @@ from castfem.studies.optimisation.fidelity import THERMAL
 from castfem.studies.optimisation.front import TABLE_NAME as FRONT_TABLE
 from castfem.studies.optimisation.front import write_front
 from castfem.studies.optimisation.mould_table import MOULD_NAME, mould_table, write_mould_table
+from castfem.studies.optimisation.optimum_report import report, spread_scale
 from castfem.studies.optimisation.study import Study
-from castfem.studies.optimisation.told import told
 from castfem.studies.sweep.record import check_own
 from castfem.studies.sweep.work import Job, Outcome
 
@@ -34,22 +34,22 @@ OPTIMUM_NAME = "optimum.json"
 _WRITTEN = OPTIMUM_NAME, MOULD_NAME, FRONT_TABLE
 
 
-class Teller:
-    """Tells of the runs as they end, a line each."""
+class RunLines:
+    """Prints a line for each run that ends."""
 
     def __init__(self, quiet: bool) -> None:
         self._quiet, self._count = quiet, 0
 
     def stage(self, what: str) -> None:
-        """Say what the runs that follow are for."""
+        """Print the purpose of the runs that follow."""
         if not self._quiet:
             print(what, file=sys.stderr, flush=True)
 
     def begun(self, job: Job) -> None:
-        """Nothing is said of a run that begins."""
+        """Nothing is printed."""
 
     def ended(self, job: Job, outcome: Outcome) -> None:
-        """Say how a run has ended."""
+        """Print how a run has ended."""
         self._count += 1
         how = f"failed: {outcome.message}" if outcome.failed else "finished"
         if not self._quiet:
@@ -57,7 +57,7 @@ class Teller:
             print(line, file=sys.stderr, flush=True)
 
     def tick(self) -> None:
-        """Nothing is said in between."""
+        """Nothing is printed."""
 
 
 def optimise_case(options: Request) -> int:
@@ -78,10 +78,10 @@ def _done(study: Study, target: Path, options: Request) -> int:
     """Search (on rank 0), write and print the answer, and return the exit status."""
     assert study.evaluator is not None
     with study.evaluator:
-        teller = Teller(options.quiet)
-        optimum = study.solve(teller, stage=teller.stage)
-    with chosen(options.units), shown_in(units_of(study.question.case)):
-        return _show_answer(study, optimum, target, options)
+        lines = RunLines(options.quiet)
+        optimum = study.solve(lines, stage=lines.stage)
+    with chosen(options.units), shown_in(units_of(study.problem.case)):
+        return _report(study, optimum, target, options)
 
 
 def _prepared(options: Request, ranks: bool) -> tuple[Study, Path]:
@@ -104,7 +104,7 @@ def _prepared(options: Request, ranks: bool) -> tuple[Study, Path]:
     return Study(case, evaluator=evaluator, origin=str(path)), target
 
 
-def _show_answer(study: Study, optimum: Optimum, target: Path, options: Request) -> int:
+def _report(study: Study, optimum: Optimum, target: Path, options: Request) -> int:
     """Write and print the answer; return the exit status."""
     write_json(target / OPTIMUM_NAME, optimum.to_json())
     best = study.case_of(optimum)
@@ -118,7 +118,7 @@ def _show_answer(study: Study, optimum: Optimum, target: Path, options: Request)
         written += _drawn(study, optimum, target)
     if not options.quiet:
         out = parallel.console()
-        for block in told(optimum):
+        for block in report(optimum):
             if not isinstance(block, str):
                 keep_words(block, out.width)
             out.print(block, "", highlight=False, soft_wrap=isinstance(block, str))
@@ -143,24 +143,22 @@ def _show_answer(study: Study, optimum: Optimum, target: Path, options: Request)
 
 def _drawn(study: Study, optimum: Optimum, target: Path) -> list[str]:
     """Draw the answer, and return the names of the files."""
-    from castfem.studies.optimisation import figure, mould_figure, spread_figure
-    from castfem.studies.optimisation.chosen_units import spread_scale
+    from castfem.post.plots import optimisation as figures
+    from castfem.post.plots.style import save
 
-    names = [figure.FIGURE_NAME]
-    figure.draw(optimum, target / figure.FIGURE_NAME)
+    drawn = {figures.OPTIMUM_NAME: figures.optimum_figure(optimum)}
     best = study.case_of(optimum)
     if best.mould is not None and optimum.best and optimum.fidelity != THERMAL:
-        names.append(mould_figure.FIGURE_NAME)
-        run, path = target / optimum.best, target / mould_figure.FIGURE_NAME
-        mould_figure.draw_mould(*mould_table(best), run, path)
+        run = target / optimum.best
+        drawn[figures.MOULD_NAME] = figures.mould_figure(*mould_table(best), run)
     if optimum.spread is not None:
-        names.append(spread_figure.FIGURE_NAME)
         scales = [spread_scale(optimum, i) for i in range(len(optimum.spread.rows))]
-        spread_figure.draw_spread(optimum.spread, target / spread_figure.FIGURE_NAME, scales)
+        drawn[figures.SPREAD_NAME] = figures.indices_figure(optimum.spread, scales)
     if optimum.front is not None and len(optimum.front.points) > 1:
-        names.append(figure.FRONT_NAME)
-        figure.draw_front(optimum.front, target / figure.FRONT_NAME)
-    return names
+        drawn[figures.FRONT_NAME] = figures.front_figure(optimum.front)
+    for name, figure in drawn.items():
+        save(figure, target / name)
+    return list(drawn)
 
 
 def _mould(study: Study, optimum: Optimum) -> Table:

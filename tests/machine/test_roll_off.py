@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from castfem.api import load
 from castfem.cli.machine import machine_rows
 from castfem.model import Case
-from castfem.model.shipped_cases import CASE_NAME
+from castfem.model.shipped_cases import CASE_NAME, load
 from castfem.physics.machine.phases import off_stretches, phases
 from castfem.physics.machine.rolls import Rolls
 from castfem.physics.machine.stations import Stations

@@ -7,17 +7,17 @@ from typing import Any
 
 from small_case import small
 
-from castfem.studies.optimisation import Evaluation, Optimum, Study, Wanted
+from castfem.studies.optimisation import Evaluation, Optimum, RunRequest, Study
 
 SPEED = {"key": "casting.speed", "range": ["2 m/min", "5 m/min"]}
 STRESS, HEAT = "von_mises_max", "heat_removed"
-Given = Callable[[Wanted], Mapping[str, float] | Evaluation]
+Given = Callable[[RunRequest], Mapping[str, float] | Evaluation]
 
 
 def solve(one: Study, given: Given) -> Optimum:
     """The answer of a study whose runs give what the function does."""
 
-    def obtain(wanted: Sequence[Wanted]) -> None:
+    def obtain(wanted: Sequence[RunRequest]) -> None:
         for run in wanted:
             one.tell(run, given(run))
 
@@ -29,7 +29,7 @@ def study(*variables: dict[str, Any], **table: Any) -> Study:
     return Study(small({"casting.length": "6 mm", "optimise": asked}))
 
 
-def bowl(wanted: Wanted) -> dict[str, float]:
+def bowl(wanted: RunRequest) -> dict[str, float]:
     speed = wanted.values[0]
     return {STRESS: 10.0 + 2.0 * (speed - 3.3) ** 2, HEAT: 1e6 * (speed - 2.2)}
 

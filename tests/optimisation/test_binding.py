@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,12 +11,11 @@ from known_results import HEAT, SPEED, STRESS, solve
 from small_case import small
 
 from castfem.base.types import Array
-from castfem.studies.optimisation import Optimum, Study, Wanted, inquiry
-from castfem.studies.optimisation.binding import Binding
-from castfem.studies.optimisation.checked import Checked, best_by
-from castfem.studies.optimisation.numerical import Numerical
-from castfem.studies.optimisation.told import told
-from castfem.studies.optimisation.vicinity import Quadratic, intervals
+from castfem.studies.optimisation import Optimum, RunRequest, Study
+from castfem.studies.optimisation.check_level import Check, CheckedOptimum
+from castfem.studies.optimisation.local_model import Binding, Quadratic, intervals
+from castfem.studies.optimisation.numerical_error import NumericalError
+from castfem.studies.optimisation.optimum_report import report
 
 CENTRE, STEP, SCATTER = np.array([0.5]), np.array([0.02]), np.array([0.01, 0.01])
 
@@ -59,7 +57,7 @@ def test_better_runs_that_miss_several_at_once():
     assert held(np.vstack([seen, [-0.5, 3.0, -1.0]]), 0.0, 2.0).held == (False, True)
 
 
-def jagged(wanted: Wanted) -> dict[str, float]:
+def jagged(wanted: RunRequest) -> dict[str, float]:
     """Stress grows with the speed, and goes up and down; fine cells give 0.5 MJ/m of heat more.
 
     2 MJ/m are met from 4.2 m/min on by coarse cells, where stress has a dent, from 3.7 by fine.
@@ -70,7 +68,7 @@ def jagged(wanted: Wanted) -> dict[str, float]:
     return {STRESS: stress, HEAT: 1e6 * (speed - 2.2 + off)}
 
 
-def steep(wanted: Wanted) -> dict[str, float]:
+def steep(wanted: RunRequest) -> dict[str, float]:
     """The same with neither dents nor what cells do."""
     speed = wanted.values[0]
     return {STRESS: 10.0 + 3.0 * (speed - 2.0), HEAT: 1e6 * (speed - 2.2)}
@@ -92,10 +90,10 @@ def found() -> Optimum:
 def test_a_jagged_objective_is_held_by_its_constraint(found: Optimum):
     assert found.values[0].value == pytest.approx(4.2, abs=0.03)
     assert found.constraints[0].binding
-    assert str(next(iter(told(found)))).endswith("found; held by heat_removed >= 2 MJ/m")
+    assert str(next(iter(report(found)))).endswith("found; held by heat_removed >= 2 MJ/m")
     (afar,) = (replace(kept, near=False) for kept in found.constraints)
     elsewhere = replace(found, constraints=(afar,))
-    assert str(next(iter(told(elsewhere)))).endswith("2 MJ/m (which bars better places)")
+    assert str(next(iter(report(elsewhere)))).endswith("2 MJ/m (which bars better places)")
 
 
 def test_the_level_of_the_check_goes_on_to_where_its_constraint_is_met(found: Optimum):
@@ -103,9 +101,9 @@ def test_the_level_of_the_check_goes_on_to_where_its_constraint_is_met(found: Op
     (value,) = found.values
     assert value.checked is not None and found.by_check is not None
     assert 3.68 <= value.checked <= 3.95 and found.by_check.left[0] >= -0.02e6
-    there = jagged(Wanted((value.checked,), "fine"))
+    there = jagged(RunRequest((value.checked,), "fine"))
     assert found.by_check.objective == pytest.approx(there[STRESS])
-    assert there[STRESS] < jagged(Wanted((value.value,), "fine"))[STRESS] - 0.5
+    assert there[STRESS] < jagged(RunRequest((value.value,), "fine"))[STRESS] - 0.5
     assert value.low <= value.checked
 
 
@@ -120,7 +118,7 @@ def test_a_far_run_is_held_against_the_best_run_not_against_its_quadratics():
     shares = np.vstack([CENTRE + steps * STEP, [[0.9]]])
     seen = np.vstack([np.abs(steps), [[0.001]]])
     model = Quadratic.fit(CENTRE, STEP, shares, seen)
-    known = Numerical.of("coarse", {"coarse": np.zeros(1), "default": np.zeros(1)})
+    known = NumericalError.of("coarse", {"coarse": np.zeros(1), "default": np.zeros(1)})
     assert model(CENTRE[None])[0, 0] > 0.1
     (there,) = intervals(replace(model, misfit=np.zeros(1)), np.zeros(1), known, shares, seen)
     assert there.high < 0.6
@@ -133,26 +131,30 @@ class Along:
     """Runs of one variable that give what a function of their place does."""
 
     def __init__(self, given: Callable[[float], list[float]]) -> None:
-        self.question, self.given, self.seen = self, given, list[float]()
+        self.problem, self.given, self.seen = self, given, list[float]()
 
-    def shares(self, wanted: Wanted) -> Array:
+    def shares(self, wanted: RunRequest) -> Array:
         return np.array(wanted.values)
 
-    def at(self, shares: Array) -> Wanted:
-        return Wanted((float(shares[0]),), "coarse")
+    def request(self, shares: Array, fidelity: str = "coarse") -> RunRequest:
+        return RunRequest((float(shares[0]),), fidelity)
 
-    def fetch(self, wanted: list[Wanted]) -> None:
+    def fetch(self, wanted: list[RunRequest]) -> None:
         self.seen += [one.values[0] for one in wanted]
 
-    def vector_or_nan(self, wanted: Wanted) -> Array:
+    def vector_or_nan(self, wanted: RunRequest) -> Array:
         return np.array(self.given(wanted.values[0]))
 
-    def checked(self) -> Checked:
+    def checked(self) -> CheckedOptimum:
         """The best by the level of the check, from 0.5; heat rises by 1 over the range."""
         steps = np.linspace(-2.5, 2.5, 6)[:, None]
         values = np.column_stack([steps, 0.02 * steps])
-        model, best = Quadratic.fit(CENTRE, STEP, CENTRE + steps * STEP, values), self.at(CENTRE)
-        there = best_by("fine", self, best, model, [True], 0.002, SCATTER)  # type: ignore[arg-type]
+        model, best = (
+            Quadratic.fit(CENTRE, STEP, CENTRE + steps * STEP, values),
+            self.request(CENTRE),
+        )
+        check = Check("fine", self, model, [True], 0.002, SCATTER)  # type: ignore[arg-type]
+        there = check.optimum(best)
         assert there is not None
         return there
 
@@ -179,13 +181,14 @@ def test_a_value_whose_check_misses_a_constraint_may_lie_beyond(
     monkeypatch: pytest.MonkeyPatch, ends: tuple[bool, bool]
 ) -> None:
     """The flag alone opens the interval: of two answers alike but for it, on its side alone."""
+    optimum = Check.optimum
 
-    def flagged(*given: Any) -> Checked:
-        there = best_by(*given)
+    def flagged(check: Check, best: RunRequest) -> CheckedOptimum:
+        there = optimum(check, best)
         assert there is not None
-        return replace(there, wanted=Wanted((4.9,), "fine"), missed=ends[1])
+        return replace(there, request=RunRequest((4.9,), "fine"), missed=ends[1])
 
-    monkeypatch.setattr(inquiry, "best_by", flagged)
+    monkeypatch.setattr(Check, "optimum", flagged)
     (value,) = solve(asked(), steep).values
     assert (value.open_low, value.open_high) == ends
     assert value.high == 4.9

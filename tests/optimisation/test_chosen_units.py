@@ -4,39 +4,42 @@ from __future__ import annotations
 
 import io
 import re
-from pathlib import Path
 
 import pytest
 from rich.console import Console
 
 from castfem.base.shown_units import ShownUnits, shown_in
-from castfem.studies.optimisation import figure
-from castfem.studies.optimisation.front import Front, Point, Weighed
+from castfem.post.plots import optimisation as figures
 from castfem.studies.optimisation.optimum import (
-    Away,
-    Kept,
-    Known,
+    ConstraintStatus,
+    Front,
+    FrontPoint,
+    FrontResult,
+    Neighbour,
     Optimum,
-    Spreading,
+    ResultWithError,
+    Spread,
     SpreadRow,
     Value,
 )
-from castfem.studies.optimisation.told import told
+from castfem.studies.optimisation.optimum_report import report
 
 TEMPERATURE, SHELL, STRESS = (
-    Known("surface_temperature_corner", "surface, corner", "degC", 1273.15, 0.5, 2.0),
-    Known("shell_mid_face", "shell, mid-face", "mm", 0.0127, 1e-5, 1e-4),
-    Known("von_mises_max", "largest stress at 600 mm", "MPa", 5e6, 1e4, 2e5, ("twin_max", 6e6)),
+    ResultWithError("surface_temperature_corner", "surface, corner", "degC", 1273.15, 0.5, 2.0),
+    ResultWithError("shell_mid_face", "shell, mid-face", "mm", 0.0127, 1e-5, 1e-4),
+    ResultWithError(
+        "von_mises_max", "largest stress at 600 mm", "MPa", 5e6, 1e4, 2e5, ("twin_max", 6e6)
+    ),
 )
 FRONT = Front(
     ("casting.speed [m/min]",),
-    Weighed("von_mises_max", "largest stress", "MPa", 1.0, 1e4),
-    Weighed("shell_mid_face", "shell, mid-face", "mm", -1.0, 1e-5),
-    (Point((2.0,), 5e6, 0.0127, None, "a"), Point((3.0,), 6e6, 0.0137, 1e9, "b")),
+    FrontResult("von_mises_max", "largest stress", "MPa", 1.0, 1e4),
+    FrontResult("shell_mid_face", "shell, mid-face", "mm", -1.0, 1e-5),
+    (FrontPoint((2.0,), 5e6, 0.0127, None, "a"), FrontPoint((3.0,), 6e6, 0.0137, 1e9, "b")),
     4,
     spent=False,
 )
-SPREAD = Spreading(
+SPREAD = Spread(
     ("superheat",),
     (
         SpreadRow("von_mises_max", (-1.0, 2.0), "MPa", 0.5, None, (1.0,), (1.0,)),
@@ -50,10 +53,12 @@ ANSWER = Optimum(
     (Value("casting.speed", "m/min", 2.0, 1.9, 2.1, False, False, 2.0, (1.0, 4.0)),),
     STRESS,
     (
-        Kept("corner <= 1010 degC", TEMPERATURE, 1283.15, 9.0, 7.2, 1.8, True, False),
-        Kept("shell >= 0.5 inch", SHELL, 0.0127, -2.54e-3, -2.54e-3, 1e-4, False, False),
+        ConstraintStatus("corner <= 1010 degC", TEMPERATURE, 1283.15, 9.0, 7.2, 1.8, True, False),
+        ConstraintStatus(
+            "shell >= 0.5 inch", SHELL, 0.0127, -2.54e-3, -2.54e-3, 1e-4, False, False
+        ),
     ),
-    (Away("casting.speed", 2.5, -1e6, (18.0, 5.08e-3)),),
+    (Neighbour("casting.speed", 2.5, -1e6, (18.0, 5.08e-3)),),
     (), "coarse", "default", 0.1, {"looked_at": 5, "search": 7, "all": 9, "failed": 0}, False, 60.0,
     "best", FRONT, SPREAD,
 )  # fmt: skip
@@ -63,7 +68,7 @@ def lines(choice: str | dict[str, str]) -> dict[str, list[str]]:
     """What is told: first words of a line to what follows."""
     console = Console(file=io.StringIO(), width=200)
     with shown_in(ShownUnits.read(choice)):
-        for block in told(ANSWER):
+        for block in report(ANSWER):
             console.print(block, highlight=False, markup=False)
     text = console.file.getvalue()  # type: ignore[attr-defined]
     split = [re.split(r"  +", line.strip()) for line in text.splitlines() if line.strip()]
@@ -96,14 +101,10 @@ def test_results_are_told_in_the_units_that_were_chosen() -> None:
     assert "-16.2 to +32.4" in own["all cells"]
 
 
-def test_and_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from matplotlib.figure import Figure
-
-    drawn: list[Figure] = []
-    monkeypatch.setattr(Figure, "savefig", lambda it, path, **_: (drawn.append(it), path.touch()))
-    with shown_in(ShownUnits.read({"temperature": "degF", "stress": "psi", "length": "inch"})):
-        figure.draw(ANSWER, tmp_path / "a.png")
-        figure.draw_front(FRONT, tmp_path / "b.png")
+def test_and_drawn() -> None:
+    chosen = ShownUnits.read({"temperature": "degF", "stress": "psi", "length": "inch"})
+    with shown_in(chosen):
+        drawn = figures.optimum_figure(ANSWER), figures.front_figure(FRONT)
     stress, corner, shell = drawn[0].axes
     assert [" ".join(one.get_ylabel().split()) for one in drawn[0].axes] == [
         f"{ANSWER.objective.label} [psi]", f"{TEMPERATURE.label} below its bound [degF]",

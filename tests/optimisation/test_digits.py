@@ -10,10 +10,10 @@ from known_results import SPEED, STRESS, solve
 from rich.console import Console
 from small_case import small
 
-from castfem.studies.optimisation import Optimum, Study, Wanted
+from castfem.studies.optimisation import Optimum, RunRequest, Study
 from castfem.studies.optimisation.digits import column, ends, result, significant, variable
 from castfem.studies.optimisation.optimum import Value
-from castfem.studies.optimisation.told import interval, told
+from castfem.studies.optimisation.optimum_report import interval, report
 
 
 @pytest.mark.parametrize(
@@ -78,7 +78,7 @@ def test_ends_of_an_interval():
 
 def lines(found: Optimum) -> str:
     console = Console(width=200, record=True, markup=False, file=open("/dev/null", "w"))  # noqa: SIM115
-    for one in told(found):
+    for one in report(found):
         console.print(one)
     return console.export_text()
 
@@ -86,7 +86,7 @@ def lines(found: Optimum) -> str:
 def test_the_tables_of_an_answer():
     """A gap of some micrometres, a stress that the check moves by a thousandth."""
 
-    def given(wanted: Wanted) -> Mapping[str, float]:
+    def given(wanted: RunRequest) -> Mapping[str, float]:
         speed = wanted.values[0]
         moved = 700.0 if wanted.fidelity == "fine" else 0.0
         stress = 1e6 * (8.9 + 0.1 * speed) + moved
@@ -104,7 +104,7 @@ def test_the_tables_of_an_answer():
 def test_the_column_of_the_check_is_that_of_its_constraints():
     """The objective of the fine level is best at another speed, which that column does not have."""
 
-    def given(wanted: Wanted) -> Mapping[str, float]:
+    def given(wanted: RunRequest) -> Mapping[str, float]:
         speed = wanted.values[0]
         best = 3.8 if wanted.fidelity == "fine" else 3.6
         return {STRESS: 1e6 * (8.0 + (speed - best) ** 2), "mould_gap_max": 1e-6 * speed}

@@ -157,13 +157,13 @@ def test_levels(tmp_path):
     assert coarse.mesh.surface_size == pytest.approx(1.5 * case.mesh.surface_size)
     assert fine.mesh.core_size == pytest.approx(0.625 * case.mesh.core_size)
     assert at_level(case, "default") is case
-    with pytest.raises(InputError, match=r'"corse" is not known; .*did you mean coarse'):
+    with pytest.raises(InputError, match=r"must be one of .*, got 'corse'; did you mean coarse"):
         at_level(case, "corse")
 
 
 def test_a_smooth_twin_is_computed_where_it_is_named():
     """By the search's own runs; a case that does not name it has none, nor another key."""
-    from castfem.api import load
+    from castfem.model.shipped_cases import load
 
     case = load("billet125/optimum_single")
     asked = lean(case.with_({"optimise.minimise": "von_mises_smooth"}))
@@ -176,7 +176,7 @@ def test_a_smooth_twin_is_computed_where_it_is_named():
 
 
 def test_idealised_mould():
-    from castfem.api import load
+    from castfem.model.shipped_cases import load
 
     case = load("billet125/taper_1")
     ideal = idealised(case.with_({"output.fields": ["gap"], "mechanics.strain": "large"}))
@@ -193,7 +193,7 @@ def test_idealised_mould():
 
 def test_wall_of_the_mould_is_kept_without_it():
     """The wall's temperature along the mould becomes that of the contact law, over time."""
-    from castfem.api import load
+    from castfem.model.shipped_cases import load
 
     table = {"position": [0, 300, 600], "position_unit": "mm", "value": [120, 220, 140],
              "unit": "degC"}  # fmt: skip
@@ -285,7 +285,7 @@ def test_a_disk_that_is_full_leaves_no_rank_waiting(tmp_path):
 def test_ranks_that_cannot_be_parted(tmp_path):
     for ranks, message in (
         (2, r"ranks=2: 1 rank cannot .* mpirun -n 2 for one"),
-        (0, "ranks: a whole number from 1"),
+        (0, "ranks must be an integer >= 1"),
     ):
         with pytest.raises(InputError, match=message):
             Evaluator(small(SHORT), tmp_path, ranks=ranks)

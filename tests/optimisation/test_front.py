@@ -12,10 +12,12 @@ from known_results import HEAT, SPEED, STRESS, Given, solve
 from small_case import small
 
 from castfem.base.errors import InputError
-from castfem.studies.optimisation import Evaluation, Study, Wanted
-from castfem.studies.optimisation.figure import draw_front
-from castfem.studies.optimisation.front import Front, write_front
-from castfem.studies.optimisation.told import told
+from castfem.post.plots.optimisation import front_figure
+from castfem.post.plots.style import save
+from castfem.studies.optimisation import Evaluation, RunRequest, Study
+from castfem.studies.optimisation.front import write_front
+from castfem.studies.optimisation.optimum import Front
+from castfem.studies.optimisation.optimum_report import report
 
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
 
@@ -37,7 +39,7 @@ def front(one: Study, given: Given) -> Front:
     return found.front
 
 
-def opposed(wanted: Wanted) -> dict[str, float]:
+def opposed(wanted: RunRequest) -> dict[str, float]:
     """Least stress at 3 m/min, most heat at 4.5; all between is on the front."""
     speed = wanted.values[0]
     return {STRESS: 1e7 + 1e6 * (speed - 3.0) ** 2, HEAT: 9e6 - 1e6 * (speed - 4.5) ** 2}
@@ -62,7 +64,7 @@ def test_one_variable():
 def test_two_variables():
     """Stress about (3, 20), heat about (4.5, 40): the front is the straight line between."""
 
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         a, b = wanted.values[0], wanted.values[1] / 20.0
         return {
             STRESS: 1e7 + 1e6 * ((a - 3.0) ** 2 + 2.25 * (b - 1.0) ** 2),
@@ -85,19 +87,19 @@ def test_constraints_hold_on_it():
 
 
 def test_best_together():
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         return {STRESS: opposed(wanted)[STRESS], HEAT: -opposed(wanted)[STRESS]}
 
     optimum = solve(study(), given)
     assert optimum.front is not None
     assert len(optimum.front.points) == 1
-    assert any("are best together" in line for line in told(optimum) if isinstance(line, str))
+    assert any("are best together" in line for line in report(optimum) if isinstance(line, str))
 
 
 def test_runs_that_fail_on_it():
     """Above 4 m/min the strand breaks: the front ends there."""
 
-    def given(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+    def given(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
         speed = wanted.values[0]
         if speed > 4.0:
             return Evaluation({}, 1.0 - 0.2 * (speed - 4.0), "breakout")
@@ -111,7 +113,7 @@ def test_runs_that_fail_on_it():
 def test_noise_is_no_front():
     """Heat that changes by noise alone is not to be had for stress."""
 
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         scatter = np.random.default_rng(round(1e4 * wanted.values[0])).normal()
         return {STRESS: opposed(wanted)[STRESS], HEAT: 9e6 + 1e3 * scatter}
 
@@ -144,9 +146,9 @@ def test_written_told_and_drawn(tmp_path):
     )
     assert len(lines) == 8
     assert float(lines[1].split(",")[0]) == pytest.approx(3.0, abs=0.02)
-    draw_front(optimum.front, tmp_path / "front.png")
-    assert (tmp_path / "front.png").stat().st_size > 10_000
-    said = [line for line in told(optimum) if isinstance(line, str)]
+    save(front_figure(optimum.front), tmp_path / "front.png")
+    assert (tmp_path / "front.png").read_bytes().startswith(b"\x89PNG")
+    said = [line for line in report(optimum) if isinstance(line, str)]
     assert any("the front of von_mises_max and heat_removed" in line for line in said)
 
 

@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from castfem.api import load
+from castfem.model.shipped_cases import load
 from castfem.studies.optimisation import Evaluation
 from castfem.studies.optimisation.ideal_taper import strand_sizes
-from castfem.studies.optimisation.question import Question
+from castfem.studies.optimisation.problem import DesignProblem
 
 WIDE, DIAGONAL = 125.0, 2.0**0.5 * 115.0 + 10.0  # mm
 
@@ -35,7 +35,7 @@ def start(taper: Any, keys: list[str], folder: Path) -> np.ndarray:
         "mould.taper": taper,
         "optimise": {"minimise": "von_mises_max", "variable": variables},
     })  # fmt: skip
-    found = Question(case).start(Evaluation(folder=strand(folder)))
+    found = DesignProblem(case).start(Evaluation(folder=strand(folder)))
     return -2.0 + 4.0 * found
 
 
@@ -71,18 +71,18 @@ def test_beyond_a_range_its_end_is_taken(tmp_path):
             {"key": "mould.taper.corner", "range": ["0 %/m", "1 %/m"], "start": "0.3 %/m"},
         ]},
     })  # fmt: skip
-    found = Question(case).start(Evaluation(folder=strand(tmp_path)))
+    found = DesignProblem(case).start(Evaluation(folder=strand(tmp_path)))
     assert found == pytest.approx([0.0, 0.3])
 
 
 @pytest.mark.parametrize("name", ["single", "double", "parabolic", "corner", "double_corner"])
 def test_shipped_questions(name: str, tmp_path: Path):
     """Each can be asked, and begins within its ranges, where the strand of the thesis is."""
-    question = Question(load(f"billet125/optimum_{name}"))
+    question = DesignProblem(load(f"billet125/optimum_{name}"))
     assert question.needs_ideal
     found = question.start(Evaluation(folder=strand(tmp_path)))
     assert np.all((found > 0.0) & (found < 1.0))
-    best = question.case.with_(question.changes(question.at(found)))
+    best = question.case.with_(question.changes(question.request(found)))
     assert best.mould is not None
     assert best.optimise == question.case.optimise
 
@@ -104,7 +104,7 @@ def test_width_and_height_of_a_bloom(tmp_path: Path) -> None:
                 {"key": f"mould.taper{key}", "range": ["-2 %/m", "2 %/m"]} for key in keys
             ]},
         })  # fmt: skip
-        return -2.0 + 4.0 * Question(case).start(Evaluation(folder=tmp_path))
+        return -2.0 + 4.0 * DesignProblem(case).start(Evaluation(folder=tmp_path))
 
     width, height = begun(
         {"narrow_face": "0 %/m", "wide_face": "0 %/m"}, ".narrow_face", ".wide_face"

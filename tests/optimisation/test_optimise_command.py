@@ -11,9 +11,9 @@ import pytest
 from ranks import killed_on, needs_mpirun, python_on
 from small_case import SMALL
 
-from castfem.api import load
 from castfem.base.errors import InputError
 from castfem.cli.app import app
+from castfem.model.shipped_cases import load
 from castfem.studies.optimisation.mould_table import mould_table
 
 pytestmark = pytest.mark.slow
@@ -59,7 +59,7 @@ def test_command(case, capsys):
     assert content["values"][0]["value"] == 2.0
     assert content["values"][0]["at_end"] == "lowest"
     assert content["checked"] == "fine"
-    assert (case / "out" / "optimum.png").stat().st_size > 10_000
+    assert (case / "out" / "optimum.png").read_bytes().startswith(b"\x89PNG")
     assert "casting.speed at the lowest of its range" in first.out
     assert "[m/min]" in first.out
     said = first.err.splitlines()

@@ -13,15 +13,14 @@ from matplotlib.colors import to_hex
 from small_case import small
 
 from castfem.base.shown_units import Scale, ShownUnits, shown_in
+from castfem.post.plots.optimisation import indices_figure, mould_figure, optimum_figure
+from castfem.post.plots.style import save
 from castfem.studies.optimisation import Study
-from castfem.studies.optimisation.figure import draw, optimum_figure
-from castfem.studies.optimisation.mould_figure import draw_mould, mould_figure
-from castfem.studies.optimisation.optimum import Spreading, SpreadRow
-from castfem.studies.optimisation.spread_figure import draw_spread, indices_figure
+from castfem.studies.optimisation.optimum import Spread, SpreadRow
 
 HEAD = ["distance [mm]", "width [mm]", "diagonal [mm]"]
 ROWS = [[0.0, 125.0, 172.6], [300.0, 124.8, 172.3], [600.0, 124.6, 172.0]]
-SPREAD = Spreading(
+SPREAD = Spread(
     ("h [times]", "steel.overrides.solidus.value [degC]"),
     (
         SpreadRow("von_mises_max", (-1.0, 2.0), "MPa", 0.1, None, (0.25, 0.5), (0.5, 0.75)),
@@ -59,7 +58,7 @@ def test_the_mould_and_the_run_in_it(tmp_path):
     assert gap.get_lines()[1].get_xdata() == pytest.approx([0.0, 0.3, 0.6])
     assert stress.get_lines()[0].get_ydata() == pytest.approx([0.0, 3e6, 7e6])
     assert len(mould_figure(HEAD, ROWS, run(tmp_path)).axes) == 1
-    draw_mould(HEAD, ROWS, folder, tmp_path / "mould.png")
+    save(mould_figure(HEAD, ROWS, folder), tmp_path / "mould.png")
     assert (tmp_path / "mould.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -78,7 +77,7 @@ def test_the_bands_of_an_optimum_are_explained(tmp_path: Path, constraints: list
     for line, handle in said.items():
         if line.startswith("error"):
             assert to_hex(handle.get_facecolor()) == "#d55e00" and handle.get_alpha() == 0.15
-    draw(optimum, tmp_path / "optimum.png")
+    save(optimum_figure(optimum), tmp_path / "optimum.png")
     assert (tmp_path / "optimum.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -91,5 +90,5 @@ def test_the_indices_of_each_input(tmp_path):
     assert place.get_title() == "mould.taper\n-0.02 to +0.03 %/m"
     stress, _ = indices_figure(SPREAD, [Scale("Pa", 1e6), Scale("%/m")]).axes
     assert stress.get_title() == "von_mises_max\n-1e+06 to +2e+06 Pa"
-    draw_spread(SPREAD, tmp_path / "spread.png")
+    save(indices_figure(SPREAD), tmp_path / "spread.png")
     assert (tmp_path / "spread.png").read_bytes().startswith(b"\x89PNG")

@@ -13,12 +13,12 @@ import pytest
 from known_results import HEAT, SPEED, STRESS, Given, solve
 from small_case import small
 
-from castfem.api import load
 from castfem.base.errors import InputError
+from castfem.model.shipped_cases import load
 from castfem.physics.constitutive.parameters import given_set
-from castfem.studies.optimisation import Evaluation, Study, Wanted
-from castfem.studies.optimisation.question import Question
-from castfem.studies.optimisation.told import told
+from castfem.studies.optimisation import Evaluation, RunRequest, Study
+from castfem.studies.optimisation.optimum_report import report
+from castfem.studies.optimisation.problem import DesignProblem
 
 H = {"key": "cooling.mould.surface.0.coefficient", "relative": ["-10 %", "10 %"]}
 SUPERHEAT = {"key": "casting.superheat", "range": ["20 K", "40 K"]}
@@ -29,13 +29,13 @@ def study(**table: Any) -> Study:
     return Study(small({"casting.length": "6 mm", "optimise": asked}))
 
 
-def drawn(wanted: Wanted) -> tuple[float, float, float]:
+def drawn(wanted: RunRequest) -> tuple[float, float, float]:
     """Speed, and both inputs from -1 to 1."""
     h, superheat = wanted.inputs or (1.0, 30.0)
     return wanted.values[0], (h - 1.0) / 0.1, (superheat - 30.0) / 10.0
 
 
-def shifted(wanted: Wanted) -> dict[str, float]:
+def shifted(wanted: RunRequest) -> dict[str, float]:
     """Stress is least at 3.3 + 0.06 a + 0.03 b; there it is 10 + 0.5 a, of which b says nothing."""
     speed, a, b = drawn(wanted)
     least = 3.3 + 0.06 * a + 0.03 * b
@@ -60,14 +60,14 @@ def test_where_the_optimum_is_for_other_inputs():
     assert objective.change == pytest.approx((-0.45e-6, 0.45e-6), abs=0.02e-6)
     assert objective.error == pytest.approx(0.0, abs=1e-12)
     assert found.spread.failed == 0
-    said = " ".join(line for line in told(found) if isinstance(line, str))
+    said = " ".join(line for line in report(found) if isinstance(line, str))
     assert "spread by the inputs, 16 runs" in said
 
 
 def test_a_bound_that_inputs_move():
     """Heat 2 (speed - 3) + a/10 must be 1: 3.5 - a/20 m/min; safe in 95 % of the draws at 3.545."""
 
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         speed, a, b = drawn(wanted)
         heat = 2.0 * (speed - 3.0) + 0.1 * a + 0.02 * a * b
         return {STRESS: 10.0 + speed**2, HEAT: 1e6 * heat}
@@ -84,14 +84,14 @@ def test_a_bound_that_inputs_move():
     ratio = 0.02**2 / 9.0 / (0.1**2 / 3.0)
     assert heat.first[1] == pytest.approx(0.0, abs=0.01)
     assert heat.total[1] == pytest.approx(ratio / (1.0 + ratio), abs=0.01)
-    said = " ".join(line for line in told(found) if isinstance(line, str))
+    said = " ".join(line for line in report(found) if isinstance(line, str))
     assert "best of what meets all constraints in 95 % of the draws: casting.speed" in said
 
 
 def test_a_single_input_makes_all_of_a_single_result():
     """One variable, one input, no constraint: its indices are numbers, not arrays, to scipy."""
 
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         a = ((wanted.inputs or (1.0,))[0] - 1.0) / 0.1
         return {STRESS: 10.0 + 0.5 * a + 2.0 * (wanted.values[0] - 3.3 - 0.06 * a) ** 2}
 
@@ -104,7 +104,7 @@ def test_a_single_input_makes_all_of_a_single_result():
 
 
 def test_the_error_of_the_quadratics_is_told():
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         _, a, b = drawn(wanted)
         return {STRESS: shifted(wanted)[STRESS] + 0.1 * np.sin(9.0 * a) * np.cos(7.0 * b)}
 
@@ -117,7 +117,7 @@ def test_draws_that_fail():
     """Some are left out; too many, and there is no spread, but still an answer."""
 
     def given(threshold: float) -> Given:
-        def one(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+        def one(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
             if drawn(wanted)[1] > threshold and wanted.inputs:
                 return Evaluation({}, 0.5, "breakout")
             return shifted(wanted)
@@ -152,8 +152,8 @@ def test_what_is_relative_is_multiplied():
         "variable": [{"key": "mould.taper", "range": ["0 %/m", "1 %/m"]}],
         "input": [{"key": key, "relative": ["-10 %", "20 %"]} for key in keys],
     }
-    question = Question(case.with_({"optimise": asked}))
-    wanted = Wanted((0.5,), "coarse", inputs=(1.2,) * len(keys))
+    question = DesignProblem(case.with_({"optimise": asked}))
+    wanted = RunRequest((0.5,), "coarse", inputs=(1.2,) * len(keys))
     changed = case.with_(question.changes(wanted))
     document = changed.document()
     assert changed.cooling[0].surface[0].coefficient(0.5) == pytest.approx(1.2 * 1400.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 from collections.abc import Mapping
 
@@ -14,9 +15,9 @@ from castfem.base.errors import InputError
 from castfem.base.shown_quantity import Quantity
 from castfem.studies.accuracy.estimate import SAFETY
 from castfem.studies.accuracy.levels import LEVELS
-from castfem.studies.optimisation import Evaluation, Wanted
-from castfem.studies.optimisation.numerical import Numerical, error, sides
-from castfem.studies.optimisation.told import told
+from castfem.studies.optimisation import Evaluation, RunRequest
+from castfem.studies.optimisation.numerical_error import NumericalError, error, sides
+from castfem.studies.optimisation.optimum_report import report
 
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
 
@@ -54,7 +55,7 @@ def test_constraint_binds():
 def test_two_variables_that_trade_off():
     """A quadratic with a cross term under a linear bound: its optimum by hand is 3.9046, 29.54."""
 
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         a, b = wanted.values[0] - 3.0, wanted.values[1] - 30.0
         stress = 10.0 + 2.0 * a**2 + 0.01 * b**2 + 0.05 * a * b
         return {STRESS: stress, HEAT: 1e6 * (a + 0.01 * b + 1.1)}
@@ -69,7 +70,7 @@ def test_two_variables_that_trade_off():
 def converging(order: float) -> Given:
     """Results whose heat converges: cells of no size take off 0.2 MJ/m, those of a case 0.1."""
 
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         off = 0.2e6 - 0.1e6 * LEVELS[wanted.fidelity].cells ** order
         return {**bowl(wanted), HEAT: bowl(wanted)[HEAT] - off}
 
@@ -87,9 +88,9 @@ def test_interval_holds_the_converged_optimum(fidelity: str, order: float):
     assert value.value == pytest.approx(4.4 - 0.1 * cells, abs=0.01)
     stated = SAFETY * 0.1 * cells
     if order >= 1.0:
-        assert kept.known.numerical == pytest.approx(1e6 * stated, rel=1e-3)
+        assert kept.result.numerical == pytest.approx(1e6 * stated, rel=1e-3)
     else:  # that of first order is stated, which is less
-        stated = 1e-6 * kept.known.numerical
+        stated = 1e-6 * kept.result.numerical
         assert 0.1 * cells < stated < SAFETY * 0.1 * cells
     assert found.checked == ("default" if fidelity == "fine" else "fine")
     there = LEVELS[found.checked].cells ** order
@@ -105,7 +106,7 @@ def test_interval_holds_the_converged_optimum(fidelity: str, order: float):
 def test_a_tilted_objective(fidelity: str, order: float):
     """Larger cells move the least stress itself, from 3.3 m/min to 3.35 by those of the case."""
 
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         off = 0.05 * LEVELS[wanted.fidelity].cells ** order
         return {STRESS: 10.0 + 2.0 * (wanted.values[0] - 3.3 - off) ** 2}
 
@@ -129,7 +130,7 @@ def test_numerical_error_without_an_order(
     heat: Mapping[str, float], sides: tuple[float, float]
 ) -> None:
     """As of first order, with a quarter more; on both sides unless all three go one way."""
-    known = Numerical.of("coarse", {word: np.array([1.0, v]) for word, v in heat.items()})
+    known = NumericalError.of("coarse", {word: np.array([1.0, v]) for word, v in heat.items()})
     assert (known.below[1], known.above[1]) == pytest.approx(sides, rel=1e-3)
     assert (known.checked == "") == (len(heat) == 1)
 
@@ -137,7 +138,7 @@ def test_numerical_error_without_an_order(
 def test_levels_that_cannot_be_run():
     """The finest one fails, the next one checks; where all fail nothing is known."""
 
-    def given(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+    def given(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
         return Evaluation({}, 0.5, "breakout") if wanted.fidelity in failing else bowl(wanted)
 
     asked = {"constraints": ["heat_removed >= 2 MJ/m"], "fidelity": "coarse"}
@@ -156,7 +157,7 @@ def test_a_flat_variable_does_not_blur_the_other():
     The bound is met at 20 + 4 artanh 0.5 = 22.197 K, by the finest level at 22.473 K.
     """
 
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         speed, superheat = wanted.values
         scatter = np.random.default_rng([round(1e4 * v) for v in wanted.values]).normal()
         stress = superheat + 1e-4 * (speed - 3.4) ** 2 + 1e-3 * scatter
@@ -175,7 +176,7 @@ def test_a_flat_variable_does_not_blur_the_other():
 def test_noise(size: float):
     """Scatter is measured, widens the interval, and stops the search."""
 
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         scatter = np.random.default_rng(round(1e4 * wanted.values[0])).normal()
         return {**bowl(wanted), STRESS: bowl(wanted)[STRESS] + size * scatter}
 
@@ -188,14 +189,14 @@ def test_noise(size: float):
 
 
 def test_nothing_but_noise():
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         return {STRESS: np.random.default_rng(round(1e4 * wanted.values[0])).normal()}
 
     found = solve(study(), given)
     (value,) = found.values
     assert value.high - value.low > 0.3
     assert found.runs["search"] < 40
-    assert any("flat" in str(line) for line in told(found) if isinstance(line, str))
+    assert any("flat" in str(line) for line in report(found) if isinstance(line, str))
 
 
 def test_an_objective_of_steps():
@@ -209,7 +210,7 @@ def test_an_objective_of_steps():
 def test_constraints_that_cannot_be_met():
     """Heat is largest at 4.2 m/min, 5 MJ/m where 9 are asked for."""
 
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         speed = wanted.values[0]
         return {**bowl(wanted), HEAT: 1e6 * (5.0 - (speed - 4.2) ** 2)}
 
@@ -220,14 +221,14 @@ def test_constraints_that_cannot_be_met():
     assert found.worst is not None
     assert found.worst.text == asked[0]
     assert found.worst.left == pytest.approx(-4e6, rel=1e-3)
-    first = next(iter(told(found)))
+    first = next(iter(report(found)))
     assert "cannot be met; nearest, heat_removed >= 9 MJ/m is missed by 4 MJ/m" in str(first)
 
 
 def test_a_range_that_ends_before_the_constraints_are_met_is_named():
     found = solve(study(constraints=["heat_removed >= 9 MJ/m"]), bowl)
     assert found.status == "impossible" and found.values[0].at_end == "highest"
-    first = str(next(iter(told(found))))
+    first = str(next(iter(report(found))))
     assert first.endswith(
         "with casting.speed at the highest of its range: a wider one may meet them"
     )
@@ -236,7 +237,7 @@ def test_a_range_that_ends_before_the_constraints_are_met_is_named():
 def test_two_equal_optima():
     """One is found; that runs elsewhere are as good is told where such were seen."""
 
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         speed = wanted.values[0]
         scatter = np.random.default_rng(round(1e4 * speed)).normal()
         return {STRESS: 10.0 + ((speed - 3.2) ** 2 - 0.04) ** 2 + 1e-3 * scatter}
@@ -267,7 +268,7 @@ def test_best_at_the_end_of_a_range():
 def test_asks_tells_and_comes_to_the_same():
     """Asked run by run, in any order, by objects that know nothing of one another."""
     at_once = solve(study(constraints=["heat_removed >= 2 MJ/m"]), bowl)
-    told_so_far: dict[Wanted, Mapping[str, float]] = {}
+    told_so_far: dict[RunRequest, Mapping[str, float]] = {}
     for _ in range(100):
         one = study(constraints=["heat_removed >= 2 MJ/m"])
         for run, values in told_so_far.items():
@@ -281,10 +282,38 @@ def test_asks_tells_and_comes_to_the_same():
     assert one.result() == at_once
 
 
+def test_a_study_that_is_given_up_ends_its_thread():
+    one = study()
+    assert one.ask() and one._thread is not None
+    thread = one._thread._thread
+    del one
+    gc.collect()
+    thread.join(timeout=60.0)
+    assert not thread.is_alive()
+
+
+def test_an_error_of_the_search_is_that_of_ask():
+    """Results that lack the objective: ask says so, each time."""
+    one = study()
+    for run in one.ask():
+        one.tell(run, Evaluation({HEAT: Quantity(1.0, "J/m", "heat")}))
+    for _ in range(2):
+        with pytest.raises(InputError, match="is no result of this case"):
+            one.ask()
+
+
+def test_what_was_asked_is_asked_again_until_it_is_told():
+    one = study()
+    first = one.ask()
+    assert len(first) > 1 and one.ask() == first
+    one.tell(first[0], bowl(first[0]))
+    assert one.ask() == first[1:]
+
+
 def test_runs_that_are_used_up():
     found = solve(study(most_runs=8), bowl)
     assert found.spent and found.runs["looked_at"] <= 8 < found.runs["all"]
-    assert any("most_runs" in str(line) for line in told(found))
+    assert any("most_runs" in str(line) for line in report(found))
 
 
 def test_a_result_that_is_not_there():
@@ -293,7 +322,7 @@ def test_a_result_that_is_not_there():
         InputError, match=r'objective \("von_mises_max"\) is no result of this case'
     ):
         solve(study(), lambda w: found)
-    with pytest.raises(InputError, match=r"an Evaluation or a Result is needed, .*, not 3"):
+    with pytest.raises(InputError, match=r"results must be an Evaluation, a Result or .*, got 3"):
         study().tell(study().ask()[0], 3)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="without a folder runs nothing"):
         one = study()
@@ -305,25 +334,28 @@ def test_a_result_that_is_not_there():
     [
         ((5.01,), r"casting.speed = 5.01 m/min lies outside of it, 2 to 5 m/min; widen the range"),
         ((np.nan,), r"casting.speed = nan m/min lies outside of it"),
-        ((3.0, 20.0), r"optimise.variable: a run has 2 values where 1 are needed: casting.speed"),
+        (
+            (3.0, 20.0),
+            r"a run has 2 values and 0 inputs; it needs a value for each of",
+        ),
     ],
 )
 def test_a_run_outside_of_the_ranges_is_refused(values: tuple[float, ...], said: str) -> None:
     """In a line; nothing is kept of it. The ends of a range belong to it."""
     one = study()
     with pytest.raises(InputError, match=said) as caught:
-        one.tell(Wanted(values, "default"), {STRESS: 1.0})
-    assert len(caught.value.problems) == 1 and not one._told
+        one.tell(RunRequest(values, "default"), {STRESS: 1.0})
+    assert len(caught.value.problems) == 1 and not one._runs.results
     for end in (2.0, 5.0):
-        one.tell(Wanted((end,), "default"), {STRESS: 1.0})
-    assert len(one._told) == 2
+        one.tell(RunRequest((end,), "default"), {STRESS: 1.0})
+    assert len(one._runs.results) == 2
 
 
 def test_noise_about_the_best_run():
     """Where windows are cut for their error, neighbours of the best run may differ by that."""
 
     def given(cut: int) -> Given:
-        def one(wanted: Wanted) -> Evaluation:
+        def one(wanted: RunRequest) -> Evaluation:
             speed = wanted.values[0]
             steps = round(1e4 * speed) % 7 - 3 if abs(speed - 3.3) < 0.2 else 0
             stress = Quantity(bowl(wanted)[STRESS] + 0.01 * steps, "Pa", "stress")
@@ -344,7 +376,7 @@ def test_a_search_by_temperature_alone():
     """Its error is what the finest level changes, with its own; its check that by the finest."""
     moved = {"thermal": 0.0, "coarse": 0.4, "default": 0.3, "fine": 0.25}
 
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         off = wanted.values[0] - 3.3 - moved[wanted.fidelity]
         return {STRESS: 10.0 + 2.0 * off**2 + moved[wanted.fidelity]}
 
@@ -378,7 +410,7 @@ def test_the_best_of_all_runs_is_the_answer(table: dict[str, object], most: int)
     """Few runs of a result that rises all along: none that was made is better than the answer."""
     seen: dict[float, float] = {}
 
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         heat = 1e6 * (1.0 + 0.1 * (wanted.values[0] - 10.0))
         if wanted.fidelity == "default":
             seen[wanted.values[0]] = heat
@@ -391,7 +423,7 @@ def test_the_best_of_all_runs_is_the_answer(table: dict[str, object], most: int)
     assert (found.status == "found") == (best == truth)
     assert found.status in ("found", "not converged")
     assert covered(found, truth)
-    assert ("not converged" in "".join(b for b in told(found) if isinstance(b, str))) == (
+    assert ("not converged" in "".join(b for b in report(found) if isinstance(b, str))) == (
         found.status != "found"
     )
     json.dumps(plain(found.to_json()), allow_nan=False)
@@ -400,17 +432,17 @@ def test_the_best_of_all_runs_is_the_answer(table: dict[str, object], most: int)
 def test_what_nothing_depends_on_is_not_found() -> None:
     """Differences of 1e-12 K are those of rounding."""
 
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         return {STRESS: 1500.0 + 1e-12 * np.sin(1e3 * wanted.values[0]), HEAT: 1.0}
 
     found = solve(study(SUPERHEAT), given)
     assert found.status == "independent" and found.idle == ("casting.superheat",)
-    (first, *_) = (block for block in told(found) if isinstance(block, str))
+    (first, *_) = (block for block in report(found) if isinstance(block, str))
     assert "depends on none of casting.superheat; any value is as good" in first
     both = solve(study(SPEED, SUPERHEAT), lambda w: bowl(w))
     assert both.status == "found" and both.idle == ("casting.superheat",)
     assert any(
-        "no result depends on casting.superheat" in b for b in told(both) if isinstance(b, str)
+        "no result depends on casting.superheat" in b for b in report(both) if isinstance(b, str)
     )
 
 

@@ -11,20 +11,21 @@ import pytest
 from known_results import HEAT, SPEED, STRESS, bowl, covered, solve, study
 from synthetic_run import write_run
 
-from castfem.api import Result, load
+from castfem.api import Result
 from castfem.base.atomic_files import write_json
 from castfem.base.errors import InputError
+from castfem.model.shipped_cases import load
 from castfem.runs.output.folder import SUMMARY_NAME
 from castfem.runs.output.run_record import RunRecord
 from castfem.runs.output.summary import Summary
-from castfem.studies.optimisation import Evaluation, Optimum, Study, Wanted
-from castfem.studies.optimisation.told import told
+from castfem.studies.optimisation import Evaluation, Optimum, RunRequest, Study
+from castfem.studies.optimisation.optimum_report import report
 
 
 def test_runs_that_fail_inside():
     """They come to 1 - (speed - 3) / 2 of their way: the best is where they begin to fail."""
 
-    def given(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+    def given(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
         speed = wanted.values[0]
         if speed > 3.0:
             return Evaluation({}, 1.0 - (speed - 3.0) / 2.0, "breakout")
@@ -40,7 +41,7 @@ def test_runs_that_fail_inside():
 
 
 def test_a_start_among_failures():
-    def given(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+    def given(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
         speed = wanted.values[0]
         if speed < 4.0:
             return Evaluation({}, speed / 4.5, "breakout")
@@ -54,7 +55,7 @@ def test_a_start_among_failures():
 TAPER = {"key": "mould.taper", "range": ["-10 %/m", "10 %/m"]}
 
 
-def tapered(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+def tapered(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
     """As the 125 mm billet: 9.2 MJ/m from +0.59 %/m on, where its stress has begun to rise."""
     taper = wanted.values[0]
     if taper < -3.0:
@@ -86,7 +87,7 @@ def test_tapers_of_ten_percent(start: str):
 def test_failed_runs_are_said_beside_what_was_found():
     """And which of the runs optimise.most_runs counts."""
     found = any_taper("9.2 MJ/m", "-9.9 %/m")
-    runs, said = found.runs, [block for block in told(found) if isinstance(block, str)]
+    runs, said = found.runs, [block for block in report(found) if isinstance(block, str)]
     assert 0 < runs["failed"] < runs["search"] and runs["looked_at"] <= runs["search"]
     assert f"{runs['failed']} of the {runs['search']} runs by default failed" in said[0]
     assert any(f"{runs['looked_at']} when the search ended (optimise.most_runs)" in x for x in said)
@@ -104,7 +105,7 @@ def test_what_cannot_be_met_from_a_start_among_failures():
 def test_a_start_from_which_shares_lead_nowhere():
     """Runs between 2.5 and 3.5 m/min come through; the way to it from the start is downhill."""
 
-    def given(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+    def given(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
         speed = wanted.values[0]
         if not 2.5 < speed < 3.5:
             return Evaluation({}, 0.9 - 0.1 * min(abs(speed - 4.9), 4.0), "breakout")
@@ -125,10 +126,10 @@ def test_a_run_that_has_failed_is_told_by_its_folder(tmp_path: Path):
     replace(record, status="failed", reason="a breakout", reached={"position": 3e-3}).write(folder)
     write_json(folder / SUMMARY_NAME, replace(summary, status="failed").to_json())
     asked.tell(wanted, Result(folder))
-    given = asked._told[wanted]
+    given = asked._runs.results[wanted]
     assert given.failed and given.message == "a breakout"
     assert given.share == pytest.approx(0.5) and not given.quantities
-    with pytest.raises(InputError, match=r"tell: von_mises_max: a number in SI is needed"):
+    with pytest.raises(InputError, match=r"tell: von_mises_max must be a finite number in SI"):
         asked.tell(wanted, {STRESS: "3 MPa"})  # type: ignore[dict-item]
 
 
@@ -136,4 +137,4 @@ def test_all_runs_fail():
     found = solve(study(), lambda w: Evaluation({}, 0.1 * w.values[0], "breakout"))
     assert found.status == "failed"
     assert found.values[0].value == pytest.approx(5.0, abs=0.1)
-    assert "no run has come to its end" in str(next(iter(told(found))))
+    assert "no run has come to its end" in str(next(iter(report(found))))

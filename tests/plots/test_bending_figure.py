@@ -9,7 +9,7 @@ import numpy as np
 import pandas
 import pytest
 
-from castfem.api import load
+from castfem.model.shipped_cases import load
 from castfem.post.plots import figures
 from castfem.post.plots.along_strand import draw_bulging, draw_slice
 from castfem.post.plots.style import Abscissa, look

@@ -12,9 +12,8 @@ import pytest
 from synthetic_maps import write_maps
 from synthetic_run import summary, write_run
 
-from castfem.api import load
 from castfem.base.shown_quantity import Quantity
-from castfem.model.shipped_cases import CASE_NAME
+from castfem.model.shipped_cases import CASE_NAME, load
 from castfem.post.html.page import write
 from castfem.post.html.sections import sections
 from castfem.post.report.conclusions import conclusions

@@ -12,9 +12,9 @@ import pytest
 from rich.console import Console
 from synthetic_maps import THICK, WIDE, rolls, write_maps
 
-from castfem.api import load
 from castfem.base.shown_quantity import Quantity
 from castfem.fem.reductions import peak
+from castfem.model.shipped_cases import load
 from castfem.physics.machine.stations import Stations
 from castfem.post.report.cracks import CrackReport, crack_places, defects_of, pool_end
 from castfem.post.report.show import show

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from castfem.api import load
-from castfem.model.shipped_cases import CASE_NAME
+from castfem.model.shipped_cases import CASE_NAME, load
 from castfem.post.compare.remarks import remarks
 from castfem.post.compare.runs import Run
 from castfem.post.report.remarks import remarks_of

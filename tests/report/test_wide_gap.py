@@ -7,9 +7,8 @@ from typing import Any
 
 import pytest
 
-from castfem.api import load
 from castfem.base.shown_quantity import Quantity
-from castfem.model.shipped_cases import CASE_NAME
+from castfem.model.shipped_cases import CASE_NAME, load
 from castfem.post.report.cautions import radiated, wide_gap
 from castfem.runs.output.summary import Summary
 

@@ -1,49 +1,99 @@
 """Keys of a case fitted to what was measured: weighted least squares within bounds.
 
-Which values make the computed numbers most like the measured ones: the sum of the squares of
-(computed - measured)/error is least (Gauss-Newton with a trust region, scipy's `trf`). The
-derivatives are differences over a hundredth of the range of each key; the runs for them are done
-side by side, and none twice. What the fit knows of the keys follows from the derivatives where it
-ends, by Student's t: it holds for errors that are independent, and a case that is right.
+The sum of squares of (computed - measured)/error is minimised by Gauss-Newton in a trust region
+(scipy's `trf`). Derivatives are differences over a hundredth of the range of each key; their runs
+are made side by side. The intervals follow from the derivatives at the end, by Student's t: they
+hold for errors that are independent, and a case that is right.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from castfem.base import units
-from castfem.base.errors import InputError
+from castfem.base.atomic_files import write_csv, write_json, write_text
+from castfem.base.errors import InputError, RunFailure
+from castfem.base.shown_quantity import Quantity, from_si, unit_of_difference
+from castfem.base.tolerances import ROUNDING
 from castfem.base.types import Array
+from castfem.model.load import value_of
+from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.results.places import quantities_at
+from castfem.studies.optimisation.evaluator import Evaluator, variant
+from castfem.studies.optimisation.measured import Measured, residuals
+from castfem.studies.optimisation.probe_data import is_of_probe, value_at
 
-STEP = 0.01  # of a key's range, for the derivatives
+if TYPE_CHECKING:
+    from castfem.model import Case
+    from castfem.studies.optimisation.evaluator import Watcher
+
+CSV_NAME, JSON_NAME, CASE_NAME = "calibration.csv", "calibration.json", "calibrated.toml"
+_STEP = 0.01  # of a key's range, for the derivatives
 _NEAR = 1e-3  # of its range: a value so near to a bound is held by it
 _CLOSE = 1e-4  # relative change of the sum of squares, or of the keys, at which the fit ends
 _MOST = 20  # evaluations of the derivatives
 _SURE = 0.95  # probability of the intervals
+_SAMPLE = "KEY=LOW..HIGH UNIT, such as casting.speed=2..4 m/min"
+
+Residuals = Callable[[Sequence[Mapping[str, str]]], list[Array]]
+"""Residuals (n,) for each of some sets of values, key to text."""
 
 
 @dataclass(frozen=True, slots=True)
 class Free:
-    """A key that is fitted.
-
-    Attributes:
-        key: Dotted, as `--set` takes it.
-        low: Least value. high: Largest, both in `unit`.
-        unit: Of its values; empty for a plain number.
-    """
+    """A key that is fitted, with its bounds."""
 
     key: str
     low: float
     high: float
-    unit: str = ""
+    unit: str = ""  #: of the bounds; empty for plain numbers
 
     def text(self, value: float) -> str:
         """A value as a case file has it, to as many digits as count."""
         return f"{value:.8g} {self.unit}".strip()
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """The result for one key, in its unit."""
+
+    free: Free
+    start: float
+    value: float
+    interval: float  #: half the 95 % interval; NaN where the data do not determine it
+    held: bool  #: whether a bound holds it, so that the interval says little
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """The result of a fit."""
+
+    keys: tuple[Fitted, ...]
+    correlation: Array  #: of the keys (p, p)
+    start: Array  #: residuals where it began (n,)
+    end: Array  #: residuals where it ended
+    spread: float
+    """Root of the sum of squares over n - p: 1 where data and stated errors agree, the scatter of
+    the data where no errors were given."""
+    converged: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """A case fitted to what was measured."""
+
+    case: Case  #: with the fitted values, followed as far as the case that was given
+    fit: Fit
+    measured: list[Measured]
+    before: list[Quantity]  #: what the case gave of the data
+    after: list[Quantity]  #: what it gives now
+    runs: int  #: number of runs made
 
 
 def read_free(assignment: str) -> Free:
@@ -52,63 +102,21 @@ def read_free(assignment: str) -> Free:
     Raises:
         InputError: It is not written so.
     """
+    where = f'--free "{assignment}"'
     key, equals, bounds = assignment.partition("=")
     low, dots, high = bounds.partition("..")
-    sample = "KEY=LOW..HIGH UNIT, such as casting.speed=2..4 m/min"
     if not equals or not dots or not key.strip():
-        raise InputError(f'--free "{assignment}": write {sample}')
+        raise InputError(f"{where}: write {_SAMPLE}")
     try:
-        most, unit = units.split(high.strip())
-        least, own = units.split(low.strip())
+        (least, own), (most, unit) = units.split(low.strip()), units.split(high.strip())
         ends = float(least), float(most)
     except ValueError:
-        raise InputError(f'--free "{assignment}": bounds are numbers; write {sample}') from None
+        raise InputError(f"{where}: bounds are numbers; write {_SAMPLE}") from None
     if own and own != unit:
-        raise InputError(f'--free "{assignment}": both bounds in one unit; write {sample}')
+        raise InputError(f"{where}: both bounds in one unit; write {_SAMPLE}")
     if not ends[0] < ends[1]:
-        raise InputError(f'--free "{assignment}": the lower bound must be below the upper one')
+        raise InputError(f"{where}: the lower bound must be below the upper one")
     return Free(key.strip(), *ends, unit)
-
-
-@dataclass(frozen=True, slots=True)
-class Fitted:
-    """What was found for one key.
-
-    Attributes:
-        free: The key. start: Where the fit began. value: What fits best, both in the key's unit.
-        interval: Half the 95 % interval; NaN where the data do not tell.
-        held: Whether a bound holds it, so that the interval says little.
-    """
-
-    free: Free
-    start: float
-    value: float
-    interval: float
-    held: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Fit:
-    """A fit.
-
-    Attributes:
-        keys: What was found. correlation: Of the keys (p, p).
-        start: Residuals where it began (n,). end: Where it ended.
-        spread: Root of the sum of squares over the data that are left (n - p): 1 where data and
-            errors agree, the scatter of the data where no errors were given.
-        converged: Whether it came to rest.
-    """
-
-    keys: tuple[Fitted, ...]
-    correlation: Array
-    start: Array
-    end: Array
-    spread: float
-    converged: bool
-
-
-Residuals = Callable[[Sequence[Mapping[str, str]]], list[Array]]
-"""Residuals (n,) for each of some sets of values, key to text."""
 
 
 def fit(
@@ -120,52 +128,43 @@ def fit(
         residuals: (computed - measured)/error; runs the case.
         keys: To be fitted.
         start: Where to begin, in their units; drawn into the bounds.
-        errors_known: Whether the errors in it are those of the measurement; otherwise their size is
-            taken from how far the best fit is off.
+        errors_known: Whether the errors are those of the measurement; otherwise their size is taken
+            from the residuals of the best fit.
 
     Raises:
         InputError: There are fewer data than keys.
     """
     from scipy.optimize import least_squares
 
+    p = len(keys)
     low, size = np.array([k.low for k in keys]), np.array([k.high - k.low for k in keys])
 
-    def many(points: Sequence[Array]) -> list[Array]:
-        return residuals(
-            [
-                {k.key: k.text(float(v)) for k, v in zip(keys, low + size * point, strict=True)}
-                for point in points
-            ]
-        )
+    def at(point: Array) -> dict[str, str]:
+        values = low + size * point
+        return {k.key: k.text(float(v)) for k, v in zip(keys, values, strict=True)}
 
     def slopes(point: Array) -> Array:
         """Derivatives of the residuals by the scaled keys (n, p), inwards at an upper bound."""
-        steps = np.where(point + STEP > 1.0, -STEP, STEP)
-        base, *moved = many(
-            [point, *(point + s * e for s, e in zip(steps, np.eye(p), strict=True))]
-        )
+        steps = np.where(point + _STEP > 1.0, -_STEP, _STEP)
+        base, *moved = residuals([at(point), *(at(point + step) for step in np.diag(steps))])
         return np.column_stack([(m - base) / s for m, s in zip(moved, steps, strict=True)])
 
-    p = len(keys)
     begin = np.clip((np.asarray(start, float) - low) / size, 0.0, 1.0)
-    first = many([begin])[0]
+    (first,) = residuals([at(begin)])
     if len(first) < p:
         raise InputError(
             f"{len(first)} measured values cannot tell {p} keys; give more, or fit less"
         )
     found = least_squares(
-        lambda point: many([point])[0], begin, jac=slopes, bounds=(0.0, 1.0), method="trf",
-        ftol=_CLOSE, xtol=_CLOSE, gtol=1e-10, max_nfev=_MOST,
+        lambda point: residuals([at(point)])[0], begin, jac=slopes, bounds=(0.0, 1.0),
+        method="trf", ftol=_CLOSE, xtol=_CLOSE, gtol=1e-10, max_nfev=_MOST,
     )  # fmt: skip
     left = len(first) - p
     spread = math.sqrt(float(found.fun @ found.fun) / left) if left else math.nan
     half, correlation = _uncertainty(found.jac, spread, left, errors_known)
-    values, ends = low + size * found.x, size * half
-    fitted = tuple(
-        Fitted(k, float(low[i] + size[i] * begin[i]), float(values[i]), float(ends[i]),
-               bool(min(found.x[i], 1.0 - found.x[i]) < _NEAR))
-        for i, k in enumerate(keys)
-    )  # fmt: skip
+    held = np.minimum(found.x, 1.0 - found.x) < _NEAR
+    columns = zip(keys, low + size * begin, low + size * found.x, size * half, held, strict=True)
+    fitted = tuple(Fitted(k, float(a), float(b), float(c), bool(d)) for k, a, b, c, d in columns)
     return Fit(fitted, correlation, first, np.asarray(found.fun), spread, bool(found.status > 0))
 
 
@@ -174,21 +173,143 @@ def _uncertainty(
 ) -> tuple[Array, Array]:
     """Half the 95 % intervals of the scaled keys (p,), and their correlation (p, p).
 
-    NaN of keys that the data do not tell apart, and of all without more data than keys where the
-    errors are not known.
+    NaN for keys that the data do not distinguish, and for all where errors are not known and there
+    are no more data than keys.
     """
     from scipy import stats
 
     p = slopes.shape[1]
-    unknown = np.full(p, np.nan), np.full((p, p), np.nan)
-    normal = slopes.T @ slopes
+    unknown = np.full(p, np.nan)
     if np.linalg.matrix_rank(slopes) < p:
-        return unknown
-    covariance = np.linalg.inv(normal)
+        return unknown, np.full((p, p), np.nan)
+    covariance = np.linalg.inv(slopes.T @ slopes)
     deviation = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(deviation, deviation)
+    tail = 0.5 + 0.5 * _SURE
     if errors_known:
-        return float(stats.norm.ppf(0.5 + 0.5 * _SURE)) * deviation, correlation
+        return float(stats.norm.ppf(tail)) * deviation, correlation
     if not left:
-        return unknown[0], correlation
-    return float(stats.t.ppf(0.5 + 0.5 * _SURE, left)) * spread * deviation, correlation
+        return unknown, correlation
+    return float(stats.t.ppf(tail, left)) * spread * deviation, correlation
+
+
+def calibrate(
+    case: Case,
+    measured: list[Measured],
+    keys: Sequence[Free],
+    evaluator: Evaluator,
+    watcher: Watcher | None = None,
+) -> Calibration:
+    """Fit keys of a case to measured values.
+
+    Args:
+        case: The case; its own values are where the fit begins, if they are plain quantities.
+        measured: From `castfem.studies.optimisation.measured`.
+        keys: To be fitted, with their bounds.
+        evaluator: Of `followed(case, measured)`; runs it.
+        watcher: Follows the runs.
+
+    Raises:
+        InputError: A key or a value cannot be used.
+        RunFailure: A run of the fit does not come to its end.
+    """
+    known: dict[str, list[Quantity]] = {}
+
+    def many(values: Sequence[Mapping[str, str]]) -> list[Array]:
+        cases = [variant(evaluator.case, one) for one in values]
+        found = evaluator.evaluate(cases, values, watcher)
+        for one, run in zip(values, found, strict=True):
+            if run.failed or run.folder is None:
+                raise RunFailure(f"the run with {_text(one)} failed: {run.message}")
+            known[_text(one)] = computed(run.folder, measured)
+        return [residuals(measured, known[_text(one)]) for one in values]
+
+    errors = all(math.isfinite(m.error) for m in measured)
+    found = fit(many, keys, [_start(case, key) for key in keys], errors_known=errors)
+    best = {f.free.key: f.free.text(f.value) for f in found.keys}
+    first = {f.free.key: f.free.text(f.start) for f in found.keys}
+    before, after = known[_text(first)], known[_text(best)]
+    return Calibration(case.with_(best), found, measured, before, after, evaluator.runs)
+
+
+def followed(case: Case, measured: Sequence[Measured]) -> Case:
+    """The case, followed as far as there are data.
+
+    Raises:
+        InputError: They lie beyond its end.
+    """
+    farthest = max(measured, key=lambda one: one.position)
+    last, length = farthest.position, case.casting.length
+    if last > length * (1 + ROUNDING):
+        raise InputError(
+            f"{farthest.where}: {1e3 * last:g} mm was measured and the case is followed to "
+            f'{1e3 * length:g} mm; give --set casting.length="{1e3 * last:g} mm"'
+        )
+    return case.with_({"casting.length": f"{last!r} m"}) if last < length else case
+
+
+def computed(folder: Path, measured: Sequence[Measured]) -> list[Quantity]:
+    """What a run gives where there are data.
+
+    Raises:
+        InputError: It has no such result there.
+    """
+    table, found = read_history(folder / HISTORY_NAME), []
+    for data in measured:
+        if is_of_probe(data.name):
+            found.append(value_at(folder, data.name, data.position))
+            continue
+        here = quantities_at(table, data.position, folder)
+        if data.name not in here:
+            near = units.nearest(data.name, here)
+            raise InputError(f"{data.where}: no such result of this case{near}")
+        found.append(here[data.name])
+    return found
+
+
+def _start(case: Case, key: Free) -> float:
+    """The value of a key in the case, in the unit of its bounds; the middle of them without."""
+    value = units.number_in(value_of(case, key.key), key.unit)
+    return 0.5 * (key.low + key.high) if value is None else value
+
+
+def _text(values: Mapping[str, str]) -> str:
+    return ", ".join(f"{key} = {value}" for key, value in values.items())
+
+
+def write(folder: Path, found: Calibration) -> None:
+    """Write the data with what was computed, the fit, and the calibrated case.
+
+    Raises:
+        RunFailure: A file cannot be written.
+    """
+    rows = [["position [m]", "result", "unit", "measured", "error", "before", "after"]]
+    for data, before, after in zip(found.measured, found.before, found.after, strict=True):
+        unit = before.shown_unit
+        off = from_si(data.error, unit_of_difference(unit))
+        error = f"{off:.9g}" if math.isfinite(off) else ""
+        numbers = [from_si(value, unit) for value in (data.value, before.value, after.value)]
+        cells = [f"{number:.9g}" for number in numbers]
+        rows.append([f"{data.position:.9g}", data.name, unit, cells[0], error, *cells[1:]])
+    write_csv(folder / CSV_NAME, rows, durable=False)
+    fit = found.fit
+    keys = [
+        {
+            **asdict(one.free),
+            "start": one.start,
+            "value": one.value,
+            "half_interval_95": one.interval,
+            "held_by_bound": one.held,
+        }
+        for one in fit.keys
+    ]
+    content = {
+        "keys": keys,
+        "correlation": fit.correlation,
+        "sum_of_squares": [float(r @ r) for r in (fit.start, fit.end)],
+        "spread": fit.spread,
+        "converged": fit.converged,
+        "runs": found.runs,
+    }
+    write_json(folder / JSON_NAME, content)
+    write_text(folder / CASE_NAME, found.case.resolved_toml(), durable=False)

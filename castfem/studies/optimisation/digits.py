@@ -1,4 +1,4 @@
-"""With how many digits an answer is printed: what is said to differ is seen to differ."""
+"""Digits of an answer in tables: what differs is seen to differ."""
 
 from __future__ import annotations
 

@@ -14,8 +14,8 @@ from castfem.base.messages import shown
 from castfem.base.result_registry import smooth_twins
 from castfem.model.load import changed, from_document
 from castfem.studies.accuracy.levels import DEFAULT
+from castfem.studies.optimisation import argument_checks as check
 from castfem.studies.optimisation.fidelity import at_level, idealised
-from castfem.studies.optimisation.given import case_of, changes_of, fidelity_of, folder_of, whole
 from castfem.studies.optimisation.store import Evaluation, Store
 from castfem.studies.sweep.groups import Groups
 from castfem.studies.sweep.groups import check as check_groups
@@ -27,22 +27,30 @@ if TYPE_CHECKING:
 
     from castfem.model import Case
 
-_NOISE_NAME = "sweep.log"
+_LOG_NAME = "sweep.log"
 _PATIENCE = 3.0, 4.0  # s before each further attempt; runs of a killed command end within five
 _LEAN = {"fields": [], "figures": False}
 
 
 class Watcher(Protocol):
-    """What is told of the runs as they go (`castfem.studies.sweep.view.View` is one)."""
+    """Follows runs (`castfem.studies.sweep.view.View` does)."""
 
     def begun(self, job: Job) -> None:
-        """Take note that a run has begun."""
+        """A run has begun."""
 
     def ended(self, job: Job, outcome: Outcome) -> None:
-        """Take note of how a run has ended."""
+        """A run has ended."""
 
     def tick(self) -> None:
-        """Look at the runs; called a few times a second."""
+        """Called a few times a second."""
+
+
+class _Blind:
+    """Watches nothing."""
+
+    def begun(self, job: Job) -> None: ...
+    def ended(self, job: Job, outcome: Outcome) -> None: ...
+    def tick(self) -> None: ...
 
 
 class Evaluator(Closing):
@@ -53,21 +61,21 @@ class Evaluator(Closing):
     killed goes on from its checkpoint. A run that fails is kept, too, with how far it came.
 
     Args:
-        case: The case, or what `castfem.load` takes; its [optimise] is left out of the runs.
+        case: The case, or what `castfem.load` takes; the runs leave out its [optimise].
         folder: Where the runs go.
         processes: How many runs at once, each in a process of its own, for which a script needs
             `if __name__ == "__main__":`; 0: in this process, one after the other.
-        comm: Ranks that do the runs instead, the others within `serve`: each run is on one of
-            them, or with `ranks` on a group of so many, which is worth while for large sections.
+        comm: Ranks that do the runs instead, the others within `serve`: each run on one of them,
+            or on a group of `ranks`, for large sections.
         ranks: Of each run; they divide those of `comm`.
 
     Attributes:
         case: The case that is changed.
         store: The runs.
-        runs: How many were done by this object.
+        runs: How many this object has made.
 
     Raises:
-        InputError: The folder holds something else, or the ranks cannot be parted so.
+        InputError: The folder holds something else, or the ranks cannot be split into such groups.
     """
 
     def __init__(
@@ -79,14 +87,13 @@ class Evaluator(Closing):
         comm: MPI.Intracomm | None = None,
         ranks: int = 1,
     ) -> None:
-        self.case, target = lean(case_of(case, "Evaluator")), folder_of(folder, "Evaluator")
-        self._processes = whole(processes, 0, "Evaluator: processes")
-        self._ranks = whole(ranks, 1, "Evaluator: ranks")
-        size = 1 if comm is None else getattr(comm, "size", None)
-        if not isinstance(size, int):
-            raise InputError(f"Evaluator: comm: a communicator of mpi4py is needed, not {comm!r}")
+        self.case = lean(check.check_case(case, "Evaluator"))
+        target = check.check_folder(folder, "Evaluator")
+        self._processes = check.check_integer(processes, 0, "Evaluator: processes")
+        self._ranks = check.check_integer(ranks, 1, "Evaluator: ranks")
+        size = 1 if comm is None else comm.size
         check_groups(ranks, size, "Evaluator: ranks=")
-        self._comm = comm if size > 1 else None  # a rank alone does its runs itself
+        self._comm = comm if size > 1 else None  # a single rank does its runs itself
         self.store, self.runs = Store(target), 0
         self.store.check_is_of(self.case)
         self._team: Team | None = None
@@ -95,7 +102,7 @@ class Evaluator(Closing):
     def __call__(
         self, changes: Mapping[str, Any] | None = None, fidelity: str = DEFAULT
     ) -> Evaluation:
-        """Return what the case gives with some keys changed.
+        """Return the results of the case with some keys changed.
 
         Args:
             changes: Dotted key and new value, as `Case.with_` takes them.
@@ -105,18 +112,15 @@ class Evaluator(Closing):
             InputError: The changed case is not sound.
             RunFailure: A file cannot be written. A run that fails raises nothing.
         """
-        return self.many([changes_of(changes, "evaluate")], fidelity)[0]
+        return self.many([check.check_changes(changes)], fidelity)[0]
 
     def many(
         self, changes: Sequence[Mapping[str, Any]], fidelity: str = DEFAULT
     ) -> list[Evaluation]:
-        """Return what the case gives with each of some changes; see `__call__`."""
-        if not isinstance(changes, Sequence) or isinstance(changes, str):
-            raise InputError(f"many: several changes are needed, a list of them, not {changes!r}")
-        changes = [changes_of(one, "many") for one in changes]
-        word = fidelity_of(fidelity, "evaluate")
-        cases = [variant(self.case, one, word) for one in changes]
-        given = [{key: shown(value).strip('"') for key, value in one.items()} for one in changes]
+        """Return the results with each of several changes; see `__call__`."""
+        several = [check.check_changes(one) for one in changes]
+        cases = [variant(self.case, one, fidelity) for one in several]
+        given = [{key: shown(value).strip('"') for key, value in one.items()} for one in several]
         return self.evaluate(cases, given)
 
     def evaluate(
@@ -126,30 +130,30 @@ class Evaluator(Closing):
         watcher: Watcher | None = None,
         derivatives: Sequence[Derivatives | None] = (),
     ) -> list[Evaluation]:
-        """Return what cases give, each run once.
+        """Return the results of cases, each run once.
 
         Args:
             cases: The cases.
             given: What is varied in each, key to value, for its folder's name and tables.
-            watcher: Told of the runs.
-            derivatives: What each is to carry along; a run that was made without is made again.
+            watcher: Follows the runs.
+            derivatives: Which each computes; a run that was made without them is made again.
 
         Raises:
-            RunFailure: A run was hindered by what is none of its case's: another run at work in its
-                folder for longer than that of a killed command may be, a full disk, the end of
+            RunFailure: A run was stopped by something else than its case: another run at work in
+                its folder for longer than that of a killed command may be, a full disk, the end of
                 its process.
         """
-        carried = derivatives or [None] * len(cases)
-        jobs = [self.store.job(*one) for one in zip(cases, given, carried, strict=True)]
+        asked = derivatives or [None] * len(cases)
+        jobs = [self.store.job(*one) for one in zip(cases, given, asked, strict=True)]
         every = sorted(jobs, key=lambda job: job.derivatives is not None)  # if a run is there twice
         find = self.store.find
-        wanted = {job.name: job for job in every if find(job.case, job.derivatives) is None}
+        missing = {job.name: job for job in every if find(job.case, job.derivatives) is None}
         lost: dict[str, Evaluation] = {}
-        hindered: list[tuple[Job, Outcome]] = []
+        stopped: list[tuple[Job, Outcome]] = []
 
         def ended(job: Job, outcome: Outcome) -> None:
-            if outcome.obstacle:  # it says nothing of the case: no search may learn from it
-                hindered.append((job, outcome))
+            if outcome.obstacle:  # it says nothing about the case
+                stopped.append((job, outcome))
                 return
             found = self.store.note(job, outcome)
             if found.folder is None:
@@ -157,28 +161,24 @@ class Evaluator(Closing):
             if watcher is not None:
                 watcher.ended(job, outcome)
 
-        if wanted:
+        if missing:
             self._make_folder()
-            self.runs += len(wanted)
-            self._do(list(wanted.values()), ended, watcher)
+            self.runs += len(missing)
+            self._do(list(missing.values()), ended, watcher or _Blind())
             for wait in _PATIENCE:
-                again = [job for job, outcome in hindered if outcome.obstacle == "in use"]
+                again = [job for job, outcome in stopped if outcome.obstacle == "in use"]
                 if not again:
                     break
                 time.sleep(wait)
-                hindered[:] = [one for one in hindered if one[0] not in again]
-                self._do(again, ended, watcher)
+                stopped[:] = [one for one in stopped if one[0] not in again]
+                self._do(again, ended, watcher or _Blind())
             self.store.write_table()
-        if hindered:
+        if stopped:
             raise RunFailure(
-                f"{hindered[0][1].message}; the same command goes on with what has been run"
+                f"{stopped[0][1].message}; the same command goes on with what has been run"
             )
-        return [lost.get(job.name) or self._found(job) for job in jobs]
-
-    def _found(self, job: Job) -> Evaluation:
-        found = self.store.find(job.case)
-        assert found is not None
-        return found
+        found = [lost.get(job.name) or find(job.case) for job in jobs]
+        return [one for one in found if one is not None]
 
     def _make_folder(self) -> None:
         folder = self.store.folder
@@ -188,29 +188,28 @@ class Evaluator(Closing):
         except (OSError, RunFailure) as error:
             raise InputError(folder_refused(folder, error)) from None
 
-    def _do(self, jobs: list[Job], ended: Any, watcher: Watcher | None) -> None:
-        begun, tick = (watcher.begun, watcher.tick) if watcher else (_nothing, _nothing)
+    def _do(self, jobs: list[Job], ended: Any, watcher: Watcher) -> None:
         if self._comm is not None and self._ranks > 1:
             self._comm.bcast(self._ranks)
             if self._groups is None:
                 self._groups = Groups(self._comm, self._ranks)
-            self._groups.run_for_first(jobs, begun, ended)
+            self._groups.run_for_first(jobs, watcher.begun, ended)
         elif self._comm is not None:
             from castfem.studies.sweep.ranks import run_on_ranks
 
             self._comm.bcast(1)
-            run_on_ranks(self._comm, jobs, begun, ended, tick)
+            run_on_ranks(self._comm, jobs, watcher.begun, ended, watcher.tick)
         elif self._processes:
             if self._team is None:
-                self._team = Team(self._processes, self.store.folder / _NOISE_NAME)
-            self._team.run(jobs, begun, ended, tick)
+                self._team = Team(self._processes, self.store.folder / _LOG_NAME)
+            self._team.run(jobs, watcher.begun, ended, watcher.tick)
         else:
             for job in jobs:
-                begun(job)
+                watcher.begun(job)
                 ended(job, work(job))
 
     def close(self) -> None:
-        """Let the processes, or the other ranks, go."""
+        """Release the processes, or the other ranks."""
         if self._team is not None:
             self._team.close()
         if self._comm is not None:
@@ -221,17 +220,14 @@ class Evaluator(Closing):
 
 
 def serve(comm: MPI.Intracomm) -> None:
-    """Do runs for the evaluator on rank 0 until it is closed (on every other rank).
-
-    Args:
-        comm: That of the evaluator, which knows how many ranks a run has.
-    """
+    """Do runs for the evaluator of `comm` on rank 0 until it is closed (on every other rank)."""
     from castfem.studies.sweep.ranks import run_on_ranks
 
     groups: Groups | None = None
+    blind = _Blind()
     while ranks := comm.bcast(0):
         if ranks == 1:
-            run_on_ranks(comm, (), _nothing, _nothing, _nothing)
+            run_on_ranks(comm, (), blind.begun, blind.ended, blind.tick)
             continue
         if groups is None:
             groups = Groups(comm, ranks)
@@ -243,13 +239,7 @@ def serve(comm: MPI.Intracomm) -> None:
 def variant(
     case: Case, changes: Mapping[str, Any], fidelity: str = DEFAULT, *, ideal: bool = False
 ) -> Case:
-    """Return the case that is run for some changes.
-
-    Args:
-        case: The case, from `lean`.
-        changes: Dotted key and new value, as `Case.with_` takes them.
-        fidelity: A word of `castfem.studies.optimisation.fidelity`.
-        ideal: In the idealised mould instead of its own.
+    """Return a case from `lean` with changes, at a level, perhaps in its idealised mould.
 
     Raises:
         InputError: The changed case is not sound.
@@ -259,7 +249,7 @@ def variant(
 
 
 def lean(case: Case) -> Case:
-    """Return a case as it is run here: for its results alone, without fields and figures."""
+    """Return a case as it is run here: for its results, without fields and figures."""
     tables = case.document()
     tables.pop("optimise", None)
     tables.pop("reference", None)
@@ -267,7 +257,3 @@ def lean(case: Case) -> Case:
     if case.optimise is not None and case.optimise.names & smooth_twins().keys():
         tables["output"]["smooth"] = True
     return from_document(tables, case.title)
-
-
-def _nothing(*_: object) -> None:
-    """Stand in for what is told to a watcher."""

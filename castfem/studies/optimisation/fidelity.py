@@ -1,16 +1,17 @@
-"""How well a run is computed, by one word, and the idealised mould of a case.
+"""Levels of fidelity of a run, and the idealised mould of a case.
 
     thermal   temperature alone, on the section as cold: no mechanics, the mould follows the strand
     coarse    cells 1.5 times as large, coupling windows twice as long
     default   the case as it is
     fine      cells 0.625 times as large, coupling windows half as long
 
-What each costs and how large its errors are for the billet of chapter V: docs/mould_design.md.
-Equation numbers are those of [Pascon2003] (docs/references.md).
+Costs and errors for the billet of chapter V: docs/mould_design.md. Equation numbers are those of
+[Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from castfem.base import units
@@ -24,30 +25,39 @@ if TYPE_CHECKING:
     from castfem.model import Case
 
 THERMAL = "thermal"
+WORDS = (THERMAL, *LEVELS)
 _WALL = "mould"  # a contact law's word for mould.wall_temperature
-# Nothing but the liquid holds a shell without a wall; with this stiffness it bulges as in V.2.1.1.
-_HELD = {
+# Only the liquid supports a shell without a wall; with this stiffness it bulges as in V.2.1.1.
+_SUPPORT = {
     "liquid": "elastic",
     "liquid_stiffness": 1e-3,
     "mush": "geometric",
     "ferrostatic": "proportional",
 }
-WORDS = (THERMAL, *LEVELS)
+
+
+def check_word(word: str) -> None:
+    """Refuse what is no level of fidelity.
+
+    Raises:
+        InputError: It is none.
+    """
+    if str(word) not in WORDS:
+        near = units.nearest(str(word), WORDS)
+        raise InputError(f"fidelity must be one of {', '.join(WORDS)}, got {word!r}{near}")
 
 
 def at_level(case: Case, word: str) -> Case:
     """Return a case as a level of fidelity has it.
 
     Raises:
-        InputError: There is no such level, or the case cannot be computed so.
+        InputError: There is no such level, or the case cannot be computed at it.
     """
+    check_word(word)
     if word == DEFAULT:
         return case
     if word == THERMAL:
-        return _changed(case, lambda tables: _follow(tables, case, mechanics=False))
-    if word not in LEVELS:
-        known = ", ".join(WORDS)
-        raise InputError(f'fidelity "{word}" is not known; one of {known}{_near(word)}')
+        return _changed(case, lambda tables: _remove_mould(tables, case, mechanics=False))
     level = LEVELS[word]
 
     def refine(tables: dict[str, Any]) -> None:
@@ -63,22 +73,21 @@ def at_level(case: Case, word: str) -> Case:
 
 
 def idealised(case: Case) -> Case:
-    """Return the case in its idealised mould (V.2.1): one that follows the strand.
+    """Return the case in its idealised mould (V.2.1), which follows the strand.
 
-    Contact is never lost and nothing is pressed; with mechanics the liquid, elastic as in the
-    thesis, holds the shell that no wall holds. A case without [mould] is returned as it is.
+    There is no gap and no contact pressure; with mechanics the elastic liquid of the thesis
+    supports the shell. A case without [mould] is returned as it is.
     """
     if case.mould is None:
         return case
-    return _changed(case, lambda tables: _follow(tables, case, mechanics=True))
+    return _changed(case, lambda tables: _remove_mould(tables, case, mechanics=True))
 
 
-def _follow(tables: dict[str, Any], case: Case, mechanics: bool) -> None:
-    """Take the mould out of the tables of a case; the mechanics, too, unless they are wanted."""
+def _remove_mould(tables: dict[str, Any], case: Case, mechanics: bool) -> None:
     tables.pop("mould", None)
     tables.pop("quality", None)
     if mechanics and "mechanics" in tables:
-        tables["mechanics"] |= {**_HELD, "strain": "small"}
+        tables["mechanics"] |= {**_SUPPORT, "strain": "small"}
         tables["mechanics"].pop("mush", None)
     else:
         for key in ("mechanics", "coupling"):
@@ -94,23 +103,14 @@ def _follow(tables: dict[str, Any], case: Case, mechanics: bool) -> None:
 
 
 def _over_time(case: Case, wall: float | Table) -> str | dict[str, Any]:
-    """Return a wall temperature along the mould as a surface law takes it: over time."""
+    """A wall temperature along the mould as a surface law takes it: over time."""
     if not isinstance(wall, Table):
         return units.format(wall, "K", "degC")
     times = [case.casting.travel.time_at(position) for position in wall.arguments]
     return {"time": times, "time_unit": "s", "value": list(wall.values), "unit": "K"}
 
 
-def _changed(case: Case, change: Any) -> Case:
-    """Return the case with its tables changed.
-
-    Raises:
-        InputError: The changed case is not sound.
-    """
+def _changed(case: Case, change: Callable[[dict[str, Any]], None]) -> Case:
     tables = case.document()
     change(tables)
     return from_document(tables, case.title)
-
-
-def _near(word: str) -> str:
-    return units.nearest(word, WORDS)

@@ -1,10 +1,10 @@
-"""The ideal taper: that of the strand in its idealised mould, in the family that is asked for.
+"""The ideal taper: that of the strand in its idealised mould, where a search for tapers begins.
 
-V.2.1.1 of [Pascon2003] reads the taper of the width (302) and that of the diagonal, here a double
-one (303), off the shape that a strand takes in a mould that follows it. Here a family of tapers,
-whatever its segments, is fitted to width and diagonal all along the mould. A wall that
-falls behind the diagonal leaves the corner without contact, while one that goes ahead of the width
-presses on a soft face: where one taper has to serve both, the diagonal is fitted.
+V.2.1.1 of [Pascon2003] reads the taper of the width (302) and that of the diagonal (303) off the
+shape that a strand takes in a mould that follows it. Here tapers of any kind are fitted to width
+and diagonal all along the mould. A wall that falls behind the diagonal leaves the corner without
+contact, one that advances on the width only presses on a soft face: a single taper for both is
+fitted to the diagonal.
 """
 
 from __future__ import annotations
@@ -21,45 +21,41 @@ from castfem.runs.output.history import HISTORY_NAME, read_history
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from castfem.studies.optimisation.question import Question
+    from castfem.studies.optimisation.problem import DesignProblem
 
 _POINTS = 25  # along the mould
 _SIZES = {
     "width": "size_narrow_face", "height": "size_mid_face", "diameter": "size_mid_face",
     "diagonal": "size_corner",
 }  # fmt: skip
-_ALIKE = 0.05  # of a size at the meniscus: a web's, at the mid-face of a beam blank, is no height
+_NEAR = 0.05  # of a size at the meniscus: the web at the mid-face of a beam blank is no height
 
 
-def fitted(question: Question, start: Array, free: list[int], folder: Path) -> Array:
-    """Return where a search begins, its free tapers fitted to an idealised strand.
+def fitted_tapers(problem: DesignProblem, start: Array, tapers: list[int], folder: Path) -> Array:
+    """Return where a search begins (n,), its tapers fitted to an idealised strand.
 
     Args:
-        question: What is asked for.
-        start: Shares of the ranges (n,), of which those that are not free stay.
-        free: Which variables are tapers to be fitted.
+        problem: With the tapers.
+        start: Shares of the ranges (n,), those of other variables stay.
+        tapers: Numbers of the variables to be fitted.
         folder: Of the run in the idealised mould.
-
-    Returns:
-        Shares of the ranges (n,).
     """
     from scipy.optimize import lsq_linear
 
     history = read_history(folder / HISTORY_NAME)
     position = history["position"].to_numpy()
-    length = question.case.mould.length if question.case.mould is not None else 0.0
+    length = problem.case.mould.length if problem.case.mould is not None else 0.0
     places = np.linspace(0.0, min(length, position[-1]), _POINTS)
 
     def walls(shares: Array) -> dict[str, Array]:
-        wanted = question.at(shares)
-        case = question.case.with_(question.changes(wanted))
+        case = problem.case.with_(problem.changes(problem.request(shares)))
         assert case.mould is not None
         mould = build_mould(case.mould, case.section)
         sizes = [mould.dimensions(float(z)) for z in places]
         return {name: np.array([one[name] for one in sizes]) for name in sizes[0]}
 
     strand = strand_sizes(history, places, {name: size[0] for name, size in walls(start).items()})
-    names = _fitted_to(list(strand), [question.axes[i].key for i in free])
+    names = _fitted_to(list(strand), [problem.variables[i].key for i in tapers])
     if not names:
         return start
 
@@ -68,18 +64,18 @@ def fitted(question: Question, start: Array, free: list[int], folder: Path) -> A
         wall = walls(shares)
         return np.concatenate([wall[n] - wall[n][0] - strand[n] + strand[n][0] for n in names])
 
-    # Sizes go with tapers all but linearly: two differences and a solve, twice.
+    # Sizes are all but linear in the tapers: two differences and a solve, twice.
     found = np.array(start, dtype=float)
     for _ in range(2):
         base = off(found)
         slopes = []
-        for i in free:
+        for i in tapers:
             moved = found.copy()
             moved[i] += 0.25 if moved[i] < 0.5 else -0.25
             slopes.append((off(moved) - base) / (moved[i] - found[i]))
-        limits = (-found[free], 1.0 - found[free])
+        limits = (-found[tapers], 1.0 - found[tapers])
         step = lsq_linear(1e3 * np.column_stack(slopes), -1e3 * base, limits).x
-        found[free] = np.clip(found[free] + step, 0.0, 1.0)
+        found[tapers] = np.clip(found[tapers] + step, 0.0, 1.0)
     return found
 
 
@@ -107,7 +103,7 @@ def strand_sizes(history: DataFrame, places: Array, cavity: dict[str, float]) ->
 
     columns = {name: _SIZES[name] for name in cavity if _SIZES.get(name) in history}
     found = {name: along(column) for name, column in columns.items()}
-    found = {n: v for n, v in found.items() if abs(v[0] / cavity[n] - 1.0) < _ALIKE}
+    found = {n: v for n, v in found.items() if abs(v[0] / cavity[n] - 1.0) < _NEAR}
     if "diagonal" in cavity and "diagonal" not in found and "displacement_corner" in history:
         width, height = cavity["width"], cavity["height"]
         slant = np.hypot(width, height) * np.sqrt(2.0) / (width + height)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,11 +14,8 @@ from castfem.base.csv_files import DECIMAL_COMMAS, Heading, UnreadableError, rea
 from castfem.base.errors import InputError
 from castfem.base.result_registry import fault, unit_of
 from castfem.base.shown_quantity import Quantity
-from castfem.base.units import nearest
+from castfem.base.types import Array
 from castfem.studies.optimisation.probe_data import is_of_probe, misfit, unit_at_probe
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 _ERROR = " error"  # ends the name of a column of errors
 _POSITION = "position"
@@ -27,20 +24,13 @@ _SAMPLE = "position [mm], surface_temperature_mid_face [degC]"
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """One measured value.
+    """One measured value."""
 
-    Attributes:
-        position: Below the meniscus, m.
-        name: Of the result, as in history.csv; `tc1.temperature` of the probe tc1.
-        value: In SI. error: Its standard deviation in SI; NaN where none is given.
-        source: File and line it is from, "" for none.
-    """
-
-    position: float
-    name: str
-    value: float
-    error: float
-    source: str = ""
+    position: float  #: below the meniscus, m
+    name: str  #: of the result, as in history.csv; `tc1.temperature` of the probe tc1
+    value: float  #: SI
+    error: float  #: standard deviation, SI; NaN where none is given
+    source: str = ""  #: file and line, "" for none
 
     @property
     def where(self) -> str:
@@ -68,71 +58,71 @@ def read_measured(path: Path, known: Iterable[str] = ()) -> list[Measured]:
     except UnreadableError as error:
         raise InputError(f"{path}: {error}") from None
     names = [heading.name for heading in file.headings]
+    where = f"{path}: line {file.line}"
     if not names or names[0] != _POSITION or len(names) < 2 or not file.rows:
-        raise InputError(f"{path}: line {file.line}: a header and rows are needed, {_SAMPLE}")
-    problems = list(_unknown(path, file.line, names, list(known)))
-    problems += _misfits(path, file.line, file.headings)
+        raise InputError(f"{where}: a header and rows are needed, {_SAMPLE}")
+    problems = [*_unknown_columns(names, list(known)), *_wrong_units(file.headings)]
     if problems:
-        raise InputError(problems)
+        raise InputError([f"{where}: {problem}" for problem in problems])
     found: list[Measured] = []
     for row in file.rows:
         where = f"{path}: line {row.line}"
         if len(row.cells) != len(names):
-            mend = f"; {DECIMAL_COMMAS}" if len(row.cells) > len(names) else ""
-            raise InputError(f"{where}: {len(row.cells)} cells, not {len(names)}{mend}")
-        cells = {n: (h, c) for n, h, c in zip(names, file.headings, row.cells, strict=True) if c}
-        if _POSITION not in cells:
-            raise InputError(f"{where}: the position is missing")
-        place = _si(*cells[_POSITION], where)
-        if place < 0.0:
-            raise InputError(f"{where}: the position lies above the meniscus, from which it counts")
-        for name, cell in cells.items():
-            if name == _POSITION or name.endswith(_ERROR):
-                continue
-            own = cells.get(name + _ERROR)
-            off = math.nan if own is None else _si(*own, where, difference=True)
-            if off <= 0.0:
-                raise InputError(f"{where}: {name}{_ERROR} must be above 0")
-            found.append(Measured(place, name, _si(*cell, where), off, where))
+            fix = f"; {DECIMAL_COMMAS}" if len(row.cells) > len(names) else ""
+            raise InputError(f"{where}: {len(row.cells)} cells, not {len(names)}{fix}")
+        cells = {h.name: (h, c) for h, c in zip(file.headings, row.cells, strict=True) if c}
+        found += _values(cells, where)
     _check_errors(path, found)
     return found
 
 
-def _unknown(path: Path, line: int, names: list[str], known: list[str]) -> Iterable[str]:
-    """What is wrong with the columns."""
+def _values(cells: dict[str, tuple[Heading, str]], where: str) -> Iterator[Measured]:
+    """The values of a row, from its cells by column."""
+    if _POSITION not in cells:
+        raise InputError(f"{where}: the position is missing")
+    place = _si(*cells[_POSITION], where)
+    if place < 0.0:
+        raise InputError(f"{where}: the position lies above the meniscus, from which it counts")
+    for name, cell in cells.items():
+        if name == _POSITION or name.endswith(_ERROR):
+            continue
+        own = cells.get(name + _ERROR)
+        off = math.nan if own is None else _si(*own, where, difference=True)
+        if off <= 0.0:
+            raise InputError(f"{where}: {name}{_ERROR} must be above 0")
+        yield Measured(place, name, _si(*cell, where), off, where)
+
+
+def _unknown_columns(names: list[str], known: list[str]) -> Iterator[str]:
     for name in names[1:]:
         bare = name.removesuffix(_ERROR)
         if name != bare and bare not in names:
-            yield f"{path}: line {line}: {name}: there is no column {bare}"
+            yield f"{name}: there is no column {bare}"
         elif known and bare not in known:
-            yield f"{path}: line {line}: {bare}: no such result of this case{nearest(bare, known)}"
+            yield f"{bare}: no such result of this case{units.nearest(bare, known)}"
     for name in {n for n in names if names.count(n) > 1}:
-        yield f"{path}: line {line}: {name} stands there twice"
+        yield f"{name} stands there twice"
 
 
-def _misfits(path: Path, line: int, headings: Iterable[Heading]) -> Iterable[str]:
+def _wrong_units(headings: Iterable[Heading]) -> Iterator[str]:
     """Units of columns that do not measure their results; unknown results are left to the run."""
     for heading in headings:
         bare = heading.name.removesuffix(_ERROR)
-        known = unit_at_probe if is_of_probe(bare) else unit_of
-        unit = "mm" if bare == _POSITION else known(bare)
-        if not heading.unit and unit not in (None, "1", "percent"):
-            usual = "K" if bare != heading.name and unit == "degC" else unit
-            told = f"{heading.name} has no unit; write it in the header, {heading.name} [{usual}]"
-            yield f"{path}: line {line}: {told}"
-            continue
-        if not heading.unit or unit is None or bare == _POSITION:
-            continue
-        try:
-            if is_of_probe(bare):
-                text = misfit(bare, heading.unit)
-                found = ("value", text) if text else None
-            else:
-                found = fault(bare, f"1 {heading.unit}")
-        except ValueError as error:
-            found = "value", str(error)
-        if found is not None:
-            yield f"{path}: line {line}: {heading.text.strip()}: {found[1]}"
+        unit = (unit_at_probe if is_of_probe(bare) else unit_of)(bare)
+        unit = "mm" if bare == _POSITION else unit
+        if not heading.unit:
+            if unit not in (None, "1", "percent"):
+                usual = "K" if bare != heading.name and unit == "degC" else unit
+                fix = f"write it in the header, {heading.name} [{usual}]"
+                yield f"{heading.name} has no unit; {fix}"
+        elif unit is not None and bare != _POSITION:
+            try:
+                found = fault(bare, f"1 {heading.unit}") if not is_of_probe(bare) else None
+                text = misfit(bare, heading.unit) if is_of_probe(bare) else found and found[1]
+            except ValueError as error:
+                text = str(error)
+            if text:
+                yield f"{heading.text.strip()}: {text}"
 
 
 def _si(heading: Heading, cell: str, where: str, *, difference: bool = False) -> float:
@@ -143,41 +133,39 @@ def _si(heading: Heading, cell: str, where: str, *, difference: bool = False) ->
             raise ValueError("a finite number is needed")
         if not heading.unit:
             return number
+        text = f"{cell} {heading.unit}"
         if heading.name == _POSITION:
-            return units.parse(f"{cell} {heading.unit}", "m")
-        value, si = units.parse_any(f"{cell} {heading.unit}")
-        if difference and si == "K":
-            return units.parse(f"{cell} {heading.unit}", "K", difference=True)
-        return value
+            return units.parse(text, "m")
+        value, si = units.parse_any(text)
+        return units.parse(text, "K", difference=True) if difference and si == "K" else value
     except ValueError as error:
         raise InputError(f"{where}: {heading.text.strip()} ({cell}): {error}") from None
 
 
 def _check_errors(path: Path, found: list[Measured]) -> None:
-    """Refuse values of several results whose weights nobody has told."""
+    """Refuse values of several results without weights."""
     if not found:
         raise InputError(f"{path}: holds no measured value")
-    having = [math.isfinite(m.error) for m in found]
-    if any(having) and not all(having):
-        missing = next(m for m in found if not math.isfinite(m.error))
+    missing = [m for m in found if not math.isfinite(m.error)]
+    if missing and len(missing) < len(found):
+        name, place = missing[0].name, 1e3 * missing[0].position
         raise InputError(
-            f"{path}: {missing.name} at {1e3 * missing.position:g} mm has no error and others "
-            f"have; give all of them, {missing.name}{_ERROR}, or none"
+            f"{path}: {name} at {place:g} mm has no error and others have; give all of them, "
+            f"{name}{_ERROR}, or none"
         )
     names = {m.name for m in found}
-    if len(names) > 1 and not all(having):
-        one = min(names)
+    if len(names) > 1 and missing:
         raise InputError(
             f"{path}: values of {len(names)} results need their errors, by which they are weighed: "
-            f"a column {one}{_ERROR}"
+            f"a column {min(names)}{_ERROR}"
         )
 
 
-def residuals(measured: list[Measured], computed: list[Quantity | None]) -> np.ndarray:
+def residuals(measured: Sequence[Measured], computed: Sequence[Quantity]) -> Array:
     """(computed - measured)/error, the difference in SI where there is no error (n,)."""
     found = []
     for data, ours in zip(measured, computed, strict=True):
-        if ours is None or not math.isfinite(ours.value):
+        if not math.isfinite(ours.value):
             raise InputError(
                 f"{data.where} has no value at {1e3 * data.position:g} mm to compare with"
             )

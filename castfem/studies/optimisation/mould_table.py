@@ -1,15 +1,13 @@
-"""The table that a mould is made by: inner sizes against the distance from the meniscus."""
+"""The table that a mould is made by: inner sizes over the distance from the meniscus."""
 
 from __future__ import annotations
 
-import csv
-import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from castfem.base.atomic_files import write_text
+from castfem.base.atomic_files import write_csv
 from castfem.base.tolerances import same_instant
 from castfem.model.build_mould import build_mould
 
@@ -18,18 +16,17 @@ if TYPE_CHECKING:
 
 MOULD_NAME = "mould.csv"
 _EVERY = 0.05  # m
-_COLD = "cold "
 
 
 def mould_table(case: Case, every: float = _EVERY) -> tuple[list[str], list[list[float]]]:
     """Return headings and rows of a mould: distance from the meniscus and inner sizes, mm.
 
-    The sizes are those of the mould at work; of one that is given cold, those of the workshop
-    stand beside them.
+    The sizes are those of the mould at work, and beside them those of the workshop if it is given
+    cold.
 
     Args:
         case: With a [mould].
-        every: Distance between two rows, m; where a taper changes there is one, too.
+        every: Distance between two rows, m; there is also one where a taper changes.
     """
     assert case.mould is not None
     mould = build_mould(case.mould, case.section)
@@ -38,10 +35,10 @@ def mould_table(case: Case, every: float = _EVERY) -> tuple[list[str], list[list
     for knot in (*case.mould_knots(), length):
         places = {z for z in places if not same_instant(z, knot, length)} | {knot}
     names = list(mould.dimensions(0.0))
-    if "height" in names and same_size(case):
+    ends = [mould.dimensions(z) for z in (0.0, 0.5 * length, length)]
+    if "height" in names and all(abs(one["width"] - one["height"]) < 1e-12 for one in ends):
         names.remove("height")
-    cold = mould.expansion is not None
-    head = ["distance", *names, *([_COLD + name for name in names] if cold else [])]
+    cold = [f"cold {name}" for name in names] if mould.expansion is not None else []
     rows = []
     for place in sorted(places):
         sizes = mould.dimensions(place)
@@ -50,15 +47,7 @@ def mould_table(case: Case, every: float = _EVERY) -> tuple[list[str], list[list
             made = mould.dimensions(place, as_made=True)
             row += [made[name] for name in names]
         rows.append([1e3 * value for value in row])
-    return [f"{name} [mm]" for name in head], rows
-
-
-def same_size(case: Case) -> bool:
-    """Return whether the width of a mould is its height, all along."""
-    assert case.mould is not None
-    mould = build_mould(case.mould, case.section)
-    ends = [mould.dimensions(z) for z in (0.0, 0.5 * mould.length, mould.length)]
-    return all(abs(one["width"] - one["height"]) < 1e-12 for one in ends)
+    return [f"{name} [mm]" for name in ("distance", *names, *cold)], rows
 
 
 def write_mould_table(folder: Path, case: Case) -> Path:
@@ -68,10 +57,6 @@ def write_mould_table(folder: Path, case: Case) -> Path:
         RunFailure: It cannot be written.
     """
     head, rows = mould_table(case)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(head)
-    writer.writerows([f"{value:.4f}" for value in row] for row in rows)
     path = folder / MOULD_NAME
-    write_text(path, text.getvalue())
+    write_csv(path, [head, *([f"{value:.4f}" for value in row] for row in rows)])
     return path

@@ -1,4 +1,4 @@
-"""The answer to a question: the optimum as an interval, what binds, what a step away costs."""
+"""The answer of a search: the optimum as an interval, what binds, what a step away costs."""
 
 from __future__ import annotations
 
@@ -7,212 +7,284 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from castfem.base.shown_quantity import from_si, unit_of_difference
-from castfem.studies.optimisation.front import Front
+from castfem.base.shown_units import Scale, scale_of
 
 Status = Literal["found", "not converged", "independent", "impossible", "failed"]
+_DIFFERENCE = "delta_"
+
+
+def unit_name(unit: str) -> str:
+    """A unit as tables of a search have it; empty for none."""
+    return {"-": "", "percent": "%"}.get(unit, unit.removeprefix(_DIFFERENCE))
+
+
+@dataclass(frozen=True, slots=True)
+class ShownResult:
+    """A result with the documented unit of files, and the chosen one of tables and figures."""
+
+    name: str
+    label: str  #: in words
+    shown_unit: str  #: documented unit
+
+    def shown(self, value: float) -> float:
+        """A value in SI in the documented unit."""
+        return from_si(value, self.shown_unit)
+
+    def shown_difference(self, value: float) -> float:
+        """A difference in SI in the documented unit."""
+        return from_si(value, unit_of_difference(self.shown_unit))
+
+    @property
+    def scale(self) -> Scale:
+        """From the documented unit to the chosen one."""
+        return scale_of(self.shown_unit, self.name)
+
+    @property
+    def difference_scale(self) -> Scale:
+        """The same for a difference."""
+        return scale_of(unit_of_difference(self.shown_unit), self.name)
+
+    def chosen(self, value: float) -> float:
+        """A value in SI in the chosen unit."""
+        return float(self.scale(self.shown(value)))
+
+    def chosen_difference(self, value: float) -> float:
+        """A difference in SI in the chosen unit."""
+        return float(self.difference_scale(self.shown_difference(value)))
+
+    @property
+    def difference_unit(self) -> str:
+        """The chosen unit of a difference, empty for none."""
+        return unit_name(self.difference_scale.unit)
+
+    def heading(self, *, chosen: bool = True) -> str:
+        """Name and unit, the chosen or the documented one."""
+        unit = self.scale.unit if chosen else self.shown_unit
+        return self.name if unit == "-" else f"{self.name} [{unit}]"
+
+    @property
+    def in_words(self) -> str:
+        """Label and chosen unit."""
+        unit = unit_name(self.scale.unit)
+        return f"{self.label} [{unit}]" if unit else self.label
+
+
+@dataclass(frozen=True, slots=True)
+class ResultWithError(ShownResult):
+    """A result at the optimum and its errors, SI."""
+
+    value: float
+    noise: float  #: scatter between runs that differ by next to nothing
+    numerical: float  #: numerical error; NaN where no other level has finished
+    twin: tuple[str, float] | None = None  #: for a smooth result the maximum it stands for
+    measured: bool = True  #: whether the noise was; it is 0 otherwise
+
+    def to_json(self) -> dict[str, Any]:
+        """Its content in optimum.json."""
+        return {
+            "quantity": self.name,
+            "label": self.label,
+            "unit": self.shown_unit,
+            "value": self.shown(self.value),
+            "noise": self.shown_difference(self.noise) if self.measured else None,
+            "numerical": self.shown_difference(self.numerical),
+            **({} if self.twin is None else {self.twin[0]: self.shown(self.twin[1])}),
+        }
 
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """A variable at the optimum, in the unit of its range.
-
-    Attributes:
-        key: Of the case. unit: "" for none.
-        value: At the best run.
-        low: Lowest value that cannot be told from the best.
-        high: Likewise.
-        open_low: Whether it may lie lower still.
-        open_high: Likewise.
-        checked: Where the optimum is with the constraints as the level of the check has them, by
-            runs of that level; None where that failed.
-        range: In which it was looked for.
-        at_end: What it lies at: the "lowest" or "highest" of its range, or where "runs fail"; ""
-            for none.
-        drawn: Where the optimum is for other inputs, 5 and 95 % of the draws; None where none was
-            asked for.
-        safe: Of the best place that meets all constraints in 95 % of the draws; None where none
-            near does.
-    """
+    """A variable at the optimum, in the unit of its range."""
 
     key: str
-    unit: str
-    value: float
-    low: float
+    unit: str  #: "" for none
+    value: float  #: at the best run
+    low: float  #: lowest value that cannot be told from the best
     high: float
-    open_low: bool
+    open_low: bool  #: whether it may lie lower still
     open_high: bool
-    checked: float | None
-    range: tuple[float, float]
-    at_end: str = ""
-    drawn: tuple[float, float] | None = None
-    safe: float | None = None
+    checked: float | None  #: at the optimum with the constraints of the check; None if that failed
+    range: tuple[float, float]  #: in which it was searched
+    at_end: str = ""  #: "lowest" or "highest" of its range, where "runs fail", or ""
+    drawn: tuple[float, float] | None = None  #: for other inputs, 5 and 95 % of the draws
+    safe: float | None = None  #: of the best place that meets all constraints in 95 % of the draws
 
 
 @dataclass(frozen=True, slots=True)
 class SpreadRow:
-    """What the inputs do to a result at the optimum, or to a variable's best value.
+    """What the inputs do to a result at the optimum, or to the best value of a variable."""
 
-    Attributes:
-        name: Of the objective, the constraint as written, or the variable.
-        change: From the optimum, 5 and 95 % of the draws, in `unit`.
-        unit: As it is shown, "-" or "" for none.
-        error: Of the quadratics by which it was computed; None of a variable.
-        met: Share of the draws in which the constraint is met; None of anything else.
-        first: Sobol index of the first order of each input.
-        total: Likewise.
-    """
-
-    name: str
-    change: tuple[float, float]
-    unit: str
-    error: float | None
-    met: float | None
-    first: tuple[float, ...]
-    total: tuple[float, ...]
+    name: str  #: of the objective, the constraint as written, or the variable
+    change: tuple[float, float]  #: from the optimum, 5 and 95 % of the draws, in `unit`
+    unit: str  #: "-" or "" for none
+    error: float | None  #: of the fit; None for a variable
+    met: float | None  #: share of the draws in which the constraint is met; else None
+    first: tuple[float, ...]  #: Sobol index of first order of each input
+    total: tuple[float, ...]  #: total Sobol index of each input
 
 
 @dataclass(frozen=True, slots=True)
-class Spreading:
-    """The spread of an optimum by its inputs.
+class Spread:
+    """The spread of an optimum by its inputs."""
 
-    Attributes:
-        labels: Of the inputs.
-        rows: Results and variables.
-        runs: How many were made for it.
-        failed: Of these.
-        open: Whether draws lead to where the runs about the optimum end.
-        derivatives: Whether the runs have carried their derivatives along.
-    """
-
-    labels: tuple[str, ...]
-    rows: tuple[SpreadRow, ...]
-    runs: int
-    failed: int
-    open: bool
-    derivatives: bool
+    labels: tuple[str, ...]  #: of the inputs
+    rows: tuple[SpreadRow, ...]  #: objective, constraints, variables
+    runs: int  #: number of runs made for it
+    failed: int  #: of these
+    open: bool  #: whether draws lead to where the runs about the optimum end
+    derivatives: bool  #: whether the runs have derivatives
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
-    """A result at the optimum and its errors, in SI.
+class ConstraintStatus:
+    """A constraint at the optimum, SI."""
 
-    Attributes:
-        name: Of the result.
-        label: In words.
-        shown_unit: In which it is shown.
-        value: At the best run.
-        noise: Scatter between runs that differ by next to nothing.
-        numerical: Its numerical error, by all levels of fidelity; NaN where only that of the search
-            came through.
-        twin: Of a smooth one the maximum that it stands for, and that at the best run; else None.
-        measured: Whether its noise was; it stands as 0 otherwise.
-    """
-
-    name: str
-    label: str
-    shown_unit: str
-    value: float
-    noise: float
-    numerical: float
-    twin: tuple[str, float] | None = None
-    measured: bool = True
-
-    def shown(self, value: float) -> float:
-        """A value in the unit in which it is shown."""
-        return from_si(value, self.shown_unit)
-
-    def shown_difference(self, value: float) -> float:
-        """A difference likewise."""
-        return from_si(value, unit_of_difference(self.shown_unit))
-
-
-@dataclass(frozen=True, slots=True)
-class Kept:
-    """A constraint at the optimum.
-
-    Attributes:
-        text: As written.
-        known: The result.
-        bound: In SI.
-        left: How far it is on the right side, SI.
-        checked: The same by the level of the check; NaN where that failed.
-        error: Of that: noise and numerical error; NaN where the latter is not known.
-        met: Whether it holds.
-        binding: Whether it keeps the objective from being better.
-        near: Whether it does so here: its bound is at the optimum, as far as can be told.
-    """
-
-    text: str
-    known: Known
+    text: str  #: as written
+    result: ResultWithError
     bound: float
-    left: float
-    checked: float
-    error: float
+    left: float  #: how far the result is on the right side
+    checked: float  #: the same by the level of the check; NaN where that failed
+    error: float  #: of that: noise and numerical error; NaN where the latter is not known
     met: bool
-    binding: bool
-    near: bool = True
+    binding: bool  #: whether it keeps the objective from being better
+    near: bool = True  #: whether it does so here: its bound is at the optimum, within its error
+
+    def to_json(self) -> dict[str, Any]:
+        """Its content in optimum.json."""
+        return {
+            "text": self.text,
+            **self.result.to_json(),
+            "bound": self.result.shown(self.bound),
+            "left": self.result.shown_difference(self.left),
+            "left_checked": self.result.shown_difference(self.checked),
+            "error": self.result.shown_difference(self.error),
+            "met": self.met,
+            "binding": self.binding,
+            "near": self.near,
+        }
 
 
 @dataclass(frozen=True, slots=True)
-class Away:
-    """What a step of one variable from the optimum costs.
-
-    Attributes:
-        key: The variable.
-        value: Where the step leads, in its unit.
-        objective: Change of the objective, SI; NaN where the run fails.
-        left: What the constraints have left there, SI.
-        message: Why that run failed.
-    """
+class Neighbour:
+    """A run a step of one variable away from the optimum."""
 
     key: str
-    value: float
-    objective: float
-    left: tuple[float, ...]
-    message: str = ""
+    value: float  #: of that variable, in its unit
+    objective: float  #: change of the objective, SI; NaN where the run fails
+    left: tuple[float, ...]  #: what the constraints have left there, SI
+    message: str = ""  #: why it failed
 
 
 @dataclass(frozen=True, slots=True)
-class ByCheck:
-    """What the level of the check gives where the optimum is with its constraints.
-
-    Attributes:
-        objective: In SI.
-        left: What the constraints have left, SI.
-    """
+class CheckResult:
+    """Results of the check at its own optimum, SI."""
 
     objective: float
-    left: tuple[float, ...]
+    left: tuple[float, ...]  #: what the constraints have left
+
+
+@dataclass(frozen=True, slots=True)
+class FrontResult(ShownResult):
+    """One of the two results of a front."""
+
+    sense: float  #: 1 where it is to be small, -1 where large
+    noise: float  #: SI
+
+
+@dataclass(frozen=True, slots=True)
+class FrontPoint:
+    """A run on a front."""
+
+    values: tuple[float, ...]  #: of the variables, in the units of their ranges
+    first: float  #: the result that is to be best, SI
+    second: float  #: what it is weighed against, SI
+    price: float | None  #: change of first over that of second from the point before, SI
+    run: str  #: name of its folder, "" where it was made elsewhere
+
+
+@dataclass(frozen=True, slots=True)
+class Front:
+    """What can be had of two results."""
+
+    keys: tuple[str, ...]  #: of the variables, with their units
+    first: FrontResult
+    second: FrontResult
+    points: tuple[FrontPoint, ...]
+    """From the best of the first to the best of the second, none better than another in both by
+    more than noise. A single one: both are best together."""
+    runs: int  #: number of runs made for it
+    spent: bool  #: whether a search of it ended because it had no more runs
+
+    def price_heading(self, *, chosen: bool = True) -> str:
+        """Heading of the price in tables, with its chosen or documented unit."""
+        results = (self.first, self.second)
+        units = [
+            one.difference_scale.unit if chosen else unit_of_difference(one.shown_unit)
+            for one in results
+        ]
+        named = ["1" if unit == "-" else unit for unit in units]
+        if chosen:
+            named = [unit.removeprefix(_DIFFERENCE) for unit in named]
+        return f"price [{' per '.join(named)}]"
+
+    def price(self, point: FrontPoint, *, chosen: bool = False) -> float | None:
+        """The price of a point, in the documented or the chosen units."""
+        if point.price is None:
+            return None
+        if chosen:
+            change = self.first.chosen_difference(point.price)
+            return change / self.second.chosen_difference(1.0)
+        return self.first.shown_difference(point.price) / self.second.shown_difference(1.0)
+
+    def to_json(self) -> dict[str, Any]:
+        """Its content in optimum.json."""
+        first, second = self.first, self.second
+        return {
+            "first": {"quantity": first.name, "unit": first.shown_unit},
+            "second": {"quantity": second.name, "unit": second.shown_unit},
+            "price_unit": self.price_heading(chosen=False)[len("price [") : -1],
+            "runs": self.runs,
+            "spent": self.spent,
+            "points": [
+                {
+                    "values": list(point.values),
+                    "first": first.shown(point.first),
+                    "second": second.shown(point.second),
+                    "price": self.price(point),
+                    "run": point.run,
+                }
+                for point in self.points
+            ],
+        }
 
 
 @dataclass(frozen=True, slots=True)
 class Optimum:
-    """What a search has found: the best values, what they give, and how sure they are.
+    """The answer of a search: the best values, what they give, and how sure they are.
 
     Attributes:
         title: Of the case.
         status: "found"; "not converged" where runs were used up while better ones were still met;
             "independent" where no variable changes any result; "impossible" where no run meets all
-            constraints, of which this is the one
-            that misses them least; "failed" where no run has come to its end.
+            constraints, of which this one misses them least; "failed" where no run has finished.
         sense: "minimise" or "maximise".
         values: The variables.
         objective: The result that is best.
-        constraints: What must hold.
-        away: What steps away from the optimum cost.
+        constraints: The constraints.
+        away: Runs a step or two away.
         elsewhere: Values of runs outside of the intervals that are as good within scatter, the best
             first, one for each valley.
-        fidelity: Of the search.
-        checked: The level by which it was checked, "" where that failed.
+        fidelity: Level of the search.
+        checked: The level that checked it, "" where that failed.
         step: Of the last steps, as a share of the ranges.
         runs: Counts: when the search ended, which most_runs limits; of its level, those about the
             optimum too; failed, of these; in all.
-        spent: Whether the search ended because the allowed runs were used up.
+        spent: Whether the search ended because it had no more runs.
         seconds: Duration of all runs, s.
-        best: Name of the best run's folder, "" of a run that was made elsewhere.
-        spread: By inputs that are not known exactly; None where that was not asked for, or where
-            too many of its runs have failed.
-        front: Of the objective and what it is weighed against; None where that was not asked for.
+        best: Name of the best run's folder, "" for a run that was made elsewhere.
+        front: Front of the objective and another result; None where it was not asked for.
+        spread: By inputs that are not known exactly; None where it was not asked for, or where too
+            many of its runs have failed.
         by_check: Results of the run with the values `checked`; None where there are none.
         unknown: What of its error was not checked, a clause each: intervals are open for it.
         idle: Keys of the variables that change no result.
@@ -222,9 +294,9 @@ class Optimum:
     status: Status
     sense: str
     values: tuple[Value, ...]
-    objective: Known | None
-    constraints: tuple[Kept, ...]
-    away: tuple[Away, ...]
+    objective: ResultWithError | None
+    constraints: tuple[ConstraintStatus, ...]
+    away: tuple[Neighbour, ...]
     elsewhere: tuple[tuple[float, ...], ...]
     fidelity: str
     checked: str
@@ -234,51 +306,41 @@ class Optimum:
     seconds: float
     best: str = ""
     front: Front | None = None
-    spread: Spreading | None = None
-    by_check: ByCheck | None = None
+    spread: Spread | None = None
+    by_check: CheckResult | None = None
     unknown: tuple[str, ...] = ()
     idle: tuple[str, ...] = ()
 
     @property
-    def binding(self) -> tuple[Kept, ...]:
+    def binding(self) -> tuple[ConstraintStatus, ...]:
         """The constraints that keep the objective from being better."""
-        return tuple(kept for kept in self.constraints if kept.binding)
+        return tuple(one for one in self.constraints if one.binding)
 
     @property
-    def worst(self) -> Kept | None:
-        """The constraint that is missed most, by its own bound; None where all are met."""
-        missed = [kept for kept in self.constraints if not kept.met]
-        by_bound = [kept.left / max(abs(kept.bound), 1e-300) for kept in missed]
-        return missed[by_bound.index(min(by_bound))] if missed else None
+    def worst(self) -> ConstraintStatus | None:
+        """The constraint that is missed most, relative to its bound; None where all are met."""
+
+        def relative(one: ConstraintStatus) -> float:
+            return one.left / max(abs(one.bound), 1e-300)
+
+        missed = [one for one in self.constraints if not one.met]
+        return min(missed, key=relative) if missed else None
 
     def changes(self) -> dict[str, str | float]:
         """Keys and values of the optimum, as `Case.with_` takes them."""
         return {v.key: f"{v.value:.12g} {v.unit}" if v.unit else v.value for v in self.values}
 
     def to_json(self) -> dict[str, Any]:
-        """The content of optimum.json, results in the units in which they are shown."""
+        """The content of optimum.json, results in their documented units."""
         return {
             "format": "castfem optimum",
             "title": self.title,
             "status": self.status,
             "sense": self.sense,
             "values": [asdict(value) for value in self.values],
-            "objective": None if self.objective is None else _known(self.objective),
-            "constraints": [
-                {
-                    "text": kept.text,
-                    **_known(kept.known),
-                    "bound": kept.known.shown(kept.bound),
-                    "left": kept.known.shown_difference(kept.left),
-                    "left_checked": kept.known.shown_difference(kept.checked),
-                    "error": kept.known.shown_difference(kept.error),
-                    "met": kept.met,
-                    "binding": kept.binding,
-                    "near": kept.near,
-                }
-                for kept in self.constraints
-            ],
-            "away": [self._away(step) for step in self.away],
+            "objective": None if self.objective is None else self.objective.to_json(),
+            "constraints": [one.to_json() for one in self.constraints],
+            "away": [self._away(one) for one in self.away],
             "elsewhere": [list(values) for values in self.elsewhere],
             "fidelity": self.fidelity,
             "checked": self.checked,
@@ -294,37 +356,21 @@ class Optimum:
             **({} if self.front is None else {"front": self.front.to_json()}),
         }
 
+    def _left(self, left: tuple[float, ...]) -> list[float]:
+        pairs = zip(self.constraints, left, strict=False)
+        return [one.result.shown_difference(value) for one, value in pairs]
+
     def _by_check(self) -> dict[str, Any]:
         found, objective = self.by_check, self.objective
         if found is None or objective is None:
             return {}
-        left = zip(self.constraints, found.left, strict=True)
-        of_all = [kept.known.shown_difference(value) for kept, value in left]
-        return {"by_check": {"objective": objective.shown(found.objective), "left": of_all}}
+        shown = objective.shown(found.objective)
+        return {"by_check": {"objective": shown, "left": self._left(found.left)}}
 
-    def _away(self, step: Away) -> dict[str, Any]:
-        known = self.objective
+    def _away(self, one: Neighbour) -> dict[str, Any]:
+        assert self.objective is not None
+        change = self.objective.shown_difference(one.objective)
         return {
-            "key": step.key,
-            "value": step.value,
-            "objective": step.objective
-            if known is None
-            else known.shown_difference(step.objective),
-            "left": [
-                kept.known.shown_difference(left)
-                for kept, left in zip(self.constraints, step.left, strict=False)
-            ],
-            "message": step.message,
+            **{"key": one.key, "value": one.value, "objective": change},
+            **{"left": self._left(one.left), "message": one.message},
         }
-
-
-def _known(known: Known) -> dict[str, Any]:
-    return {
-        "quantity": known.name,
-        "label": known.label,
-        "unit": known.shown_unit,
-        "value": known.shown(known.value),
-        "noise": known.shown_difference(known.noise) if known.measured else None,
-        "numerical": known.shown_difference(known.numerical),
-        **({} if known.twin is None else {known.twin[0]: known.shown(known.twin[1])}),
-    }

@@ -38,16 +38,16 @@ def misfit(name: str, unit: str) -> str:
     return f'("{unit}") does not measure {name}; it has a unit such as "{wanted}"'
 
 
-def lacking(case: Case, name: str) -> str:
+def missing_column(case: Case, name: str) -> str:
     """Return why a case has no such column of a probe; "" if it has."""
     probe, _, column = name.rpartition(_DOT)
     names = [one.name for one in case.output.probe]
     if probe not in names:
         there = choices(names) if names else "none; add [[output.probe]]"
         return f"the case has no probe {probe}{nearest(probe, names)}; it has {there}"
-    having = dict((*HEAT, *PHASES, *(() if case.mechanics is None else MECHANICS)))
-    if column not in having:
-        return f"a probe has no {column}{nearest(column, having)}; it has {choices(having)}"
+    columns = dict((*HEAT, *PHASES, *(() if case.mechanics is None else MECHANICS)))
+    if column not in columns:
+        return f"a probe has no {column}{nearest(column, columns)}; it has {choices(columns)}"
     return ""
 
 
@@ -63,5 +63,5 @@ def value_at(folder: Path, name: str, position: float) -> Quantity:
     if column not in table or not len(places) or not places[0] <= position <= places[-1] * 1.000001:
         raise InputError(f"{folder}: probe {probe} has no {column} at {1e3 * position:g} mm")
     unit = str(table.attrs["units"][column])
-    found = float(np.interp(position, places, table[column].to_numpy()))
-    return Quantity(to_si(found, unit), unit, f"{column.replace('_', ' ')} at {probe}")
+    value = float(np.interp(position, places, table[column].to_numpy()))
+    return Quantity(to_si(value, unit), unit, f"{column.replace('_', ' ')} at {probe}")

@@ -1,431 +1,406 @@
-"""The search for the best values: COBYQA behind the runs that are there, stopped by their noise.
-
-Nothing is run here. A search looks at runs; where one is missing it stops, says which it needs and
-begins anew when they are there: it always takes the same way, so that it goes on after a kill, and
-whoever does the runs, in whatever order, gets the same answer.
+"""Search for the best values of one objective: COBYQA, or SLSQP with derivatives of the runs.
 
 A run that fails has neither objective nor margins. It gets the worst of those seen so far, and
-violates a constraint of its own by what is left of its way, so that the search goes back to where
-the strand comes through.
+violates a constraint of its own by the part of the strand that it has not reached, so that the
+search goes back to where the strand comes through.
 
-COBYQA: [Ragonneau2022] (docs/references.md).
+COBYQA: [Ragonneau2022]; SLSQP: [Kraft1988] (docs/references.md).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from castfem.base.types import Array
-from castfem.studies.optimisation.noise import Noise, neighbours, slope_of
-from castfem.studies.optimisation.outputs import Outputs
-from castfem.studies.optimisation.question import Wanted
+from castfem.studies.optimisation.global_search import explore
+from castfem.studies.optimisation.problem import RunRequest
+from castfem.studies.optimisation.responses import Responses
 
 FIRST, LAST = 0.1, 0.002  # of the ranges: first step, and the smallest worth taking
-_WIDE = 3  # 2^3 - 1 places over the ranges where the start fails
 AT_END = 2.0  # last steps from the end of a range
-_LARGEST_LAST = 0.03  # of the ranges: of the last step, however large the noise
-_FAILED = 10.0  # of a failed run's missing way, in scales of the other constraints
-_UNSEEN = 1e-2  # of a result: its scale where no two runs have shown one
-_INSIDE = 1e-3  # of the scale of a constraint: how far inside of it derivatives aim
-_DEAR = 10.0  # scales of the cost that a scale of a missed constraint is worth
-_LOST = 1e30  # violation of a failed run: more than that of any that came to its end
 ROUNDING = 1e-9  # of a bound: what misses it by less has met it
+_SOBOL = 3  # 2^3 - 1 places over the ranges where the start fails
+_LARGEST_LAST = 0.03  # of the ranges: of the last step, however large the noise
+_NEIGHBOURS, _APART = 5, 1e-3  # runs that measure the noise, and their distance, of the ranges
+_FAILED = 10.0  # of the part that a failed run has not reached, in scales of the constraints
+_UNSEEN = 1e-2  # of a result: its scale where no two runs have shown one
+_INSIDE = 1e-3  # of the scale of a constraint: how far inside of it SLSQP aims
+_DEAR = 10.0  # scales of the cost that a scale of a missed constraint is worth
+_LOST = 1e30  # violation of a failed run: more than that of any that has finished
+_FLAT = 1e-3  # of the scales: change of cost and constraints that ends SLSQP
+_TRIALS = 4  # runs for a step of SLSQP that lead nowhere, as at a kink
+
+Function = Callable[[Array], Any]
 
 
-Done = dict[tuple[object, ...], tuple[Wanted, ...]]
-"""Parts of a search, by start, first step and aim: which runs each has looked at, in order."""
+class BudgetExhausted(Exception):
+    """The search has made as many runs as it may."""
 
 
-class Spent(Exception):
-    """The search has had its runs."""
-
-
-class _Untold(Exception):
-    """A run that was to carry derivatives tells none."""
-
-
-class _Through(Exception):
-    """A run has come to its end."""
-
-    def __init__(self, wanted: Wanted) -> None:
-        super().__init__()
-        self.wanted = wanted
+class _StepsEnd(Exception):
+    """Steps of SLSQP have become shorter than the last one, or lead nowhere."""
 
 
 class Search:
     """A search with one objective.
 
     Args:
-        outputs: What runs mean.
-        most: How many runs it may look at.
-        done: Parts of the search that have come to their end, kept for the next time it is begun.
+        responses: What runs give.
+        most: Number of runs that it may look at.
 
     Attributes:
-        noise: Of the results; None before it is measured.
+        noise: Of cost and margins (1 + m,), SI: scatter of runs that differ by next to nothing.
+        noise_known: Whether it was measured; it is 0 otherwise.
         radius: Of the last step, as a share of the ranges.
-        spent: Whether it ended for it had no more runs.
-        looked_at: Number of runs that there were when `run` ended.
+        exhausted: Whether it ended because it had no more runs.
+        looked_at: Number of runs when `run` ended.
     """
 
-    def __init__(self, outputs: Outputs, most: int, done: Done | None = None) -> None:
-        self.outputs, self.question, self._most = outputs, outputs.question, most
-        self._done: Done = {} if done is None else done
-        self._order: list[Wanted] = []
-        self.noise: Noise | None = None
-        self.radius, self.spent, self.looked_at = LAST, False, 0
-        self._scale, self._scaled = np.ones(1 + outputs.count), True
-        self._moved: Array = np.full((1 + outputs.count, len(outputs.question.axes)), np.inf)
-        self._given: dict[Wanted, Array] = {}
-        self._worst = np.zeros(1 + outputs.count)
+    def __init__(self, responses: Responses, most: int) -> None:
+        self.responses, self.problem, self._most = responses, responses.problem, most
+        count, n = 1 + responses.count, len(responses.problem.variables)
+        self.noise: Array = np.zeros(count)
+        self.noise_known = False
+        self.radius, self.exhausted, self.looked_at = LAST, False, 0
+        self._scale: Array = np.ones(count)
+        self._scaled = True
+        self._moved: Array = np.full((count, n), np.inf)
+        self._vectors: dict[RunRequest, Array] = {}
+        self._worst = np.zeros(count)
 
-    def run(self, start: Array) -> Wanted:
-        """Return the best run that is found from a start (n,), shares of the ranges.
+    def run(self, start: Array) -> RunRequest:
+        """Return the best run that is found from a start (n,), shares of the ranges."""
 
-        Raises:
-            Needs: Runs are missing.
-        """
-        try:
-            begin = self._settle(start)
-            for valley in self._valleys(begin):
-                self._downhill(valley, FIRST)
+        def whole() -> None:
+            for place in self._starts(self._measure(start)):
+                self._descend(place, FIRST)
             best = self.best()
-            if self.violation(best) > 0.0:  # nothing meets all: what comes nearest?
-                self._cobyqa(self.question.shares(best), FIRST, self._worst_violation)
-        except Spent:
-            self.spent = True
-        self.looked_at = len(self.outputs.seen)
-        return self.best()
+            if self.violation(best) > 0.0:  # no run meets all: which comes nearest?
+                self._cobyqa(self.problem.shares(best), FIRST, self._worst_violation, free=True)
 
-    def again(self, begin: Wanted) -> Wanted:
-        """Search on from a run with small steps, and return the best one.
+        best = self._within_budget(whole)
+        self.looked_at = len(self.responses.seen)
+        return best
 
-        Raises:
-            Needs: Runs are missing.
-        """
-        try:
-            steps = min(max(4.0 * self.radius, 2.0 * LAST), FIRST)
-            self._cobyqa(self.question.shares(begin), steps, self._cost)
-        except Spent:
-            self.spent = True
-        return self.best()
+    def again(self, begin: RunRequest) -> RunRequest:
+        """Search on from a run with small steps, and return the best one."""
+        step = min(max(4.0 * self.radius, 2.0 * LAST), FIRST)
+        return self._within_budget(lambda: self._cobyqa(self.problem.shares(begin), step))
 
-    def towards(self, start: Array, begin: Wanted, first: float = FIRST) -> Wanted:
-        """Search from a run that is known, and return the best one.
+    def towards(self, start: Array, begin: RunRequest, first: float = FIRST) -> RunRequest:
+        """Search from a run that was made for another objective, and return the best one.
 
         Args:
             start: Of the first search of these runs, about which noise was measured (n,).
             begin: Where this one begins.
             first: Its first step, as a share of the ranges.
-
-        Raises:
-            Needs: Runs are missing.
         """
-        try:
-            self._settle(start)
-            self._downhill(self.question.shares(begin), max(first, 2.0 * LAST))
-        except Spent:
-            self.spent = True
-        return self.best()
 
-    def measure_at(self, best: Wanted) -> None:
-        """Measure the noise about a best run, too, where its windows are cut for their error.
+        def whole() -> None:
+            self._measure(start)
+            self._descend(self.problem.shares(begin), max(first, 2.0 * LAST))
 
-        Those of its neighbours may be cut elsewhere, if not those of the runs about the start.
+        return self._within_budget(whole)
 
-        Raises:
-            Needs: Runs are missing.
+    def best_known(self, start: Array) -> RunRequest:
+        """Return the best of the runs that were made for other objectives; see `towards`."""
+        return self._within_budget(lambda: self._measure(start))
+
+    def measure_noise_at(self, best: RunRequest) -> None:
+        """Measure the noise about a best run, too, if its coupling windows are cut.
+
+        Those of its neighbours may be cut elsewhere, even if not those of the runs about the start.
         """
-        if self.noise is None or not self.outputs.seen[best].cut:
+        if not self.responses.seen[best].cut:
             return
-        runs = [self.question.at(u) for u in neighbours(self.question.shares(best))]
-        self.outputs.fetch(runs)
-        values = np.array([self.outputs.vector(run) for run in runs])
-        self.noise = self.noise.at_least(Noise.of(values, self.noise.slope))
+        line = [self.problem.request(u) for u in neighbours(self.problem.shares(best))]
+        self.responses.fetch(line)
+        noise = scatter(np.array([self.responses.vector(run) for run in line]))
+        self.noise_known &= noise is not None
+        self.noise = self.noise if noise is None else np.maximum(self.noise, noise)
 
-    def best_known(self, start: Array) -> Wanted:
-        """Return the best run of those that were made for other aims; see `towards`.
-
-        Raises:
-            Needs: Runs are missing.
-        """
-        self._settle(start)
+    def _within_budget(self, search: Callable[[], object]) -> RunRequest:
+        try:
+            search()
+        except BudgetExhausted:
+            self.exhausted = True
         return self.best()
 
-    def _valleys(self, begin: Array) -> list[Array]:
-        """Where to search from: the start, or what Optuna has found all over the ranges."""
-        if self.question.table.method != "optuna":
+    def _fetch(self, requests: Sequence[RunRequest]) -> None:
+        new = [one for one in requests if one not in self.responses.seen]
+        if len(new) == 1 and len(self.responses.seen) >= self._most:
+            raise BudgetExhausted
+        self.responses.fetch(requests)
+
+    def _starts(self, begin: Array) -> list[Array]:
+        """Where to search from: the start, or the valleys of a global search."""
+        count = (self._most - len(self.responses.seen)) // 2
+        if self.problem.table.method != "optuna" or count < 2:
             return [begin]
-        from castfem.studies.optimisation.valleys import explore
 
-        def given(places: Sequence[Array]) -> list[list[float]]:
-            runs = [self.question.at(place) for place in places]
+        def evaluate(places: Sequence[Array]) -> list[list[float]]:
+            runs = [self.problem.request(place) for place in places]
             self._fetch(runs)
-            return [[float(value) for value in self.given(run)] for run in runs]
+            return [[float(value) for value in self._vector(run)] for run in runs]
 
-        count = (self._most - len(self.outputs.seen)) // 2
-        return explore(given, begin, count) if count > 1 else [begin]
+        return explore(evaluate, begin, count)
 
-    def _settle(self, start: Array, among_failures: bool = False) -> Array:
-        """Measure noise, scales and the last step about the start; return the start.
+    def _measure(self, start: Array, among_failures: bool = False) -> Array:
+        """Measure noise, scales and last step about the start; return the start.
 
-        Where none of the runs about it comes through, that is done about the first one that does.
+        Where all runs about it fail, that is done about the first run found that does not.
         """
+        vector, request = self.responses.vector, self.problem.request
         begin = np.clip(start, 0.0, 1.0)
         inner = np.clip(begin, FIRST, 1.0 - FIRST)
         cross = [inner, *(inner + s * FIRST * e for e in np.eye(len(begin)) for s in (1.0, -1.0))]
         line = neighbours(inner)
-        runs = list(dict.fromkeys(self.question.at(u) for u in [begin, *cross, *line]))
+        runs = list(dict.fromkeys(request(u) for u in [begin, *cross, *line]))
         self._fetch(runs)
-        values = np.array([self.outputs.vector(self.question.at(u)) for u in cross])
+        values = np.array([vector(request(u)) for u in cross])
         self._scaled = bool(np.any(~np.isnan(values[:, 0])))
         if not self._scaled and not among_failures:
-            through = self._through(begin)
-            if through is not None:
-                return self._settle(self.question.shares(through), among_failures=True)
-        sides = [(values[1 + 2 * i], values[2 + 2 * i]) for i in range(len(begin))]
-        slope = np.array([slope_of(values[0], *pair, apart=FIRST) for pair in sides]).T
-        off = [np.fmax(abs(a - values[0]), abs(b - values[0])) for a, b in sides]
-        self._moved = np.array(off).T
-        along = np.array([self.outputs.vector(self.question.at(u)) for u in line])
-        self.noise = Noise.of(along, slope)
-        sigma, count = self.noise.sigma, self.noise.runs
-        spread = np.nanmax(np.abs(values - values[0]), axis=0, initial=0.0, where=~np.isnan(values))
-        size = np.array([1.0, *(abs(b) for b in self._bounds(runs))])
-        widest = np.maximum(np.nan_to_num(spread), np.maximum(10.0 * sigma, 1e-6 * size))
-        self._scale = np.asarray(np.where(widest > 0.0, widest, 1.0))
-        finished = [w for w, given in self.outputs.seen.items() if not given.failed]
-        if finished:
-            scaled = np.array([self.outputs.vector(w) for w in finished]) / self._scale
+            finished = self._first_that_finishes(begin)
+            if finished is not None:
+                return self._measure(self.problem.shares(finished), among_failures=True)
+        here, above, below = values[0], values[1::2], values[2::2]
+        self._moved = np.fmax(abs(above - here), abs(below - here)).T
+        noise = scatter(np.array([vector(request(u)) for u in line]))
+        self.noise_known = noise is not None
+        self.noise = np.zeros(len(here)) if noise is None else noise
+        widest = np.nan_to_num(np.fmax.reduce(abs(values - here)))
+        size = np.array([1.0, *self._bounds(runs)])
+        widest = np.maximum(widest, np.maximum(10.0 * self.noise, 1e-6 * size))
+        self._scale = np.where(widest > 0.0, widest, 1.0)
+        finished_runs = [w for w, run in self.responses.seen.items() if not run.failed]
+        if finished_runs:
+            scaled = np.array([vector(w) for w in finished_runs]) / self._scale
             self._worst = np.array([scaled[:, 0].max(), *scaled[:, 1:].min(axis=0)])
-        steepest = np.nanmax(np.abs(np.nan_to_num(slope)), axis=1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            steps = np.where(steepest > 0.0, 2.0 * sigma / steepest, np.inf)
-        if count:
+        if self.noise_known:
+            slope = (above - below) / (2.0 * FIRST)  # to one side where the other run has failed
+            slope = np.where(np.isnan(above), (here - below) / FIRST, slope)
+            slope = np.where(np.isnan(below), (above - here) / FIRST, slope)
+            steepest = np.max(np.abs(np.nan_to_num(slope)), axis=0)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                steps = np.where(steepest > 0.0, 2.0 * self.noise / steepest, np.inf)
             self.radius = float(np.clip(np.min(steps), LAST, _LARGEST_LAST))
         return begin
 
-    def _through(self, begin: Array) -> Wanted | None:
-        """The first run found that comes to its end, from a start where they fail; None if none.
+    def _first_that_finishes(self, begin: Array) -> RunRequest | None:
+        """The first run found that does not fail, from a start where all do; None if there is none.
 
-        First at places all over the ranges: how far runs come may tell nothing from afar.
+        First at places over all of the ranges: how far runs come may say nothing from afar.
         """
-        from scipy.optimize import Bounds, minimize
         from scipy.stats import qmc
 
+        finished: list[RunRequest] = []
+
         def missing(u: Array) -> float:
-            wanted = self.question.at(u)
-            self._fetch([wanted])
-            if not self.outputs.seen[wanted].failed:
-                raise _Through(wanted)
-            return 1.0 - self.outputs.seen[wanted].share
+            request = self.problem.request(u)
+            self._fetch([request])
+            if not self.responses.seen[request].failed:
+                finished.append(request)
+                return -1.0
+            return 1.0 - self.responses.seen[request].share
 
-        options = {"initial_tr_radius": FIRST, "final_tr_radius": LAST, "maxfev": 4 * self._most}
-        box = Bounds(np.zeros(len(begin)), np.ones(len(begin)))
-        over = qmc.Sobol(len(begin), scramble=False).random_base2(_WIDE)[
-            1:
-        ]  # the first is a corner
-        try:
-            for place in over:
-                missing(np.asarray(place))
-            minimize(missing, begin, method="COBYQA", bounds=box, options=options)
-        except _Through as found:
-            return found.wanted
-        return None
+        _, *places = qmc.Sobol(len(begin), scramble=False).random_base2(_SOBOL)
+        if not any(missing(np.asarray(place)) < 0.0 for place in places):
+            self._minimise(missing, begin, FIRST, LAST, target=-1.0)
+        return finished[0] if finished else None
 
-    def _bounds(self, runs: Sequence[Wanted]) -> list[float]:
+    def _bounds(self, runs: Sequence[RunRequest]) -> Array:
+        """Sizes of the bounds (m,), by the first run that has not failed."""
         for run in runs:
-            if not self.outputs.seen[run].failed:
-                return [margin.bound for margin in self.outputs.margins(run)]
-        return [1.0] * self.outputs.count
+            if not self.responses.seen[run].failed:
+                return np.abs(self.responses.margins(run)[1])
+        return np.ones(self.responses.count)
 
-    def _fetch(self, wanted: Sequence[Wanted]) -> None:
-        new = [one for one in wanted if one not in self.outputs.seen]
-        if len(self.outputs.seen) + len(new) > self._most and len(new) == 1:
-            raise Spent
-        self.outputs.fetch(wanted)
-
-    def given(self, wanted: Wanted) -> Array:
-        """Scaled cost, margins and how far it came, of a run that may have failed (2 + m,)."""
-        if wanted not in self._given:
-            self._fetch([wanted])
-            self._order.append(wanted)
-            evaluation, vector = self.outputs.seen[wanted], self.outputs.vector(wanted)
-            if evaluation.failed:
-                left = _FAILED * (evaluation.share - 1.0) - 1.0 / _FAILED
-                self._given[wanted] = np.array([*self._worst, left])
+    def _vector(self, request: RunRequest) -> Array:
+        """Scaled cost and margins, and a margin of having finished (2 + m,), failed or not."""
+        if request not in self._vectors:
+            self._fetch([request])
+            run, vector = self.responses.seen[request], self.responses.vector(request)
+            if run.failed:
+                left = _FAILED * (run.share - 1.0) - 1.0 / _FAILED
+                self._vectors[request] = np.array([*self._worst, left])
             else:
-                if not self._scaled:  # none has come through yet
-                    self._scaled, bounds = True, self._bounds([wanted])
-                    sizes: Array = np.abs(np.array([vector[0], *bounds]))
-                    self._scale = np.asarray(np.where(sizes > 0.0, _UNSEEN * sizes, 1.0))
+                if not self._scaled:  # the first that finishes
+                    self._scaled = True
+                    sizes = np.array([abs(vector[0]), *self._bounds([request])])
+                    self._scale = np.where(sizes > 0.0, _UNSEEN * sizes, 1.0)
                 scaled = vector / self._scale
                 self._worst[0] = max(self._worst[0], scaled[0])
                 self._worst[1:] = np.minimum(self._worst[1:], scaled[1:])
-                self._given[wanted] = np.array([*scaled, 1.0])
-        return self._given[wanted]
+                self._vectors[request] = np.array([*scaled, 1.0])
+        return self._vectors[request]
 
-    def _cost(self, u: Array) -> float:
-        return float(self.given(self.question.at(u))[0])
+    def _at(self, u: Array) -> Array:
+        return self._vector(self.problem.request(u))
 
     def _worst_violation(self, u: Array) -> float:
-        return float(max(0.0, -np.min(self.given(self.question.at(u))[1:])))
+        return float(max(0.0, -np.min(self._at(u)[1:])))
 
-    def _downhill(self, begin: Array, first: float) -> None:
-        """Search from a start by the method that is asked for."""
-        if self.question.table.method == "slsqp":
-            try:
-                self._by_derivatives(begin, first)
-            except _Untold:
-                self._cobyqa(begin, first, self._cost)
-        else:
-            self._cobyqa(begin, first, self._cost)
+    def _descend(self, begin: Array, first: float) -> None:
+        """Search from a place by the method that is asked for."""
+        if self.problem.table.method != "slsqp" or not self._slsqp(begin, first):
+            self._cobyqa(begin, first)
 
-    def _by_derivatives(self, begin: Array, first: float) -> None:
-        """Search from a start with runs that carry derivatives; COBYQA mends what misses a bound.
+    def _cobyqa(
+        self, begin: Array, first: float, objective: Function | None = None, *, free: bool = False
+    ) -> None:
+        """Search by COBYQA; `free` of the constraints."""
+        from scipy.optimize import NonlinearConstraint
 
-        Raises:
-            _Untold: A run tells none.
-        """
-        from castfem.studies.optimisation.descent import descend
-
-        count, inside = len(begin), np.full(self.outputs.count, _INSIDE)
-
-        def at(u: Array) -> Wanted:
-            return replace(self.question.at(u), carries=True)
-
-        def given(u: Array) -> Array:
-            return self.given(at(u)) - np.array([0.0, *inside, 0.0])
-
-        def slopes(u: Array) -> Array:
-            wanted, found = at(u), np.zeros((2 + self.outputs.count, count))
-            self._fetch([wanted])
-            if not self.outputs.seen[wanted].failed:
-                told = self.outputs.slopes(wanted)
-                if told is None:
-                    raise _Untold
-                found[:-1] = np.nan_to_num(told[:, :count]) / self._scale[:, None]
-            return found
-
+        tolerated = np.array([*self.noise[1:] / self._scale[1:], 0.0])
+        limits = NonlinearConstraint(lambda u: self._at(u)[1:], -tolerated, np.inf)
+        cost = objective or (lambda u: float(self._at(u)[0]))
         last = min(self.radius, 0.5 * first)
-        part = (*(float(u) for u in begin), first, last, "slopes", self.outputs.aim)
-        with self._part(part) as new:
-            if new:
-                descend(begin, given, slopes, first, last, self._most)
-        end = min(self._done[part], key=self._merit, default=self.best())
-        if self.violation(end) > 0.0:  # a bound is bent more than its derivatives tell
-            self._cobyqa(self.question.shares(end), max(4.0 * last, 2.0 * LAST), self._cost)
+        self._minimise(cost, begin, first, last, () if free else limits)
 
-    def _merit(self, wanted: Wanted) -> float:
-        """What a run is worth that may miss a bound by a little."""
-        return float(self.given(wanted)[0]) + _DEAR * self.violation(wanted)
+    def _minimise(
+        self, objective: Function, begin: Array, first: float, last: float, limits: Any = (),
+        target: float = -np.inf,
+    ) -> None:  # fmt: skip
+        from scipy.optimize import Bounds, minimize
 
-    @contextmanager
-    def _part(self, part: tuple[object, ...]) -> Iterator[bool]:
-        """A part of the search; false where it has come to its end before: its runs are looked at.
+        options = {
+            "initial_tr_radius": first, "final_tr_radius": last, "maxfev": 4 * self._most,
+            "feasibility_tol": 1e-6, "f_target": target,
+        }  # fmt: skip
+        box = Bounds(np.zeros(len(begin)), np.ones(len(begin)))
+        minimize(objective, begin, method="COBYQA", bounds=box, constraints=limits, options=options)
 
-        Args:
-            part: What makes it another one.
+    def _slsqp(self, begin: Array, first: float) -> bool:
+        """Search by SLSQP; COBYQA goes on where it misses a bound.
+
+        Returns:
+            Whether the runs have derivatives.
         """
-        if part in self._done:
-            for wanted in self._done[part]:
-                self.given(wanted)
-            yield False
-            return
-        before = len(self._order)
-        yield True
-        self._done[part] = tuple(self._order[before:])
+        from scipy.optimize import minimize
 
-    def _cobyqa(self, begin: Array, first: float, objective: object) -> None:
-        """Search from a start; what was seen is in `outputs`."""
-        last = min(self.radius, 0.5 * first)
-        aim = objective == self._cost
-        part = (*(float(u) for u in begin), first, last, aim, self.outputs.aim)
-        with self._part(part) as new:
-            if new:
-                self._minimise(begin, first, last, objective, aim)
+        known, last = len(self._vectors), min(self.radius, 0.5 * first)
+        before, trials, complete = np.array(begin), 0, True
+        inside = np.array([0.0, *np.full(self.responses.count, _INSIDE), 0.0])
 
-    def _minimise(self, begin: Array, first: float, last: float, objective: Any, aim: bool) -> None:
-        """One call of COBYQA, with the constraints where the cost is the aim."""
-        from scipy.optimize import Bounds, NonlinearConstraint, minimize
+        def at(x: Array) -> RunRequest:
+            """The run at steps of `first`, so that a cost of slope 1 is followed by one step."""
+            return replace(self.problem.request(first * x), derivatives=True)
 
-        limits = []
-        if aim:
-            tolerated = np.array([*self._tolerance() / self._scale[1:], 0.0])
-            limits = [NonlinearConstraint(
-                lambda u: self.given(self.question.at(u))[1:], -tolerated, np.inf
-            )]  # fmt: skip
-        minimize(
-            objective,
-            begin,
-            method="COBYQA",
-            bounds=Bounds(np.zeros(len(begin)), np.ones(len(begin))),
-            constraints=limits,
-            options={
-                "initial_tr_radius": first,
-                "final_tr_radius": last,
-                "maxfev": 4 * self._most,
-                "feasibility_tol": 1e-6,
-            },
-        )
+        def values(x: Array) -> Array:
+            return np.asarray(self._vector(at(x)) - inside)
 
-    def _tolerance(self) -> Array:
-        """What a constraint may be missed by: its own noise (m,), SI."""
-        sigma = np.zeros(1 + self.outputs.count) if self.noise is None else self.noise.sigma
-        return np.asarray(sigma[1:])
+        def cost(x: Array) -> float:
+            nonlocal trials
+            trials += 1
+            if trials > _TRIALS:
+                raise _StepsEnd
+            return float(values(x)[0])
 
-    def violation(self, wanted: Wanted) -> float:
-        """By how much a run misses what must hold, in scales of its constraints; 0: it does not."""
-        evaluation = self.outputs.seen[wanted]
-        if evaluation.failed:
-            return float(_LOST * (2.0 - evaluation.share))
-        if not self.outputs.count:
+        def slopes(x: Array) -> Array:
+            nonlocal complete
+            request, found = at(x), np.zeros((2 + self.responses.count, len(begin)))
+            self._fetch([request])
+            if not self.responses.seen[request].failed:
+                computed = self.responses.slopes(request)
+                if computed is None:
+                    complete = False
+                    raise _StepsEnd
+                by_share = np.nan_to_num(computed[:, : len(begin)])
+                found[:-1] = by_share / self._scale[:, None]
+            return first * found
+
+        def stepped(x: Array) -> None:
+            nonlocal before, trials
+            far, before, trials = np.max(np.abs(first * x - before)), first * np.array(x), 0
+            if far < last:
+                raise _StepsEnd
+
+        limits = {"type": "ineq", "fun": lambda x: values(x)[1:], "jac": lambda x: slopes(x)[1:]}
+        with suppress(_StepsEnd):
+            minimize(
+                cost, before / first, jac=lambda x: slopes(x)[0], method="SLSQP",
+                bounds=[(0.0, 1.0 / first)] * len(begin), constraints=limits, callback=stepped,
+                options={"ftol": _FLAT, "maxiter": self._most},
+            )  # fmt: skip
+        if complete:
+            end = min(list(self._vectors)[known:], key=self._merit, default=self.best())
+            if self.violation(end) > 0.0:  # a bound is bent more than its derivatives say
+                self._cobyqa(self.problem.shares(end), max(4.0 * last, 2.0 * LAST))
+        return complete
+
+    def _merit(self, request: RunRequest) -> float:
+        """Cost of a run that may miss a bound by a little."""
+        return float(self._vector(request)[0]) + _DEAR * self.violation(request)
+
+    def violation(self, request: RunRequest) -> float:
+        """By how much a run misses constraints beyond noise, in their scales; 0 if it meets all."""
+        run = self.responses.seen[request]
+        if run.failed:
+            return float(_LOST * (2.0 - run.share))
+        if not self.responses.count:
             return 0.0
-        margins = self.outputs.margins(wanted)
-        left = np.array([m.left for m in margins])
-        allowed = self._tolerance() + ROUNDING * np.array([abs(m.bound) for m in margins])
-        short = np.where(left >= -allowed, 0.0, -left)
-        return float(np.max(short / self._scale[1:]))
+        left, bounds = self.responses.margins(request)
+        allowed = self.noise[1:] + ROUNDING * np.abs(bounds)
+        return float(np.max(np.where(left >= -allowed, 0.0, -left) / self._scale[1:]))
 
-    def better_than(self, wanted: Wanted) -> Wanted | None:
+    def best(self) -> RunRequest:
+        """The best run seen: the one with the least violation, and of those the least cost."""
+
+        def order(request: RunRequest) -> tuple[float, float]:
+            failed = self.responses.seen[request].failed
+            return self.violation(request), np.inf if failed else self.responses.cost(request)
+
+        return min(self.responses.of_level(self.problem.table.fidelity), key=order)
+
+    def better_than(self, request: RunRequest) -> RunRequest | None:
         """The best run seen where it is better than one by more than their noise, else None."""
-        best = self.best()
-        nearer = self.violation(best) < self.violation(wanted) - ROUNDING
-        if best == wanted or self.outputs.seen[best].failed:
+        best, seen = self.best(), self.responses.seen
+        if best == request or seen[best].failed:
             return None
-        cost = 0.0 if self.outputs.seen[wanted].failed else self.outputs.cost(wanted)
-        gain = cost - self.outputs.cost(best)
-        noise = 0.0 if self.noise is None else float(self.noise.sigma[0])
-        return best if nearer or gain > max(noise, ROUNDING * abs(cost)) else None
+        nearer = self.violation(best) < self.violation(request) - ROUNDING
+        cost = 0.0 if seen[request].failed else self.responses.cost(request)
+        gain = cost - self.responses.cost(best)
+        return best if nearer or gain > max(float(self.noise[0]), ROUNDING * abs(cost)) else None
 
     def without_effect(self) -> tuple[str, ...]:
-        """Keys of the variables that change no result by more than rounding; see `towards`.
+        """Keys of the variables that change no result by more than rounding.
 
         All of them, where no two runs differ in any result.
         """
-        own = [w for w in self.outputs.seen if w.fidelity == self.question.table.fidelity]
-        values = [self.outputs.vector(w) for w in own if not self.outputs.seen[w].failed]
-        if self.noise is None or len(values) < 2:
+        own = self.responses.of_level(self.problem.table.fidelity)
+        values = [self.responses.vector(w) for w in own if not self.responses.seen[w].failed]
+        if len(values) < 2 or np.all(np.isinf(self._moved)):
             return ()
         largest = np.max(np.abs(values), axis=0)
-        keys = [axis.key for axis in self.question.axes]
+        keys = tuple(one.key for one in self.problem.variables)
         if np.all(np.ptp(values, axis=0) <= ROUNDING * largest):
-            return tuple(keys)
+            return keys
         idle = np.all(self._moved <= ROUNDING * largest[:, None], axis=0)
         found = tuple(key for key, one in zip(keys, idle, strict=True) if one)
-        return found if len(found) < len(keys) else ()  # runs differ: not all of them are idle
+        return () if found == keys else found
 
-    def best(self) -> Wanted:
-        """The best run seen: the one with the least violation, and of those the least cost."""
-        level = self.question.table.fidelity
-        own = [w for w in self.outputs.seen if w.fidelity == level and not w.ideal]
 
-        def order(wanted: Wanted) -> tuple[float, float]:
-            failed = self.outputs.seen[wanted].failed
-            return self.violation(wanted), np.inf if failed else self.outputs.cost(wanted)
+def neighbours(place: Array) -> list[Array]:
+    """Places (n,) on a short line through one, or as near to it as the ranges allow, shares."""
+    along = _along()
+    middle = np.clip(place, along[-1], 1.0 - along[-1])
+    return [np.asarray(middle + step) for step in along]
 
-        return min(own, key=order)
+
+def scatter(values: Array) -> Array | None:
+    """Standard deviation of results (r, 1 + m) at `neighbours` about a line; None if one failed."""
+    if np.isnan(values).any():
+        return None
+    along = _along()
+    fit = np.polynomial.polynomial.polyfit(along, values, 1)
+    rest = values - np.polynomial.polynomial.polyval(along, fit).T
+    return np.asarray(np.sqrt(np.sum(rest**2, axis=0) / (len(along) - 2)))
+
+
+def _along() -> Array:
+    return np.asarray((np.arange(_NEIGHBOURS) - _NEIGHBOURS // 2) * _APART)

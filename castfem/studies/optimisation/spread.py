@@ -1,11 +1,11 @@
 """The spread of an optimum by inputs that are not known exactly.
 
-Runs at points of Sobol's sequence, in the box of the variables about the optimum and of the
-ranges of the inputs together. Through them, and through their derivatives where runs carry these,
-polynomials of objective and margins are laid, whose error is that of each run against the fit to
-all others. By these, for many draws of the inputs: results at the optimum, where the optimum would
-be, and their Sobol indices: of the first order (share of the variance that one input alone makes)
-and total (with all that it makes together with others).
+Runs are made at points of Sobol's sequence, in the variables about the optimum and the ranges of
+the inputs together. Polynomials of objective and margins are fitted to them, and to their
+derivatives where runs have these; the error is that of each run against the fit to all others. For
+many draws of the inputs they give results at the optimum, where the optimum would be, and Sobol
+indices: of the first order (share of the variance by one input alone) and total (with all of its
+interactions).
 
 Indices: [Saltelli2010] (docs/references.md), by `scipy.stats.sobol_indices`.
 """
@@ -16,14 +16,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from castfem.base.types import Array
-from castfem.studies.optimisation.inputs import Uncertain
-from castfem.studies.optimisation.outputs import Outputs
-from castfem.studies.optimisation.question import Wanted
-from castfem.studies.optimisation.response import fit, least, samples
-from castfem.studies.optimisation.vicinity import REACH, Quadratic, nearest_to_allowed
+from castfem.base.types import Array, Flags
+from castfem.studies.optimisation.local_model import Quadratic, nearest_to_allowed
+from castfem.studies.optimisation.polynomial_fit import fit, least, samples
+from castfem.studies.optimisation.problem import RunRequest
+from castfem.studies.optimisation.responses import Responses
 
 _PLACES, _DRAWS = 2**11, 2**8
 _TAILS = 0.05, 0.95
@@ -33,62 +31,29 @@ _SEED = 12
 
 
 @dataclass(frozen=True, slots=True)
-class Spread:
-    """What the inputs do to an optimum.
+class InputSpread:
+    """What the inputs do to an optimum."""
 
-    Attributes:
-        labels: Of the inputs.
-        results: Names of objective and bounded results, in order (1 + m).
-        low: Of cost and margins at the optimum (1 + m,), 5 % of the draws lie below, SI.
-        high: Likewise, 95 % lie below.
-        error: Of the fit (1 + m,), SI: root mean square, each run by the fit to the others.
-        met: Share of the draws in which each constraint is met at the optimum (m,).
-        first: Sobol indices of the first order of cost and margins (1 + m, d). total: Likewise.
-        place: Variables of the optimum (n, 2), 5 and 95 % of the draws, shares of the ranges.
-        place_first: Sobol indices of each variable's best value (n, d). place_total: Likewise.
-        open: Whether the draws lead to where the runs end, by variable.
-        safe: The best place (n,) that meets all constraints in 95 % of the draws; None if there is
-            none near.
-        runs: How many were made, those in the idealised mould not counted. failed: Of these.
-        carried: Whether they have told their derivatives.
-    """
-
-    labels: tuple[str, ...]
-    results: tuple[str, ...]
-    low: Array
-    high: Array
-    error: Array
-    met: Array
-    first: Array
-    total: Array
-    place: Array
-    place_first: Array
-    place_total: Array
-    open: tuple[bool, ...]
-    safe: Array | None
-    runs: int
-    failed: int
-    carried: bool
+    low: Array  #: cost and margins at the optimum (1 + m,), 5 % of the draws lie below, SI
+    high: Array  #: 95 % lie below
+    error: Array  #: of the fit (1 + m,), SI: root mean square, each run by the fit to the others
+    met: Array  #: share of the draws in which each constraint is met at the optimum (m,)
+    first: Array  #: Sobol indices of first order of cost, margins and best values (1 + m + n, d)
+    total: Array  #: total Sobol indices (1 + m + n, d)
+    place: Array  #: best values (n, 2), 5 and 95 % of the draws, shares of the ranges
+    open: Flags  #: whether they go on where the runs end, by variable (n,)
+    safe: Array | None  #: best place (n,) that meets all constraints in 95 % of the draws, if any
+    runs: int  #: number of runs, those in the idealised mould not counted
+    failed: int  #: of these
+    derivatives: bool  #: whether they have derivatives
 
 
 @dataclass(frozen=True, slots=True)
 class _Box:
-    """Where the runs are: each variable and each input goes from -1 to 1 over it.
+    """The runs lie in it: each variable and each input goes from -1 to 1."""
 
-    Attributes:
-        middle: Of the variables (n,), shares of the ranges.
-        half: From there to either side.
-    """
-
-    middle: Array
-    half: Array
-
-    @classmethod
-    def about(cls, model: Quadratic) -> _Box:
-        """That in which quadratics about an optimum hold."""
-        low = np.clip(model.centre - REACH * model.step, 0.0, 1.0)
-        high = np.clip(model.centre + REACH * model.step, 0.0, 1.0)
-        return cls(0.5 * (low + high), 0.5 * (high - low))
+    middle: Array  #: of the variables (n,), shares of the ranges
+    half: Array  #: from there to either side
 
     def shares(self, place: Array) -> Array:
         """Shares of the ranges at places of the variables (..., n)."""
@@ -98,73 +63,49 @@ class _Box:
         """The inverse of `shares`."""
         return np.asarray((shares - self.middle) / self.half)
 
-    def open(self, ends: Array) -> tuple[bool, ...]:
+    def open(self, ends: Array) -> Flags:
         """Whether what lies between some ends (n, 2) goes on beyond the runs, by variable."""
         below = (self.middle - self.half > 0.0) & (ends[:, 0] <= _EDGE - 1.0)
         above = (self.middle + self.half < 1.0) & (ends[:, 1] >= 1.0 - _EDGE)
-        return tuple(bool(one) for one in below | above)
+        return np.asarray(below | above)
 
 
-@dataclass(frozen=True, slots=True)
-class _Made:
-    """The runs that a spread is laid through.
-
-    Attributes:
-        places: In the box (r, n + d).
-        values: Cost and margins (r, 1 + m); NaN of those that have failed.
-        slopes: Their derivatives by the places (r, 1 + m, n + d); None without.
-    """
-
-    places: Array
-    values: Array
-    slopes: Array | None
-
-    @property
-    def fine(self) -> npt.NDArray[np.bool_]:
-        """Which have come to their end (r,)."""
-        return np.asarray(~np.isnan(self.values).any(axis=1))
-
-
-def spread(
-    outputs: Outputs, best: Wanted, model: Quadratic, *, carries: bool = False
-) -> Spread | None:
+def input_spread(
+    responses: Responses, best: RunRequest, model: Quadratic, *, derivatives: bool = False
+) -> InputSpread | None:
     """Return what the inputs do to an optimum; None where too many of the runs fail.
 
     Args:
-        outputs: What runs mean; of its own, for its runs are none of the search.
+        responses: What runs give, apart from those of the search.
         best: The best run.
-        model: Quadratics about it, by which the box of the variables is chosen.
-        carries: Whether the runs may carry derivatives; if one of them tells none, more are made.
-
-    Raises:
-        Needs: Runs are missing.
+        model: Quadratics about it, which choose the box of the variables.
+        derivatives: Whether runs can compute derivatives; if one has none, more runs are made.
     """
-    question, box = outputs.question, _Box.about(model)
-    n, d = len(question.axes), len(question.inputs)
-    made = _made(outputs, best, box, carries)
-    fine, carried = made.fine, made.slopes is not None
-    if np.count_nonzero(fine) < least(n, d, carrying=carried):
+    problem, (low, high) = responses.problem, model.box
+    n, d = len(problem.variables), len(problem.inputs)
+    box = _Box(0.5 * (low + high), 0.5 * (high - low))
+    places, values, slopes = _runs(responses, best, box, derivatives)
+    fine = ~np.isnan(values).any(axis=1)
+    if np.count_nonzero(fine) < least(n, d, derivatives=slopes is not None):
         return None
-    slopes = None if made.slopes is None else made.slopes[fine]
-    laid, error = fit(made.places[fine], made.values[fine], n, slopes)
+    polynomials, error = fit(
+        places[fine], values[fine], n, None if slopes is None else slopes[fine]
+    )
     centre, draws = box.place(model.centre), 2.0 * _sobol(d, _DRAWS) - 1.0
 
     def at_optimum(inputs: Array) -> Array:
-        return laid(np.hstack([np.tile(centre, (len(inputs), 1)), inputs]))
+        return polynomials(np.hstack([np.tile(centre, (len(inputs), 1)), inputs]))
 
-    here, finder = at_optimum(draws), _Finder(laid, n)
+    here, finder = at_optimum(draws), _Finder(polynomials, n)
     ends, safe = np.quantile(finder.best(draws), _TAILS, axis=0).T, finder.safe(draws)
-    first, total = _indices(at_optimum, d)
-    place_first, place_total = _indices(finder.best, d)
-    return Spread(
-        labels=tuple(one.label for one in question.inputs),
-        results=(outputs.objective, *(outputs.name(i) for i in range(outputs.count))),
+    indices = zip(_indices(at_optimum, d), _indices(finder.best, d), strict=True)
+    first, total = (np.vstack(pair) for pair in indices)
+    return InputSpread(
         low=np.quantile(here, _TAILS[0], axis=0), high=np.quantile(here, _TAILS[1], axis=0),
         error=error, met=np.mean(here[:, 1:] >= 0.0, axis=0), first=first, total=total,
-        place=np.clip(box.shares(ends.T).T, 0.0, 1.0),
-        place_first=place_first, place_total=place_total, open=box.open(ends),
-        safe=None if safe is None else box.shares(safe),
-        runs=len(made.values), failed=int(np.count_nonzero(~fine)), carried=carried,
+        place=np.clip(box.shares(ends.T).T, 0.0, 1.0), open=box.open(ends),
+        safe=None if safe is None else box.shares(safe), runs=len(values),
+        failed=int(np.count_nonzero(~fine)), derivatives=slopes is not None,
     )  # fmt: skip
 
 
@@ -175,54 +116,38 @@ def _sobol(dimensions: int, count: int) -> Array:
     return np.asarray(points[:count])
 
 
-def _made(outputs: Outputs, best: Wanted, box: _Box, carries: bool) -> _Made:
-    """The runs, which carry derivatives if they may; further ones without where they tell none.
+def _runs(
+    responses: Responses, best: RunRequest, box: _Box, derivatives: bool
+) -> tuple[Array, Array, Array | None]:
+    """Places of the runs (r, n + d), cost and margins (r, 1 + m) and their slopes by the places.
 
-    Args:
-        outputs: What runs mean.
-        best: The best run.
-        box: Where they are to be.
-        carries: Whether they may.
+    Slopes (r, 1 + m, n + d) where all runs have them; if they do not, further runs are made.
     """
-    question = outputs.question
-    n, d = len(question.axes), len(question.inputs)
-    asked = question.table.samples or samples(n, d, carrying=carries)
-    count = max(asked, least(n, d, carrying=carries))
-    wanted = [
-        _drawn(outputs, best.fidelity, box.shares(2.0 * point[:n] - 1.0), point[n:], carries)
-        for point in _sobol(n + d, count)
-    ]
-    outputs.fetch(wanted)
-    values = np.array([outputs.vector(one) for one in wanted])
-    places = np.array([_place(outputs, one, box) for one in wanted])
-    if not carries:
-        return _Made(places, values, None)
-    missing, width = np.full((values.shape[1], n + d), np.nan), np.array([*box.half, *[0.5] * d])
-    slopes = [missing if outputs.seen[w].failed else outputs.slopes(w) for w in wanted]
-    told = [one for one in slopes if one is not None]
-    if len(told) < len(slopes):
-        return _made(outputs, best, box, carries=False)
-    return _Made(places, values, np.array(told) * width)
-
-
-def _drawn(outputs: Outputs, fidelity: str, shares: Array, inputs: Array, carries: bool) -> Wanted:
-    """The run at shares of the ranges of variables and inputs."""
-    question = outputs.question
-    at = question.at(shares, fidelity)
-    drawn = zip(question.inputs, inputs, strict=True)
-    given = tuple(one.value(float(u)) for one, u in drawn)
-    return Wanted(at.values, at.fidelity, inputs=given, carries=carries)
-
-
-def _place(outputs: Outputs, wanted: Wanted, box: _Box) -> Array:
-    """Where a run is in the box (n + d,)."""
-    question = outputs.question
-    inputs = [_scaled(o, v) for o, v in zip(question.inputs, wanted.inputs, strict=True)]
-    return np.array([*box.place(question.shares(wanted)), *inputs])
-
-
-def _scaled(one: Uncertain, value: float) -> float:
-    return 2.0 * (value - one.low) / (one.high - one.low) - 1.0
+    problem = responses.problem
+    n, d = len(problem.variables), len(problem.inputs)
+    asked = problem.table.samples or samples(n, d, derivatives=derivatives)
+    requests, places = [], []
+    for point in _sobol(n + d, max(asked, least(n, d, derivatives=derivatives))):
+        values = problem.request(box.shares(2.0 * point[:n] - 1.0)).values
+        pairs = list(zip(problem.inputs, point[n:], strict=True))
+        inputs = tuple(one.value(float(share)) for one, share in pairs)
+        one = RunRequest(values, best.fidelity, inputs=inputs, derivatives=derivatives)
+        drawn = zip(problem.inputs, inputs, strict=True)
+        scaled = [2.0 * (value - u.low) / (u.high - u.low) - 1.0 for u, value in drawn]
+        requests.append(one)
+        places.append([*box.place(problem.shares(one)), *scaled])
+    responses.fetch(requests)
+    vectors = np.array([responses.vector(one) for one in requests])
+    if not derivatives:
+        return np.array(places), vectors, None
+    missing, width = np.full((vectors.shape[1], n + d), np.nan), np.array([*box.half, *[0.5] * d])
+    failed = [responses.seen[one].failed for one in requests]
+    slopes = [missing if bad else responses.slopes(one)
+              for one, bad in zip(requests, failed, strict=True)]  # fmt: skip
+    known = [one for one in slopes if one is not None]
+    if len(known) < len(slopes):
+        return _runs(responses, best, box, derivatives=False)
+    return np.array(places), vectors, np.array(known) * width
 
 
 def _indices(function: Callable[[Array], Array], inputs: int) -> tuple[Array, Array]:
@@ -240,37 +165,30 @@ def _indices(function: Callable[[Array], Array], inputs: int) -> tuple[Array, Ar
         dists=[stats.uniform(-1.0, 2.0)] * inputs,
         rng=np.random.default_rng(_SEED),
     )
-    shape = -1, inputs
     with np.errstate(invalid="ignore"):
-        parts = [np.reshape(part, shape) for part in (found.first_order, found.total_order)]
-    first, total = (np.clip(np.nan_to_num(part), 0.0, 1.0) for part in parts)
+        parts = [np.reshape(part, (-1, inputs)) for part in (found.first_order, found.total_order)]
     count = np.shape(function(np.zeros((1, inputs))))[1]
-    return first[:count], total[:count]
+    first, total = (np.clip(np.nan_to_num(part), 0.0, 1.0)[:count] for part in parts)
+    return first, total
 
 
 class _Finder:
-    """Finds the optimum of polynomials for given inputs, among many places in the box.
+    """Finds the optimum of polynomials for given inputs, among many places in the box."""
 
-    Args:
-        fit: The polynomials.
-        variables: How many there are.
-    """
-
-    def __init__(self, fit: Callable[[Array], Array], variables: int) -> None:
-        self._fit, self._places = fit, 2.0 * _sobol(variables, _PLACES) - 1.0
+    def __init__(self, polynomials: Callable[[Array], Array], variables: int) -> None:
+        self._polynomials, self._places = polynomials, 2.0 * _sobol(variables, _PLACES) - 1.0
 
     def _values(self, inputs: Array) -> Array:
         """Cost and margins at all places for one draw (places, 1 + m)."""
         drawn = np.tile(inputs, (len(self._places), 1))
-        return self._fit(np.hstack([self._places, drawn]))
+        return self._polynomials(np.hstack([self._places, drawn]))
 
     def best(self, draws: Array) -> Array:
         """The best place (draws, n) for each draw of the inputs (draws, d)."""
         found = []
         for inputs in draws:
             values = self._values(inputs)
-            scale = np.std(values[:, 1:], axis=0)
-            allowed = nearest_to_allowed(values[:, 1:], scale)
+            allowed = nearest_to_allowed(values[:, 1:], np.std(values[:, 1:], axis=0))
             found.append(self._places[allowed][np.argmin(values[allowed, 0])])
         return np.array(found)
 
@@ -282,6 +200,4 @@ class _Finder:
             met += np.all(values[:, 1:] >= 0.0, axis=1)
             cost += values[:, 0]
         sound = met >= _SAFE * len(draws)
-        if not np.any(sound):
-            return None
-        return np.asarray(self._places[sound][np.argmin(cost[sound])])
+        return np.asarray(self._places[sound][np.argmin(cost[sound])]) if np.any(sound) else None

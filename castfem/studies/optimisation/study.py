@@ -1,4 +1,4 @@
-"""A search that is driven from outside: ask which runs it needs, tell what they have given.
+"""A search by ask and tell: it asks for the runs that it needs, and is told their results.
 
 study = Study("billet125/optimum_single")
 while wanted := study.ask():
@@ -9,9 +9,12 @@ print(study.result().changes())
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from queue import SimpleQueue
+from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,45 +23,40 @@ from castfem.base.errors import InputError
 from castfem.runs.output.run_record import RunRecord
 from castfem.runs.result import RunResult
 from castfem.studies.accuracy.levels import DEFAULT
-from castfem.studies.optimisation.carried import hindrances, of_run
+from castfem.studies.optimisation import argument_checks as check
+from castfem.studies.optimisation.derivative_request import obstacles, of_run
 from castfem.studies.optimisation.evaluator import Evaluator, Watcher, lean, variant
-from castfem.studies.optimisation.given import (
-    case_of,
-    folder_of,
-    origin_of,
-    quantities_of,
-    wanted_of,
-)
-from castfem.studies.optimisation.inquiry import Inquiry
 from castfem.studies.optimisation.optimum import Optimum
-from castfem.studies.optimisation.outputs import Needs, Obtain
-from castfem.studies.optimisation.question import Question, Wanted
-from castfem.studies.optimisation.search import Done
+from castfem.studies.optimisation.problem import DesignProblem, RunRequest
+from castfem.studies.optimisation.responses import Obtain
 from castfem.studies.optimisation.store import Evaluation
+from castfem.studies.optimisation.workflow import Workflow
 
 if TYPE_CHECKING:
     from castfem.model import Case
+
+Requests = tuple[RunRequest, ...]
 
 
 class Study:
     """The search for the best values of a case with [optimise].
 
-    The search has no state of its own: with the same results, from `tell` or from the folder, it
-    asks for the same runs.
+    With the same results, from `tell` or from the folder, it asks for the same runs, so that a new
+    study goes on where another one was ended.
 
     Args:
         case: The case, or what `castfem.load` takes.
         folder: Of runs, as `Evaluator` keeps them; None if all results come by `tell`.
         origin: What messages call the case.
-        evaluator: Does the runs, instead of one made for the folder.
+        evaluator: Makes the runs, instead of one made for the folder.
 
     Attributes:
-        question: What is asked for.
-        evaluator: Does runs; None without a folder.
+        problem: What is asked for.
+        evaluator: Makes runs; None without a folder.
 
     Raises:
-        InputError: The case asks for nothing that could be looked for, or, where runs are done, for
-            a result that none of them has.
+        InputError: The case has no [optimise], a key cannot be varied, or, where runs are made
+            here, no run has a result that it names.
     """
 
     def __init__(
@@ -69,36 +67,49 @@ class Study:
         origin: str = "",
         evaluator: Evaluator | None = None,
     ) -> None:
-        sound = case_of(case, "Study")
+        loaded = check.check_case(case, "Study")
         if not isinstance(evaluator, Evaluator | None):
-            raise InputError(f"Study: evaluator: an Evaluator is needed, not {evaluator!r}")
-        self.question = Question(sound, origin or origin_of(case))
+            raise InputError(f"Study: evaluator must be an Evaluator, got {evaluator!r}")
+        self.problem = DesignProblem(loaded, origin or check.origin_of(case))
         self.evaluator = evaluator
         if folder is not None and evaluator is None:
-            self.evaluator = Evaluator(sound, folder_of(folder, "Study"))
+            self.evaluator = Evaluator(loaded, check.check_folder(folder, "Study"))
         if self.evaluator is not None:
-            self.question.check_results()
-        self._lean = lean(sound)
-        self._told: dict[Wanted, Evaluation] = {}
-        self._carried: set[Wanted] = set()  # that were told as runs that carry derivatives
+            self.problem.check_results()
+        self._runs = _KnownRuns(self.problem, self.evaluator)
         self._kept: list[RunResult] = []
-        self._cases: dict[Wanted, Case] = {}
+        self._asked: Requests = ()
+        self._thread: _WorkflowThread | None = None
         self._result: Optimum | None = None
-        self._done: Done = {}
-        if self.question.table.method == "slsqp":
+        if self.problem.table.method == "slsqp":
             self._check_derivatives()
 
-    def ask(self) -> tuple[Wanted, ...]:
-        """Return the runs that the search needs next, which may be done at once; () at its end.
+    def ask(self) -> tuple[RunRequest, ...]:
+        """Return the runs that the search needs next, which may be made at once; () at its end.
 
         Raises:
             InputError: A run has no result that is asked for.
         """
-        try:
-            self._result = self._inquiry().answer(None, own=self.evaluator is not None)
-        except Needs as needs:
-            return needs.wanted
-        return ()
+        if self._result is not None:
+            return ()
+        if self._thread is None:
+            if self.problem.inputs and self.evaluator is not None:
+                import castfem.studies.sensitivity.run  # noqa: F401 - starts MPI, in this thread, not in that
+            self._thread = _WorkflowThread(self._workflow(self.evaluator is not None))
+            weakref.finalize(self, self._thread.stop)
+        while True:
+            self._asked = tuple(one for one in self._asked if self._runs.find(one) is None)
+            if self._asked:
+                return self._asked
+            try:
+                asked = self._thread.next_requests()
+            except BaseException:
+                self._thread = None
+                raise
+            if isinstance(asked, Optimum):
+                self._result = asked
+                return ()
+            self._asked = asked
 
     def solve(
         self,
@@ -106,181 +117,227 @@ class Study:
         obtain: Obtain | None = None,
         stage: Callable[[str], None] | None = None,
     ) -> Optimum:
-        """Do all runs that the search needs, and return what it has found.
+        """Make all runs that the search needs, and return its answer.
 
         Args:
-            watcher: Told of the runs.
-            obtain: Does runs and hands in their results, instead of the study's evaluator.
-            stage: Told what the runs that follow are for.
+            watcher: Follows the runs.
+            obtain: Makes runs and tells their results, instead of the study's evaluator.
+            stage: Called with the purpose of the runs that follow.
 
         Raises:
             InputError: The study has no folder, or a run has no result that is asked for.
             RunFailure: A file cannot be written.
         """
 
-        def run(wanted: Sequence[Wanted]) -> None:
-            self.run(wanted, watcher)
+        def run(requests: Sequence[RunRequest]) -> None:
+            if obtain is None:
+                self.run(requests, watcher)
+                return
+            obtain(requests)
+            lost = sum(self._runs.find(one) is None for one in requests)
+            if lost:
+                raise InputError(
+                    f"solve: obtain has told nothing of {lost} of the {len(requests)} runs that it "
+                    "was given; tell(run, results) each"
+                )
 
-        self._result = self._inquiry(stage).answer(obtain or run, own=obtain is None)
+        self._result = self._workflow(obtain is None, stage).run(run)
         return self._result
 
-    def _inquiry(self, stage: Callable[[str], None] | None = None) -> Inquiry:
-        """The way to the answer, by the runs that are there."""
-        return Inquiry(self.question, self.known, self.case, self._told, self._done, stage)
+    def _workflow(self, own: bool, stage: Callable[[str], None] | None = None) -> Workflow:
+        runs = self._runs
+        return Workflow(
+            self.problem, runs.find, runs.case, runs.results, own, stage or (lambda purpose: None)
+        )
 
     def _check_derivatives(self) -> None:
-        """Refuse a search by derivatives of runs that have none.
-
-        Raises:
-            InputError: Saying why they have none.
-        """
-        where, mend = f"{self.question.origin}: optimise.method", 'or take method = "cobyqa"'
+        """Refuse a search by derivatives of runs that have none."""
+        where, fix = f"{self.problem.origin}: optimise.method", 'or take method = "cobyqa"'
         if self.evaluator is None:
             raise InputError(
-                f"{where}: slsqp needs the derivatives that castfem's own runs carry along: give "
-                f"the study a folder, {mend}"
+                f"{where}: slsqp needs the derivatives that castfem's own runs compute: give the "
+                f"study a folder, {fix}"
             )
-        middle = self.question.at(np.full(len(self.question.axes), 0.5))
-        every = [middle]
-        if any(bound.relative for bound in self.question.bounds):
-            every.append(self.question.ideal(middle))
-        found = hindrances(self.question, {one: self.case(one) for one in every})
+        middle = self.problem.request(np.full(len(self.problem.variables), 0.5))
+        every = [middle, self.problem.ideal(middle)] if self.problem.relative else [middle]
+        found = obstacles(self.problem, {one: self.case(one) for one in every})
         if found:
-            raise InputError(
-                [f"{where}: slsqp needs derivatives: {problem}; {mend}" for problem in found]
-            )
+            raise InputError([f"{where}: slsqp needs derivatives: {one}; {fix}" for one in found])
 
-    def case(self, wanted: Wanted | Mapping[str, Any]) -> Case:
-        """Return the case of a run that is wanted; see `tell`.
+    def case(self, request: RunRequest | Mapping[str, Any]) -> Case:
+        """Return the case of a run; see `tell`.
 
         Raises:
-            InputError: It is none, or lies outside of the ranges.
+            InputError: It is no run, or lies outside of the ranges.
         """
-        wanted = wanted_of(self.question, wanted, "case")
-        if wanted not in self._cases:
-            self._cases[wanted] = variant(
-                self._lean, self.question.changes(wanted), wanted.fidelity, ideal=wanted.ideal
-            )
-        return self._cases[wanted]
+        return self._runs.case(check.check_request(self.problem, request, "case"))
 
     def tell(
         self,
-        wanted: Wanted | Mapping[str, Any],
-        given: Evaluation | RunResult | Mapping[str, float],
+        request: RunRequest | Mapping[str, Any],
+        results: Evaluation | RunResult | Mapping[str, float],
     ) -> None:
         """Hand in the results of a run.
 
         Args:
-            wanted: The run, or the values of all variables by key, with units or in those of their
+            request: The run, or the values of all variables by key, with units or in those of their
                 ranges.
-            given: An evaluation, a result of castfem (that of a run that has failed, too), or
-                results by name in SI.
+            results: An evaluation, a result of castfem (of a run that has failed, too), or results
+                by name in SI.
 
         Raises:
-            InputError: It is none of them, lacks a result that is asked for, or the run lies
+            InputError: They cannot be used, lack a result that is asked for, or the run lies
                 outside of the ranges.
         """
-        wanted = wanted_of(self.question, wanted, "tell")
-        if isinstance(given, RunResult):
-            if wanted.ideal:
-                self._kept.append(given)  # tapers begin by its history: a temporary one must stay
-            given = _evaluated(given, self.case(wanted).casting.length)
-        elif isinstance(given, Mapping):
-            given = Evaluation(quantities_of(self.question, wanted, given))
-        if not isinstance(given, Evaluation):
+        request = check.check_request(self.problem, request, "tell")
+        if isinstance(results, RunResult):
+            if request.ideal:
+                self._kept.append(results)  # tapers begin by its history: a temporary one must stay
+            results = _evaluation(results, self._runs.case(request).casting.length)
+        elif isinstance(results, Mapping):
+            results = Evaluation(check.quantities_of(self.problem, request, results))
+        if not isinstance(results, Evaluation):
             raise InputError(
-                "tell: an Evaluation or a Result is needed, or results by name "
-                f'{{"heat_removed": 9.1e6}}, not {given!r}'
+                "tell: results must be an Evaluation, a Result or results by name, "
+                f'{{"heat_removed": 9.1e6}}, got {results!r}'
             )
-        self._note(wanted, given)
+        self._runs.note(request, results)
 
     def run(
         self,
-        wanted: Wanted | Mapping[str, Any] | Sequence[Wanted | Mapping[str, Any]],
+        requests: RunRequest | Mapping[str, Any] | Sequence[RunRequest | Mapping[str, Any]],
         watcher: Watcher | None = None,
     ) -> list[Evaluation]:
-        """Do runs that are wanted, or find them in the folder, and hand in their results.
+        """Make runs, or find them in the folder, and tell their results.
 
         Args:
-            wanted: A run or several; see `tell`.
-            watcher: Told of the runs.
+            requests: A run or several; see `tell`.
+            watcher: Follows the runs.
 
         Raises:
-            InputError: The study has no folder, or what is wanted is no run.
+            InputError: The study has no folder, or there is no such run.
             RunFailure: A file cannot be written. A run that fails raises nothing.
         """
         if self.evaluator is None:
             raise InputError("a study without a folder runs nothing; give it one")
-        several = [wanted] if isinstance(wanted, Wanted | Mapping) else wanted
+        several = [requests] if isinstance(requests, RunRequest | Mapping) else requests
         if not isinstance(several, Sequence) or isinstance(several, str):
-            raise InputError(f"run: runs are needed, such as ask() returns, not {wanted!r}")
-        runs = [wanted_of(self.question, one, "run") for one in several]
-        cases = [self.case(one) for one in runs]
-        given = [self.given(one) for one in runs]
-        carried = [of_run(self.question, one) if one.carries else None for one in runs]
-        found = self.evaluator.evaluate(cases, given, watcher, carried)
+            raise InputError(f"run: runs such as ask() returns are needed, got {requests!r}")
+        runs = [check.check_request(self.problem, one, "run") for one in several]
+        cases = [self._runs.case(one) for one in runs]
+        varied = [self._varied(one) for one in runs]
+        derivatives = [of_run(self.problem, one) if one.derivatives else None for one in runs]
+        found = self.evaluator.evaluate(cases, varied, watcher, derivatives)
         for one, evaluation in zip(runs, found, strict=True):
-            self.tell(one, evaluation)
+            self._runs.note(one, evaluation)
         return found
 
-    def given(self, wanted: Wanted) -> dict[str, str]:
+    def _varied(self, request: RunRequest) -> dict[str, str]:
         """Key to value of what is varied in a run, for names and tables."""
-        own = replace(wanted, inputs=())
-        found = {key: str(value) for key, value in self.question.changes(own).items()}
-        if wanted.inputs:
-            for one, value in zip(self.question.inputs, wanted.inputs, strict=True):
-                found[one.key] = f"{value:.6g} {one.unit}".strip()
-        if wanted.ideal:
+        own = self.problem.changes(replace(request, inputs=()))
+        found = {key: str(value) for key, value in own.items()}
+        for one, value in zip(self.problem.inputs, request.inputs, strict=False):
+            found[one.key] = f"{value:.6g} {one.unit}".strip()
+        if request.ideal:
             found["mould"] = "idealised"
-        if wanted.fidelity != DEFAULT:
-            found["fidelity"] = wanted.fidelity
+        if request.fidelity != DEFAULT:
+            found["fidelity"] = request.fidelity
         return found
 
     def result(self) -> Optimum:
-        """Return what the search has found.
+        """Return the answer.
 
         Raises:
-            InputError: It has not come to its end.
+            InputError: The search has not come to its end.
         """
-        if self._result is None and self.ask():
+        if self.ask() or self._result is None:
             raise InputError("the search has not come to its end: ask, run and tell go on")
-        assert self._result is not None
         return self._result
 
     def case_of(self, optimum: Optimum) -> Case:
-        """Return the user's case with the values of an optimum.
-
-        Raises:
-            InputError: It is none.
-        """
+        """Return the user's case with the values of an optimum."""
         if not isinstance(optimum, Optimum):
-            raise InputError(f"case_of: what result() returns is needed, not {optimum!r}")
-        return self.question.case.with_(optimum.changes())
+            raise InputError(f"case_of: what result() returns is needed, got {optimum!r}")
+        return self.problem.case.with_(optimum.changes())
 
-    def known(self, wanted: Wanted) -> Evaluation | None:
-        """Return what a run has given, None where it has not been done."""
-        found = self._told.get(wanted)
-        if wanted.carries and wanted not in self._carried:
-            found = None  # it was made without derivatives
-        if found is None and self.evaluator is not None:
-            carried = of_run(self.question, wanted) if wanted.carries else None
-            found = self.evaluator.store.find(self.case(wanted), carried)
+
+class _KnownRuns:
+    """The cases and results of the runs of a problem: handed in, or in the folder."""
+
+    def __init__(self, problem: DesignProblem, evaluator: Evaluator | None) -> None:
+        self._problem, self._evaluator = problem, evaluator
+        self._lean = lean(problem.case)
+        self._cases: dict[RunRequest, Case] = {}
+        self._differentiated: set[RunRequest] = set()  # that were asked for derivatives
+        self.results: dict[RunRequest, Evaluation] = {}
+
+    def case(self, request: RunRequest) -> Case:
+        """The case of a run."""
+        if request not in self._cases:
+            changes = self._problem.changes(request)
+            made = variant(self._lean, changes, request.fidelity, ideal=request.ideal)
+            self._cases[request] = made
+        return self._cases[request]
+
+    def find(self, request: RunRequest) -> Evaluation | None:
+        """The results of a run, None where it has not been made as requested."""
+        found = self.results.get(request)
+        if request.derivatives and request not in self._differentiated:
+            found = None
+        if found is None and self._evaluator is not None:
+            derivatives = of_run(self._problem, request) if request.derivatives else None
+            found = self._evaluator.store.find(self.case(request), derivatives)
             if found is not None:
-                self._note(wanted, found)
+                self.note(request, found)
         return found
 
-    def _note(self, wanted: Wanted, given: Evaluation) -> None:
-        """Keep what a run has given."""
-        self._told[wanted] = given
-        if wanted.carries:
-            self._carried.add(wanted)
+    def note(self, request: RunRequest, results: Evaluation) -> None:
+        """Keep the results of a run."""
+        self.results[request] = results
+        if request.derivatives:
+            self._differentiated.add(request)
 
 
-def _evaluated(result: RunResult, length: float) -> Evaluation:
-    """What a run has given, of one that has failed how far of its length (m) it came."""
-    summary = result.summary
-    if summary.status == "finished":
-        return Evaluation.of(summary, 0.0, result.folder)
-    record = RunRecord.load(result.folder)
-    share = min(record.reached.get("position", 0.0) / length, 1.0)
-    return Evaluation({}, share, record.reason or summary.status, folder=result.folder)
+class _WorkflowThread:
+    """Runs a workflow, which waits for its runs, in a thread of its own.
+
+    Either the thread works or the caller of `next_requests`, never both.
+    """
+
+    def __init__(self, workflow: Workflow) -> None:
+        self._asked: SimpleQueue[Requests | Optimum | BaseException] = SimpleQueue()
+        self._answered: SimpleQueue[bool] = SimpleQueue()
+        self._thread = Thread(target=self._work, args=(workflow,), daemon=True)
+
+    def next_requests(self) -> Requests | Optimum:
+        """Let the workflow go on; return the runs that it needs next, or at its end the answer."""
+        if self._thread.ident is None:
+            self._thread.start()
+        else:
+            self._answered.put(True)
+        asked = self._asked.get()
+        if isinstance(asked, BaseException):
+            raise asked
+        return asked
+
+    def stop(self) -> None:
+        """End the thread."""
+        self._answered.put(False)
+
+    def _work(self, workflow: Workflow) -> None:
+        try:
+            self._asked.put(workflow.run(self._obtain))
+        except BaseException as error:
+            self._asked.put(error)
+
+    def _obtain(self, requests: Sequence[RunRequest]) -> None:
+        self._asked.put(tuple(requests))
+        if not self._answered.get():
+            raise SystemExit
+
+
+def _evaluation(result: RunResult, length: float) -> Evaluation:
+    """The results of a run, or how far of its length (m) it came if it has failed."""
+    if result.summary.status == "finished":
+        return Evaluation.of(result.summary, 0.0, result.folder)
+    return Evaluation.of_failed(result.folder, RunRecord.load(result.folder), length)

@@ -8,8 +8,8 @@ import pytest
 from known_results import HEAT, SPEED, STRESS, solve
 from small_case import small
 
-from castfem.studies.optimisation import Optimum, Study, Wanted
-from castfem.studies.optimisation.told import told
+from castfem.studies.optimisation import Optimum, RunRequest, Study
+from castfem.studies.optimisation.optimum_report import report
 
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
 HINT = "a wider one may meet them"
@@ -23,7 +23,7 @@ def asked(*constraints: str, **start: str) -> Study:
 
 def first_line(found: Optimum) -> str:
     assert found.status == "impossible"
-    return str(next(iter(told(found))))
+    return str(next(iter(report(found))))
 
 
 @pytest.mark.parametrize("superheat", ["10 K", "50 K"])
@@ -31,7 +31,7 @@ def test_a_variable_that_changes_nothing_of_what_is_missed(superheat: str):
     """The objective draws it to an end: the heat knows of the speed alone."""
     sign = 1.0 if superheat == "10 K" else -1.0
 
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         speed, at = wanted.values
         return {STRESS: 100.0 + sign * at, HEAT: 1e6 * (5.0 - (speed - 4.2) ** 2)}
 
@@ -41,7 +41,7 @@ def test_a_variable_that_changes_nothing_of_what_is_missed(superheat: str):
 
 
 def test_only_the_variable_that_helps_is_named():
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         speed, superheat = wanted.values
         return {STRESS: 10.0 + superheat, HEAT: 1e6 * speed}
 
@@ -55,7 +55,7 @@ def test_only_the_variable_that_helps_is_named():
 def test_what_is_least_at_an_end_and_no_longer_falls():
     """Flat from 4 m/min on: the last of the way to the end gains nothing."""
 
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         speed, _ = wanted.values
         return {STRESS: 100.0 - speed, HEAT: 1e6 * min(speed, 4.0)}
 
@@ -67,7 +67,7 @@ def test_a_second_constraint_that_is_missed_as_well():
     """More speed helps one; the other is missed whatever the speed, or by more with each step."""
     for more in (0.0, 1.0):
 
-        def given(wanted: Wanted, more: float = more) -> dict[str, float]:
+        def given(wanted: RunRequest, more: float = more) -> dict[str, float]:
             speed, _ = wanted.values
             return {STRESS: 1e6 * (100.0 + more * speed), HEAT: 1e6 * speed}
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from castfem.base.types import Array
-from castfem.studies.optimisation import response
-from castfem.studies.optimisation.response import coefficients, fit, least, samples
+from castfem.studies.optimisation import polynomial_fit
+from castfem.studies.optimisation.polynomial_fit import coefficients, fit, least, samples
 
 
 def cubic(x: Array) -> tuple[Array, Array]:
@@ -35,7 +35,7 @@ def drawn(count: int) -> Array:
 @pytest.mark.parametrize("carrying", [True, False])
 def test_polynomials_are_found_again(carrying: bool) -> None:
     """By as few runs as are allowed, whichever of them is left out."""
-    places = drawn(least(1, 2, carrying=carrying))
+    places = drawn(least(1, 2, derivatives=carrying))
     values, slopes = cubic(places)
     laid, missed = fit(places, values, 1, slopes if carrying else None)
     there = drawn(40)
@@ -69,11 +69,11 @@ def test_a_derivative_that_is_not_known_is_no_equation() -> None:
 
 def test_how_many_runs() -> None:
     """As docs/mould_design.md has measured them for a taper and four inputs."""
-    assert (coefficients(1, 4), samples(1, 4), samples(1, 4, carrying=True)) == (22, 32, 16)
+    assert (coefficients(1, 4), samples(1, 4), samples(1, 4, derivatives=True)) == (22, 32, 16)
     for variables, inputs in itertools.product(range(1, 5), range(1, 7)):
         for carrying in (True, False):
-            few = least(variables, inputs, carrying=carrying)
-            assert samples(variables, inputs, carrying=carrying) >= few
+            few = least(variables, inputs, derivatives=carrying)
+            assert samples(variables, inputs, derivatives=carrying) >= few
 
 
 @pytest.mark.parametrize("variables", [1, 2, 4])
@@ -86,13 +86,13 @@ def test_the_least_number_is_enough(variables: int, inputs: int) -> None:
 
     def given(x: Array) -> tuple[Array, Array]:
         step = 1e-5 * np.eye(every)
-        columns = response._columns
+        columns = polynomial_fit._columns
         by = [columns(x + h, variables) - columns(x - h, variables) for h in step]
         slopes = np.stack([b @ weights / 2e-5 for b in by], axis=1)
         return (columns(x, variables) @ weights)[:, None], slopes[:, None, :]
 
     for carrying in (True, False):
-        places = 2.0 * random.random((least(variables, inputs, carrying=carrying), every)) - 1.0
+        places = 2.0 * random.random((least(variables, inputs, derivatives=carrying), every)) - 1.0
         values, slopes = given(places)
         laid, missed = fit(places, values, variables, slopes if carrying else None)
         there = 2.0 * random.random((20, every)) - 1.0

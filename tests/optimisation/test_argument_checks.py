@@ -13,7 +13,7 @@ from small_case import small, write_small
 
 from castfem.base.errors import InputError
 from castfem.base.shown_quantity import Quantity
-from castfem.studies.optimisation import Evaluation, Evaluator, Study, Wanted
+from castfem.studies.optimisation import Evaluation, Evaluator, RunRequest, Study
 
 SHORT = {"casting.length": "6 mm"}
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
@@ -34,7 +34,7 @@ def said(call: Callable[[], object]) -> str:
 
 def test_a_case_is_taken_by_its_name_and_path(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert Study("billet125/optimum_single").question.axes[0].key == "mould.taper"
+    assert Study("billet125/optimum_single").problem.variables[0].key == "mould.taper"
     path = write_small(tmp_path)
     by_path = Evaluator(path, tmp_path / "one")
     assert by_path.case == Evaluator("small", tmp_path / "two").case
@@ -47,7 +47,7 @@ def test_a_case_is_taken_by_its_name_and_path(tmp_path, monkeypatch):
 @pytest.mark.parametrize("given", [3, None, {"casting": {}}])
 def test_what_is_no_case(tmp_path, given):
     for asked in (Study, lambda case: Evaluator(case, tmp_path)):
-        assert "case: a case is needed, its path or the name of a" in said(lambda a=asked: a(given))
+        assert "case must be a case, its path or the name of a" in said(lambda a=asked: a(given))
 
 
 def test_folders_and_counts(tmp_path):
@@ -56,20 +56,19 @@ def test_folders_and_counts(tmp_path):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "run.json").write_text("{}")
     for folder, line in (
-        (3, "folder: the path of a folder is needed, not 3"),
+        (3, "folder must be a path, got 3"),
         (tmp_path / "file", f"folder: {tmp_path / 'file'} is a file; choose another"),
         (tmp_path / "run", f"folder: {tmp_path / 'run'} holds a single run; choose another"),
     ):
         assert line in said(lambda f=folder: Evaluator(case, f))
         assert line in said(lambda f=folder: Study(small({**SHORT, "optimise": ASKED}), f))
     for given, line in (
-        ({"processes": -1}, "processes: a whole number from 0 on is needed, not -1"),
-        ({"processes": "2"}, "processes: a whole number from 0 on is needed, not '2'"),
-        ({"ranks": 1.5}, "ranks: a whole number from 1 on is needed, not 1.5"),
-        ({"comm": 2}, "comm: a communicator of mpi4py is needed, not 2"),
+        ({"processes": -1}, "processes must be an integer >= 0, got -1"),
+        ({"processes": "2"}, "processes must be an integer >= 0, got '2'"),
+        ({"ranks": 1.5}, "ranks must be an integer >= 1, got 1.5"),
     ):
         assert said(lambda g=given: Evaluator(case, tmp_path / "new", **g)) == f"Evaluator: {line}"
-    assert "evaluator: an Evaluator is needed" in said(
+    assert "evaluator must be an Evaluator" in said(
         lambda: Study(small({**SHORT, "optimise": ASKED}), evaluator=3)  # type: ignore[arg-type]
     )
     assert not (tmp_path / "new").exists()
@@ -81,14 +80,13 @@ ASKED = {"minimise": "heat_removed", "variable": [SPEED]}
 def test_changes(tmp_path):
     evaluate = Evaluator(small(SHORT), tmp_path / "new")
     for given, line in (
-        ("casting.speed", 'evaluate: changes: keys with their new values are needed, {"casting.'),
+        ("casting.speed", 'changes must be keys with their values, {"casting.'),
         ({"casting.sped": "3 m/min"}, "changes: casting.sped"),
         ({3: 1}, "changes: 3: the name of a key is needed"),
     ):
         assert said(lambda g=given: evaluate(g)).startswith(line)
-    assert "many: several changes are needed" in said(lambda: evaluate.many({"speed": "3 m/min"}))
     for word in ("corse", 3, ["coarse"]):
-        assert "fidelity: one of thermal, coarse" in said(lambda w=word: evaluate({}, w))
+        assert "fidelity must be one of thermal, coarse" in said(lambda w=word: evaluate({}, w))
     assert evaluate.runs == 0 and not (tmp_path / "new").exists()
 
 
@@ -115,8 +113,8 @@ def test_runs_by_the_values_of_their_variables():
     asked = study()
     run = {"casting.speed": "0.05 m/s", "superheat": 30}
     asked.tell(run, {STRESS: 1e6})
-    assert list(asked._told) == [Wanted((3.0, 30.0), "default")]
-    assert asked.case(run) == asked.case(Wanted((3.0, 30.0), "default"))
+    assert list(asked._runs.results) == [RunRequest((3.0, 30.0), "default")]
+    assert asked.case(run) == asked.case(RunRequest((3.0, 30.0), "default"))
 
 
 @pytest.mark.parametrize(
@@ -130,23 +128,29 @@ def test_runs_by_the_values_of_their_variables():
         ({"casting.speed": 3.0}, "casting.superheat is missing; give all variables a value"),
         (
             {"casting.speed": "3 K", "casting.superheat": 30.0},
-            "casting.speed: a number in m/min is needed, not '3 K'",
+            "casting.speed must be a number in m/min, got '3 K'",
         ),
-        ({"casting.speed": None, "casting.superheat": 30.0}, "a number in m/min is needed"),
+        (
+            {"casting.speed": None, "casting.superheat": 30.0},
+            "casting.speed must be a number in m/min",
+        ),
         ({3: 3.0}, "3 is no variable of [optimise]; there are casting.speed"),
         ({"casting.speed": 6.0, "casting.superheat": 30.0}, "lies outside of it, 2 to 5 m/min"),
-        (3.0, 'a run is needed, one of those that ask() returns or values by key, {"casting.speed'),
-        (Wanted(("3", 30.0), "default"), "casting.speed: a number is needed, not '3'"),  # type: ignore[arg-type]
-        (Wanted(3.0, "default"), "values: numbers are needed, not 3.0"),  # type: ignore[arg-type]
-        (Wanted((3.0, 30.0), "corse"), "fidelity: one of thermal, coarse, default, fine is needed"),
-        (Wanted((3.0, 30.0), "fine", inputs=(1.0,)), "a run has 1 inputs where 0 are needed"),
+        (3.0, 'a run must be one that ask() returns, or values by key, {"casting.speed'),
+        (RunRequest(("3", 30.0), "default"), "casting.speed must be a number in m/min, got '3'"),  # type: ignore[arg-type]
+        (RunRequest(3.0, "default"), "a run must be one that ask() returns, or values by key"),  # type: ignore[arg-type]
+        (
+            RunRequest((3.0, 30.0), "corse"),
+            "fidelity must be one of thermal, coarse, default, fine",
+        ),
+        (RunRequest((3.0, 30.0), "fine", inputs=(1.0,)), "and 1 inputs; it needs"),
     ],
 )
 def test_what_is_no_run(tmp_path: Path, run: Any, line: str) -> None:
     asked = study()
     assert line in said(lambda: asked.tell(run, {STRESS: 1e6}))
     assert line in said(lambda: asked.case(run))
-    assert not asked._told
+    assert not asked._runs.results
 
 
 @pytest.mark.parametrize(
@@ -156,9 +160,12 @@ def test_what_is_no_run(tmp_path: Path, run: Any, line: str) -> None:
             {"von_mises": 1e6},
             "tell: von_mises_max is missing, which [optimise] needs; write it so, ",
         ),
-        ({STRESS: "3 MPa"}, "tell: von_mises_max: a number in SI is needed, not '3 MPa'"),
-        ({STRESS: math.nan}, "tell: von_mises_max: a finite number is needed, not nan; of a run"),
-        (None, 'tell: an Evaluation or a Result is needed, or results by name {"heat_removed'),
+        ({STRESS: "3 MPa"}, "tell: von_mises_max must be a finite number in SI, got '3 MPa'"),
+        (
+            {STRESS: math.nan},
+            "tell: von_mises_max must be a finite number in SI, got nan;",
+        ),
+        (None, 'tell: results must be an Evaluation, a Result or results by name, {"heat_removed'),
     ],
 )
 def test_what_is_no_result(given: Any, line: str) -> None:
@@ -170,5 +177,5 @@ def test_what_is_no_result(given: Any, line: str) -> None:
 def test_runs_of_which_nothing_is_told(tmp_path):
     assert "solve: obtain has told nothing of" in said(lambda: study().solve(obtain=lambda w: None))
     asked = Study(small({**SHORT, "optimise": ASKED}), tmp_path)
-    assert said(lambda: asked.run("casting.speed")).startswith("run: runs are needed")
+    assert said(lambda: asked.run("casting.speed")).startswith("run: runs such as ask()")
     assert "what result() returns is needed" in said(lambda: asked.case_of(3))  # type: ignore[arg-type]

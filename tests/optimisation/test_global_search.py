@@ -12,9 +12,9 @@ from known_results import HEAT, SPEED, STRESS, Given, solve
 from small_case import small
 
 from castfem.base.errors import InputError
-from castfem.studies.optimisation import Evaluation, Study, Wanted
-from castfem.studies.optimisation.told import told
-from castfem.studies.optimisation.valleys import valleys
+from castfem.studies.optimisation import Evaluation, RunRequest, Study
+from castfem.studies.optimisation.global_search import valleys
+from castfem.studies.optimisation.optimum_report import report
 
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
 installed = pytest.mark.skipif(
@@ -27,7 +27,7 @@ def study(*variables: dict[str, Any], method: str = "optuna", **table: Any) -> S
     return Study(small({"casting.length": "6 mm", "optimise": asked}))
 
 
-def two_valleys(wanted: Wanted) -> dict[str, float]:
+def two_valleys(wanted: RunRequest) -> dict[str, float]:
     """The better one, 9 at 4.4 m/min, lies behind a hill, seen from 2.2 m/min, where it is 10."""
     speed = wanted.values[0]
     return {STRESS: min(10.0 + 4.0 * (speed - 2.4) ** 2, 9.0 + 20.0 * (speed - 4.4) ** 2)}
@@ -44,18 +44,18 @@ def test_the_better_of_two_valleys():
     assert not found.spent
 
 
-def wedges(wanted: Wanted) -> dict[str, float]:
+def wedges(wanted: RunRequest) -> dict[str, float]:
     """Two of one depth, of other slopes: no search hits both tips alike."""
     speed = wanted.values[0]
     return {STRESS: min(10.0 + 4.0 * abs(speed - 2.4), 10.0 + 9.0 * abs(speed - 4.37))}
 
 
-def bowls(wanted: Wanted) -> dict[str, float]:
+def bowls(wanted: RunRequest) -> dict[str, float]:
     speed = wanted.values[0]
     return {STRESS: min(10.0 + 4.0 * (speed - 2.5) ** 2, 10.0 + 20.0 * (speed - 4.3) ** 2)}
 
 
-def scattered(wanted: Wanted) -> dict[str, float]:
+def scattered(wanted: RunRequest) -> dict[str, float]:
     noise = np.random.default_rng(round(1e4 * wanted.values[0])).normal()
     return {STRESS: bowls(wanted)[STRESS] + 0.02 * noise}
 
@@ -70,7 +70,7 @@ def test_two_valleys_of_one_depth_are_told(given: Given, near: tuple[float, floa
     (other,) = found.elsewhere
     places = sorted([found.values[0].value, *other])
     assert places == pytest.approx(near, abs=0.2 if given is scattered else 0.01)
-    lines = [line for line in told(found) if isinstance(line, str)]
+    lines = [line for line in report(found) if isinstance(line, str)]
     assert lines[0].endswith("no constraint binds; another place is as good")
     assert any(line.endswith(f"is casting.speed = {other[0]:g} m/min") for line in lines)
 
@@ -80,9 +80,9 @@ def test_a_valley_that_is_not_as_deep_or_misses_a_constraint_is_not_told():
     """One is worse by a tenth, in the other the heat is missing."""
     found = solve(study({**SPEED, "start": "2.2 m/min"}), two_valleys)
     assert not found.elsewhere
-    assert "another place" not in str(next(iter(told(found))))
+    assert "another place" not in str(next(iter(report(found))))
 
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         return {**bowls(wanted), HEAT: 1e6 * wanted.values[0]}
 
     asked = {"constraints": ["heat_removed >= 3 MJ/m"]}
@@ -94,7 +94,7 @@ def test_a_valley_that_is_not_as_deep_or_misses_a_constraint_is_not_told():
 def test_a_small_room_among_failures():
     """Runs come through in a corner of both ranges alone, and heat is to be had in a part of it."""
 
-    def given(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+    def given(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
         speed, superheat = wanted.values
         if speed > 3.5 or superheat > 35.0:
             return Evaluation({}, 0.5, "breakout")
@@ -111,7 +111,7 @@ def test_a_small_room_among_failures():
 def test_asked_run_by_run():
     """Told a run at a time by objects that know nothing of one another, it goes the same way."""
     at_once = solve(study(SPEED, most_runs=24), two_valleys)
-    told_so_far: dict[Wanted, Mapping[str, float]] = {}
+    told_so_far: dict[RunRequest, Mapping[str, float]] = {}
     for _ in range(60):
         one = study(SPEED, most_runs=24)
         for run, values in told_so_far.items():
@@ -140,11 +140,11 @@ def test_it_is_missed_before_a_run(monkeypatch: pytest.MonkeyPatch):
 def test_a_valley_that_is_flat_is_one_valley() -> None:
     """Runs beyond the quadratics that are as good are of it: the interval reaches to them."""
 
-    def quartic(wanted: Wanted) -> dict[str, float]:
+    def quartic(wanted: RunRequest) -> dict[str, float]:
         return {STRESS: 10.0 + 1e-3 * (wanted.values[0] - 3.5) ** 4}
 
     for given in (quartic, lambda wanted: {STRESS: 10.0}):
         found = solve(study({**SPEED, "start": "2.2 m/min"}, method="cobyqa"), given)
         assert not found.elsewhere
-        assert "another place" not in str(next(iter(told(found))))
+        assert "another place" not in str(next(iter(report(found))))
     assert found.values[0].low <= 2.2  # of the last, which is flat

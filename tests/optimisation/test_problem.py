@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from small_case import SMALL, small
 
-from castfem.api import load
 from castfem.base.errors import InputError
 from castfem.model import read_case
-from castfem.studies.optimisation.question import Question
+from castfem.model.shipped_cases import load
+from castfem.studies.optimisation.problem import DesignProblem
 
 TABLE = """
 [optimise]
@@ -32,7 +32,7 @@ def test_round_trip(tmp_path):
     other.write_text(case.resolved_toml())
     assert load(other) == case
     assert case.physics_hash() == small().physics_hash()
-    (axis,) = Question(case).axes
+    (axis,) = DesignProblem(case).variables
     assert (axis.low, axis.high, axis.unit) == (2.0, 5.0, "m/min")
     assert axis.value(0.5) == 3.5
     (bound,) = case.optimise.bounds
@@ -87,7 +87,7 @@ def test_mistakes_in_the_file(tmp_path: Path, old: str, new: str, line: str):
 def test_keys_that_cannot_be_varied(key: str, ends: list[str], line: str):
     asked: dict[str, Any] = {"minimise": "heat_removed", "variable": [{"key": key, "range": ends}]}
     with pytest.raises(InputError) as error:
-        Question(small({"optimise": asked}), "file.toml")
+        DesignProblem(small({"optimise": asked}), "file.toml")
     assert all(p.startswith("file.toml: optimise.variable.0: ") for p in error.value.problems)
     assert any(line in problem for problem in error.value.problems)
 
@@ -104,7 +104,7 @@ def test_keys_that_cannot_be_varied(key: str, ends: list[str], line: str):
 def test_a_text_is_no_variable_and_is_told_once(key: str, line: str):
     variable = {"key": key, "range": ["0 mm", "1 mm"]}
     with pytest.raises(InputError) as error:
-        Question(
+        DesignProblem(
             small({"optimise": {"minimise": "heat_removed", "variable": [variable]}}), "f.toml"
         )
     (problem,) = error.value.problems
@@ -120,7 +120,7 @@ def test_a_missing_unit_is_told_once_and_a_constraint_may_stand_alone():
     case = small({"optimise": asked})
     assert case.optimise is not None and len(case.optimise.bounds) == 1
     with pytest.raises(InputError) as error:
-        Question(case, "f.toml")
+        DesignProblem(case, "f.toml")
     (problem,) = error.value.problems
     assert "casting.speed: a speed needs its unit, such as" in problem
 
@@ -133,7 +133,7 @@ def test_results_that_no_run_has_are_refused_before_one():
         "variable": [{"key": "casting.speed", "range": ["2 m/min", "5 m/min"]}],
     }
     with pytest.raises(InputError) as error:
-        Question(small({"optimise": asked}), "f.toml").check_results()
+        DesignProblem(small({"optimise": asked}), "f.toml").check_results()
     for problem, key in zip(
         error.value.problems,
         ('minimise: ("von_mises_max") is none of this case, for it has no [mechanics]; add it, or',
@@ -153,7 +153,7 @@ def test_two_variables_of_one_key():
 
 def test_a_case_that_asks_for_nothing():
     with pytest.raises(InputError, match=r"optimise: the table is missing; add \[optimise\]"):
-        Question(small(), "file.toml")
+        DesignProblem(small(), "file.toml")
 
 
 def test_numbers_without_unit():
@@ -161,8 +161,8 @@ def test_numbers_without_unit():
     case = load("billet125/taper_1").with_({"mould": mould})
     variable = {"key": "mould.friction.coefficient", "range": [0, 0.5]}
     asked = case.with_({"optimise": {"minimise": "heat_removed", "variable": [variable]}})
-    question = Question(asked)
-    wanted = question.at(question.start(None))
+    question = DesignProblem(asked)
+    wanted = question.request(question.start(None))
     assert question.changes(wanted) == {"mould.friction.coefficient": 0.2}
 
 
@@ -179,7 +179,7 @@ def test_a_search_begins_with_the_value_of_the_case(key: str, ends: list[str], e
     """Zones are called by their names or numbers, keys with or without their tables."""
     case = small({"casting.speed": "3.6 m/min"})
     asked = {"minimise": "heat_removed", "variable": [{"key": key, "range": ends}]}
-    question = Question(case.with_({"optimise": asked}))
+    question = DesignProblem(case.with_({"optimise": asked}))
     assert question.start(None) == pytest.approx([expected])
 
 
@@ -212,7 +212,7 @@ def test_what_temperature_alone_knows_nothing_of() -> None:
         table = {"fidelity": "thermal", "maximise": "heat_removed", "variable": [speed], **table}
         case = load("billet125/taper_1").with_({"optimise": table})
         try:
-            Question(case).check_results()
+            DesignProblem(case).check_results()
         except InputError as error:
             return list(error.problems)
         return []

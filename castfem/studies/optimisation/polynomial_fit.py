@@ -1,9 +1,8 @@
-"""Polynomials laid through results over places, and through their derivatives where known.
+"""Polynomials fitted to results over places, and to their derivatives where known.
 
-Of second degree in variables and inputs, with the third power of each variable, too: about an
-optimum a corner comes off its wall, and what it gives bends along the taper. A run that carries
-derivatives says as much as one and as many more as it has variables and inputs: far fewer are
-enough (docs/mould_design.md).
+Of second degree in variables and inputs, with the third power of each variable: along a taper a
+corner comes off its wall. A run with derivatives counts as one and as many more as there are
+variables and inputs, so that far fewer are enough (docs/mould_design.md).
 """
 
 from __future__ import annotations
@@ -16,40 +15,34 @@ import numpy as np
 from castfem.base.types import Array
 
 _MORE = 1.4  # runs over coefficients
-_EQUATIONS = 4.3  # over coefficients, of runs that carry derivatives
+_EQUATIONS = 4.3  # over coefficients, of runs with derivatives
 # What is missed is of fourth degree or more: it changes at least four times as much as it is large.
 _WEIGHT = 0.25  # of derivatives, whose misfit is to count as that of values
 
 
 def coefficients(variables: int, inputs: int) -> int:
-    """How many coefficients there are, of some variables and inputs."""
+    """Number of coefficients."""
     every = variables + inputs
     return 1 + every + every * (every + 1) // 2 + variables
 
 
-def samples(variables: int, inputs: int, *, carrying: bool = False) -> int:
-    """How many runs polynomials are laid through.
-
-    Args:
-        variables: How many there are.
-        inputs: Likewise.
-        carrying: Whether the runs carry derivatives by all of them; if not, a power of two.
-    """
+def samples(variables: int, inputs: int, *, derivatives: bool = False) -> int:
+    """Number of runs to fit; without derivatives a power of two."""
     needed = coefficients(variables, inputs)
-    if carrying:
-        told = int(np.ceil(_EQUATIONS * needed / (1 + variables + inputs)))
-        return max(told, least(variables, inputs, carrying=True))
+    if derivatives:
+        enough = int(np.ceil(_EQUATIONS * needed / (1 + variables + inputs)))
+        return max(enough, least(variables, inputs, derivatives=True))
     return int(2 ** np.ceil(np.log2(_MORE * needed)))
 
 
-def least(variables: int, inputs: int, *, carrying: bool) -> int:
-    """How many runs fix all coefficients when any of them is left out; see `samples`.
+def least(variables: int, inputs: int, *, derivatives: bool) -> int:
+    """Number of runs that fix all coefficients when any of them is left out.
 
-    Derivatives at two places tell how a result bends along the line between them: it takes as
-    many lines as there are variables and inputs.
+    Derivatives at two places say how a result bends along the line between them: as many lines are
+    needed as there are variables and inputs.
     """
     needed, every = coefficients(variables, inputs), variables + inputs
-    return 1 + (max(every + 1, -(-needed // (1 + every))) if carrying else needed)
+    return 1 + (max(every + 1, -(-needed // (1 + every))) if derivatives else needed)
 
 
 def fit(
@@ -60,20 +53,20 @@ def fit(
     Args:
         places: Of the runs (r, n), variables first, each of them and each input from -1 to 1.
         values: Results (r, m).
-        variables: How many there are.
-        slopes: Their derivatives by the places (r, m, n), NaN where there is none; None for none.
+        variables: Number of variables.
+        slopes: Derivatives by the places (r, m, n), NaN where not known; None for none.
 
     Returns:
         Results (k, m) at places (k, n); root mean squares of what each run is missed by when the
-        polynomials are laid through all others (m,).
+        polynomials are fitted to all others (m,).
     """
-    rows, given = _equations(places, values, variables, slopes)
+    rows, results = _equations(places, values, variables, slopes)
     each = len(rows) // len(places)
     weights, missed = np.zeros((rows.shape[1], values.shape[1])), np.zeros(values.shape)
     for j in range(values.shape[1]):
-        known = ~np.isnan(given[:, j])
-        columns = np.where(known[:, None], rows, 0.0)  # without an equation for what is not known
-        aim = np.where(known, given[:, j], 0.0)
+        known = ~np.isnan(results[:, j])
+        columns = np.where(known[:, None], rows, 0.0)
+        aim = np.where(known, results[:, j], 0.0)
         inverse = np.linalg.pinv(columns, rcond=1e-10)
         weights[:, j] = inverse @ aim
         left = aim - columns @ weights[:, j]
@@ -87,14 +80,14 @@ def fit(
 def _equations(
     places: Array, values: Array, variables: int, slopes: Array | None
 ) -> tuple[Array, Array]:
-    """Rows of the coefficients, and what they are to give: a run's value, then its derivatives."""
+    """Rows of the coefficients and right-hand sides: of each run its value, then its slopes."""
     rows = _columns(places, variables)
     if slopes is None:
         return rows, values
     by_place = [_WEIGHT * _slopes(places, variables, i) for i in range(places.shape[1])]
     blocks = np.stack([rows, *by_place], axis=1)
-    given = np.concatenate([values[:, None, :], _WEIGHT * np.swapaxes(slopes, 1, 2)], axis=1)
-    return blocks.reshape(-1, blocks.shape[2]), given.reshape(-1, given.shape[2])
+    results = np.concatenate([values[:, None, :], _WEIGHT * np.swapaxes(slopes, 1, 2)], axis=1)
+    return blocks.reshape(-1, blocks.shape[2]), results.reshape(-1, results.shape[2])
 
 
 def _powers(count: int, variables: int) -> list[tuple[int, ...]]:

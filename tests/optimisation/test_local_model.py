@@ -8,9 +8,9 @@ from known_results import HEAT, SPEED, STRESS, solve
 from small_case import small
 
 from castfem.base.types import Array
-from castfem.studies.optimisation import Evaluation, Optimum, Study, Wanted
-from castfem.studies.optimisation.told import told
-from castfem.studies.optimisation.vicinity import REACH, Quadratic, nearest
+from castfem.studies.optimisation import Evaluation, Optimum, RunRequest, Study
+from castfem.studies.optimisation.local_model import REACH, Quadratic, nearest
+from castfem.studies.optimisation.optimum_report import report
 
 CENTRE, STEP = np.array([0.5, 0.4]), np.array([0.05, 0.1])
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
@@ -61,7 +61,7 @@ def test_a_bound_out_of_reach_is_missed_least():
     assert in_steps(found)[0] == pytest.approx(REACH, abs=0.01)
 
 
-def kinked(wanted: Wanted) -> dict[str, float]:
+def kinked(wanted: RunRequest) -> dict[str, float]:
     """A flat valley of stress, with heat that bends; by fine cells some heat is missing.
 
     Far from the optimum along the valley quadratics are of no use: heat breaks down there.
@@ -87,7 +87,7 @@ def test_the_level_of_the_check_meets_the_bound_by_its_own_run():
     speed, superheat = (v.checked for v in found.values)
     assert speed is not None
     assert superheat is not None
-    given = kinked(Wanted((speed, superheat), "fine"))
+    given = kinked(RunRequest((speed, superheat), "fine"))
     assert found.by_check.objective == pytest.approx(given[STRESS])
     assert found.by_check.left == pytest.approx((given[HEAT] - 0.5e6,), abs=1e-3)
     missed = found.constraints[0].checked
@@ -95,14 +95,14 @@ def test_the_level_of_the_check_meets_the_bound_by_its_own_run():
     assert abs(found.by_check.left[0]) < 0.1 * abs(missed)
     assert speed == pytest.approx(found.values[0].value, abs=0.1)  # along the valley nothing asks
     assert all(v.low <= v.checked <= v.high for v in found.values if v.checked is not None)
-    assert any(line.startswith("by fine, ") for line in told(found) if isinstance(line, str))
+    assert any(line.startswith("by fine, ") for line in report(found) if isinstance(line, str))
     assert found.to_json()["by_check"]["left"] == pytest.approx([1e-6 * found.by_check.left[0]])
 
 
 def test_a_check_that_fails_on_the_way_leaves_what_came_through():
     best = searched().values[1].value
 
-    def given(wanted: Wanted) -> dict[str, float] | Evaluation:
+    def given(wanted: RunRequest) -> dict[str, float] | Evaluation:
         if wanted.fidelity == "fine" and wanted.values[1] > best + 0.05:
             return Evaluation({}, 0.5, "breakout")
         return kinked(wanted)
@@ -117,7 +117,7 @@ def test_a_check_that_fails_on_the_way_leaves_what_came_through():
 def test_a_check_that_is_missed_still_goes_on_by_its_own_runs(end: float) -> None:
     """By fine cells the heat grows a fifth as fast: far beyond where the quadratics hold."""
 
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         speed, superheat = wanted.values
         slow = 0.2 if wanted.fidelity == "fine" else 1.0
         heat = 0.5 + 0.05 * slow * (superheat - 20.0) - (0.1 if slow < 1.0 else 0.0)

@@ -4,29 +4,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import pytest
-from known_results import HEAT, SPEED, STRESS, Given, solve
-from small_case import small
+from known_results import HEAT, SPEED, STRESS, Given, bowl, solve, study
 
-from castfem.studies.optimisation import Evaluation, Optimum, Study, Wanted
-from castfem.studies.optimisation.numerical import Tilt
-from castfem.studies.optimisation.told import interval, told
+from castfem.studies.optimisation import Evaluation, Optimum, RunRequest
+from castfem.studies.optimisation.numerical_error import Tilt
+from castfem.studies.optimisation.optimum_report import interval, report
 
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
 FAILS = Evaluation({}, 0.5, "breakout")
-
-
-def study(*variables: dict[str, Any], **table: Any) -> Study:
-    asked = {"minimise": STRESS, "variable": list(variables or (SPEED,)), **table}
-    return Study(small({"casting.length": "6 mm", "optimise": asked}))
-
-
-def bowl(wanted: Wanted) -> dict[str, float]:
-    speed = wanted.values[0]
-    return {STRESS: 10.0 + 2.0 * (speed - 3.3) ** 2, HEAT: 1e6 * (speed - 2.2)}
 
 
 def failing(*levels: str, given: Given = bowl) -> Given:
@@ -34,7 +22,7 @@ def failing(*levels: str, given: Given = bowl) -> Given:
 
 
 def lines(found: Optimum) -> str:
-    return "\n".join(str(line) for line in told(found) if isinstance(line, str))
+    return "\n".join(str(line) for line in report(found) if isinstance(line, str))
 
 
 @pytest.mark.parametrize(
@@ -78,7 +66,7 @@ def test_a_finest_level_that_fails_is_named_where_the_next_one_checks():
 def test_the_end_of_a_range_stays_closed():
     """At 2 m/min the range ends: the optimum is not less, whatever the numerical error."""
 
-    def given(wanted: Wanted) -> dict[str, float]:
+    def given(wanted: RunRequest) -> dict[str, float]:
         return {STRESS: 10.0 + wanted.values[0]}
 
     (value,) = solve(study(fidelity="coarse"), failing("default", "fine", given=given)).values
@@ -89,7 +77,7 @@ def test_the_end_of_a_range_stays_closed():
 def test_a_tilt_that_is_not_known():
     """Runs by the next level fail along one variable: that one is open, the other is not."""
 
-    def given(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+    def given(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
         speed, superheat = wanted.values
         if wanted.fidelity == "default" and abs(superheat - 30.0) > 0.9:
             return FAILS
@@ -112,7 +100,7 @@ def test_slopes_without_runs():
     assert tilt.slope == pytest.approx([2.0, 0.0])
 
 
-def heated(wanted: Wanted) -> dict[str, float]:
+def heated(wanted: RunRequest) -> dict[str, float]:
     """Fine cells ask for a little more speed."""
     heat = wanted.values[0] - (0.3 if wanted.fidelity == "fine" else 0.0)
     return {STRESS: 1e6 * wanted.values[0], HEAT: 1e6 * heat}
@@ -121,7 +109,7 @@ def heated(wanted: Wanted) -> dict[str, float]:
 def test_a_check_that_fails_on_its_way():
     """The interval is open on the side to which it went, and there alone."""
 
-    def given(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+    def given(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
         if wanted.fidelity == "fine" and wanted.values[0] > 3.05:
             return FAILS
         return heated(wanted)
@@ -139,7 +127,7 @@ def test_a_check_that_fails_on_its_way():
 def test_noise_that_was_not_measured():
     """Runs between those of the start fail."""
 
-    def given(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+    def given(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
         return FAILS if 3.5 < wanted.values[0] < 3.5999 else bowl(wanted)
 
     found = solve(study({**SPEED, "start": "3.6 m/min"}, fidelity="coarse"), given)
@@ -155,7 +143,7 @@ def test_noise_that_was_not_measured():
 def test_a_spread_that_failed():
     inputs = [{"key": "casting.superheat", "range": ["10 K", "50 K"]}]
 
-    def given(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+    def given(wanted: RunRequest) -> Mapping[str, float] | Evaluation:
         return FAILS if wanted.inputs else bowl(wanted)
 
     found = solve(study(fidelity="coarse", input=inputs), given)

@@ -15,10 +15,10 @@ from ranks import needs_mpirun, python_on
 from small_case import small, write_small
 
 from castfem.runs.output.folder import DERIVATIVES_NAME
-from castfem.studies.optimisation import Evaluation, Study, Wanted
-from castfem.studies.optimisation.carried import of_run
-from castfem.studies.optimisation.given import quantities_of
-from castfem.studies.optimisation.outputs import Outputs
+from castfem.studies.optimisation import Evaluation, RunRequest, Study
+from castfem.studies.optimisation.argument_checks import quantities_of
+from castfem.studies.optimisation.derivative_request import of_run
+from castfem.studies.optimisation.responses import Responses
 from castfem.studies.optimisation.store import Store
 from castfem.studies.sensitivity.run import sensitivity
 from castfem.studies.sensitivity.slopes import Slope, read_slopes
@@ -65,9 +65,12 @@ def test_a_run_is_as_without(tmp_path: Path) -> None:
 def test_shares_of_ranges(tmp_path: Path) -> None:
     """Against runs a little to either side: other units, factors, differences of temperatures."""
     one = study(tmp_path / "runs", input=[H, WALL])
-    middle, ranges = Wanted((3.5,), "default", inputs=(1.04, 320.0), carries=True), (3.0, 0.2, 40.0)
+    middle, ranges = (
+        RunRequest((3.5,), "default", inputs=(1.04, 320.0), derivatives=True),
+        (3.0, 0.2, 40.0),
+    )
     one.run([middle])
-    outputs = Outputs(one.question, one.known)
+    outputs = Responses(one.problem, one._runs.find, one.run)
     outputs.fetch([middle])
     found = outputs.slopes(middle)
     assert found is not None
@@ -77,7 +80,7 @@ def test_shares_of_ranges(tmp_path: Path) -> None:
         ends = []
         for sign in (1.0, -1.0):
             place = at + sign * 2e-3 * width * np.eye(3)[i]
-            run = Wanted((place[0],), "default", inputs=(place[1], place[2]))
+            run = RunRequest((place[0],), "default", inputs=(place[1], place[2]))
             one.run([run])
             outputs.fetch([run])
             ends.append(outputs.cost(run))
@@ -136,16 +139,16 @@ def test_on_two_ranks(tmp_path: Path) -> None:
         assert both[HEAT][key].value == pytest.approx(alone[HEAT][key].value, rel=1e-8)
 
 
-def told(one: Study, slope: Callable[[float], Slope] | None) -> Callable[[Wanted], Evaluation]:
+def told(one: Study, slope: Callable[[float], Slope] | None) -> Callable[[RunRequest], Evaluation]:
     """Heat is largest at 3.3 + 0.06 a + 0.03 b, of inputs a and b from -1 to 1."""
 
-    def given(wanted: Wanted) -> Evaluation:
+    def given(wanted: RunRequest) -> Evaluation:
         h, warm = wanted.inputs or (1.0, 30.0)
         a, b = (h - 1.0) / 0.1, (warm - 30.0) / 10.0
         off = wanted.values[0] - (3.3 + 0.06 * a + 0.03 * b)
-        quantities = quantities_of(one.question, wanted, {HEAT: 9.0 - 2.0 * off**2})
+        quantities = quantities_of(one.problem, wanted, {HEAT: 9.0 - 2.0 * off**2})
         slopes = None
-        if wanted.carries and slope is not None:
+        if wanted.derivatives and slope is not None:
             by = (-4.0 * off, 4.0 * off * 0.06, 4.0 * off * 0.03)
             # Per m/min, per per cent of h, per K.
             units = ("m/min", "percent", "K")
@@ -181,33 +184,33 @@ def test_a_spread_by_derivatives(tmp_path: Path, carries: bool) -> None:
 
 def test_what_runs_carry() -> None:
     """The run in the idealised mould has neither its tapers nor what is to be best."""
-    from castfem.api import load
+    from castfem.model.shipped_cases import load
 
     asked = {"minimise": STRESS, "input": [H], "constraints": [f"{HEAT} >= 99 % of idealised"],
              "variable": [{"key": "mould.taper", "range": ["0 %/m", "1 %/m"]}]}  # fmt: skip
     one = Study(load("billet125/taper_1").with_({"optimise": asked}))
-    run = Wanted((0.5,), "coarse", inputs=(1.0,))
-    assert of_run(one.question, run) == Derivatives((STRESS, HEAT), ("mould.taper", H["key"]))
-    ideal = of_run(one.question, one.question.ideal(run))
+    run = RunRequest((0.5,), "coarse", inputs=(1.0,))
+    assert of_run(one.problem, run) == Derivatives((STRESS, HEAT), ("mould.taper", H["key"]))
+    ideal = of_run(one.problem, one.problem.ideal(run))
     assert ideal == Derivatives((HEAT,), (H["key"],))
 
 
 @pytest.mark.parametrize("inputs", [(), (1.0,)])
 def test_a_share_of_what_the_idealised_mould_gives(inputs: tuple[float, ...]) -> None:
     """It hangs on the inputs, and not on the taper: without inputs there is nothing to carry."""
-    from castfem.api import load
+    from castfem.model.shipped_cases import load
 
     asked = {"minimise": STRESS, "input": [H], "constraints": [f"{HEAT} >= 50 % of idealised"],
              "variable": [{"key": "mould.taper", "range": ["0 %/m", "2 %/m"]}]}  # fmt: skip
     one = Study(load("billet125/taper_1").with_({"optimise": asked}))
-    run = Wanted((0.5,), "coarse", inputs=inputs, carries=True)
+    run = RunRequest((0.5,), "coarse", inputs=inputs, derivatives=True)
     by = {"mould.taper": Slope(3.0, 0.5, "%/m"), H["key"]: Slope(0.4, 1600.0, "W/(m^2 K)")}
     ideal = {H["key"]: Slope(0.2, 1600.0, "W/(m^2 K)")} if inputs else None
-    given = quantities_of(one.question, run, {STRESS: 1e7, HEAT: 9e6})
+    given = quantities_of(one.problem, run, {STRESS: 1e7, HEAT: 9e6})
     one.tell(run, Evaluation(given, slopes={STRESS: by, HEAT: by}))
     slopes = None if ideal is None else {HEAT: ideal}
-    one.tell(one.question.ideal(run), Evaluation(given, slopes=slopes))
-    outputs = Outputs(one.question, one.known)
+    one.tell(one.problem.ideal(run), Evaluation(given, slopes=slopes))
+    outputs = Responses(one.problem, one._runs.find, one.run)
     outputs.fetch([run])
     found = outputs.slopes(run)
     assert found is not None

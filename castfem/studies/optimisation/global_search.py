@@ -1,9 +1,9 @@
-"""Where the valleys of an objective are: runs all over the ranges, proposed by Optuna.
+"""Global search: runs over all of the ranges, proposed by Optuna.
 
-The first half fills the ranges evenly (Sobol's sequence), the other half goes where the tree of
-Parzen estimators [Akiba2019] (docs/references.md) expects more, with regard to the constraints.
-Proposals come a few at once, always as many, so that neither the number of processes nor a kill
-changes them. From the best of each of the two best valleys COBYQA goes on.
+The first half covers the ranges evenly (Sobol's sequence), the other half goes where the tree of
+Parzen estimators [Akiba2019] (docs/references.md) expects improvement, constraints included.
+Proposals are made in batches of fixed size, so that neither the number of processes nor a kill
+changes them. COBYQA goes on from the best run of each of the two best valleys.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ import numpy as np
 from castfem.base.errors import InputError
 from castfem.base.types import Array
 
-_AT_ONCE = 4
+APART = 0.2  # of the ranges: distance of two valleys
+_BATCH = 4
 _SEED = 12
-APART = 0.2  # of the ranges: between two valleys
 _MOST = 2
 
-Given = Callable[[list[Array]], list[list[float]]]
-"""Of places, shares of the ranges (n,) each, their cost and margins, scaled."""
+Evaluate = Callable[[list[Array]], list[list[float]]]
+"""Scaled cost and margins at places, shares of the ranges (n,) each."""
 
 
 def check_installed(where: str) -> None:
@@ -38,16 +38,13 @@ def check_installed(where: str) -> None:
         )
 
 
-def explore(given: Given, start: Array, count: int) -> list[Array]:
-    """Look at runs all over the ranges, and return places from which to search on.
+def explore(evaluate: Evaluate, start: Array, count: int) -> list[Array]:
+    """Evaluate places over all of the ranges, and return the best of each valley, best first.
 
     Args:
-        given: What runs give.
-        start: Looked at first, shares of the ranges (n,).
-        count: How many to look at.
-
-    Returns:
-        The best place of each valley, the best one first, one at least.
+        evaluate: What runs give.
+        start: The first place, shares of the ranges (n,).
+        count: Number of places.
     """
     import optuna
     from scipy.stats import qmc
@@ -55,38 +52,33 @@ def explore(given: Given, start: Array, count: int) -> list[Array]:
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     names = [str(i) for i in range(len(start))]
     even = qmc.Sobol(len(start), seed=_SEED).random(2 ** int(np.ceil(np.log2(max(count, 2)))))
-    even = even[: count // 2]
-    sampler = optuna.samplers.TPESampler(
-        n_startup_trials=1 + len(even), seed=_SEED, multivariate=True
-    )
+    first = [start, *even[: count // 2]]
+    sampler = optuna.samplers.TPESampler(n_startup_trials=len(first), seed=_SEED, multivariate=True)
     study = optuna.create_study(sampler=sampler)
-    for place in (start, *even):
+    for place in first:
         study.enqueue_trial({name: float(u) for name, u in zip(names, place, strict=True)})
     places: list[Array] = []
     values: list[list[float]] = []
     while len(places) < count:
-        most = count - len(places)
-        asked = min(_AT_ONCE if places else 1 + len(even), most)
-        trials = [study.ask() for _ in range(asked)]
+        batch = min(_BATCH if places else len(first), count - len(places))
+        trials = [study.ask() for _ in range(batch)]
         new = [np.array([t.suggest_float(name, 0.0, 1.0) for name in names]) for t in trials]
-        found = given(new)
-        for trial, (cost, *margins) in zip(trials, found, strict=True):
-            for number, left in enumerate(margins):
-                trial.set_constraint(str(number), -left)
+        results = evaluate(new)
+        for trial, (cost, *margins) in zip(trials, results, strict=True):
+            for number, margin in enumerate(margins):
+                trial.set_constraint(str(number), -margin)
             study.tell(trial, cost)
         places += new
-        values += found
+        values += results
     return valleys(np.array(places), np.array(values))
 
 
 def valleys(places: Array, values: Array) -> list[Array]:
-    """Return the best place of each valley, the best one first.
-
-    A place is the best of a valley if none that is nearer than a fifth of the ranges is better.
+    """Return the best place of each valley: no better one lies nearer than a fifth of the ranges.
 
     Args:
         places: Shares of the ranges (r, n).
-        values: Cost and margins (r, 1 + m), scaled.
+        values: Scaled cost and margins (r, 1 + m).
     """
     missed = np.max(np.maximum(-values[:, 1:], 0.0), axis=1, initial=0.0)
     rank = np.empty(len(places), dtype=int)

@@ -1,9 +1,9 @@
-"""Inputs that are not known exactly, as the table [[optimise.input]] has them.
+"""Inputs that are not known exactly: the table [[optimise.input]].
 
 A `range` holds values of a key. What is `relative` is multiplied: a number or a table of the case,
 a property of the steel (`steel.conductivity`), a parameter of the constitutive law or of the
-elasticity (`mechanics.law.strength`, `mechanics.elasticity.young`). Of the latter a parameter file
-with the changed numbers is written; a run takes its own copy along.
+elasticity (`mechanics.law.strength`, `mechanics.elasticity.young`). For the latter a parameter file
+with the changed numbers is written; a run copies it.
 """
 
 from __future__ import annotations
@@ -34,23 +34,17 @@ _ABSOLUTE = ("degC", "degF", "°C", "°F")  # scales that do not begin at zero
 
 
 @dataclass(frozen=True, slots=True)
-class Uncertain:
-    """An input of which only a range is known.
-
-    Attributes:
-        key: Of the case. low: Lowest value, or factor. high: Likewise.
-        unit: Of a value, "" for none.
-        relative: Whether it is a factor.
-    """
+class UncertainInput:
+    """An input of which only a range is known."""
 
     key: str
-    low: float
+    low: float  #: lowest value, or factor
     high: float
-    unit: str
-    relative: bool
+    unit: str  #: of a value, "" for none
+    relative: bool  #: whether it is a factor
 
     @classmethod
-    def of(cls, table: Input) -> Uncertain:
+    def of(cls, table: Input) -> UncertainInput:
         """The input of a table."""
         if table.relative is not None:
             low, high = (1.0 + units.parse(end, "1") for end in table.relative)
@@ -63,10 +57,9 @@ class Uncertain:
 
     @property
     def label(self) -> str:
-        """What tables call it."""
-        if self.relative:
-            return f"{self.key} [times]"
-        return f"{self.key} [{self.unit}]" if self.unit else self.key
+        """Its name in tables."""
+        unit = "times" if self.relative else self.unit
+        return f"{self.key} [{unit}]" if unit else self.key
 
     def value(self, share: float) -> float:
         """The value at a share of the range, to six digits."""
@@ -89,10 +82,9 @@ class Uncertain:
             tables = {**given_steel(case.steel.name), **case.steel.overrides}
             return {f"steel.overrides.{name}": self._scaled(tables.get(name), value)}
         try:
-            found = value_of(case, self.key)
+            return {self.key: self._scaled(value_of(case, self.key), value)}
         except ValueError as error:
             raise InputError(f"{self.key}: {error}") from None
-        return {self.key: self._scaled(found, value)}
 
     def _file(self, name: str, key: str, factor: float) -> str:
         """Path of a parameter set with one of its parameters multiplied."""
@@ -102,29 +94,28 @@ class Uncertain:
         tables[key] = self._scaled(tables.get(key), factor)
         text = tomli_w.dumps(tables)
         digest = hashlib.sha256(text.encode()).hexdigest()[:12]
-        folder = Path(gettempdir()) / _FOLDER
-        path = folder / f"{Path(name).stem}_{digest}.toml"
+        path = Path(gettempdir()) / _FOLDER / f"{Path(name).stem}_{digest}.toml"
         if not path.is_file():
-            folder.mkdir(parents=True, exist_ok=True)
+            path.parent.mkdir(parents=True, exist_ok=True)
             write_text(path, text)
         return str(path)
 
-    def _scaled(self, given: Any, factor: float) -> Any:
+    def _scaled(self, written: Any, factor: float) -> Any:
         """A value, text or table as a file has it, times a factor."""
-        if isinstance(given, bool) or given is None:
+        if isinstance(written, bool) or written is None:
             raise InputError(f"{self.key}: there is no number that could be multiplied")
-        if isinstance(given, int | float):
-            return given * factor
-        if isinstance(given, Mapping):
-            if "value" not in given or given.get("unit") in _ABSOLUTE:
+        if isinstance(written, int | float):
+            return written * factor
+        if isinstance(written, Mapping):
+            if "value" not in written or written.get("unit") in _ABSOLUTE:
                 raise InputError(f"{self.key}: has no value that could be multiplied; give range")
-            return {**given, "value": self._scaled(given["value"], factor)}
-        if isinstance(given, list | tuple):
-            return [self._scaled(one, factor) for one in given]
+            return {**written, "value": self._scaled(written["value"], factor)}
+        if isinstance(written, list | tuple):
+            return [self._scaled(one, factor) for one in written]
         try:
-            number, unit = units.split(str(given))
+            number, unit = units.split(str(written))
         except ValueError:
-            raise InputError(f'{self.key}: ("{given}") is no number; give range') from None
+            raise InputError(f'{self.key}: ("{written}") is no number; give range') from None
         if unit in _ABSOLUTE:
             raise InputError(f"{self.key}: a temperature is not multiplied; give range")
         return f"{float(number) * factor:.12g} {unit}".strip()

@@ -13,8 +13,8 @@ from small_case import small
 
 from castfem.base.errors import InputError
 from castfem.base.types import Array
-from castfem.studies.optimisation import Evaluation, Optimum, Study, Wanted
-from castfem.studies.optimisation.given import quantities_of
+from castfem.studies.optimisation import Evaluation, Optimum, RunRequest, Study
+from castfem.studies.optimisation.argument_checks import quantities_of
 from castfem.studies.sensitivity.slopes import Slope
 
 COST = "surface_temperature_mid_face"  # K, whatever it is called: the case has no mechanics
@@ -56,23 +56,23 @@ class Told:
         asked = {"minimise": COST, "variable": list(VARIABLES), "method": "slsqp", **table}
         case = small({"casting.length": "6 mm", "optimise": asked})
         self.study, self._results = Study(case, folder), results
-        self.runs: set[Wanted] = set()
+        self.runs: set[RunRequest] = set()
 
-    def answer(self, carries: bool = True, fails: float = 2.0) -> Optimum:
+    def answer(self, derivatives: bool = True, fails: float = 2.0) -> Optimum:
         """The answer; runs whose first share is beyond a value fail, and may tell no slopes."""
         while wanted := self.study.ask():
             for one in wanted:
                 self.runs.add(one)
-                self.study.tell(one, self._given(one, carries, fails))
+                self.study.tell(one, self._given(one, derivatives, fails))
         return self.study.result()
 
-    def _given(self, wanted: Wanted, carries: bool, fails: float) -> Evaluation:
-        u = self.study.question.shares(wanted)
+    def _given(self, wanted: RunRequest, derivatives: bool, fails: float) -> Evaluation:
+        u = self.study.problem.shares(wanted)
         if u[0] > fails:
             return Evaluation({}, 0.9 - 0.5 * (u[0] - fails), "breakout")
         (stress, heat), slopes = self._results(u)
-        told = quantities_of(self.study.question, wanted, {COST: stress, HEAT: heat})
-        if not (carries and wanted.carries):
+        told = quantities_of(self.study.problem, wanted, {COST: stress, HEAT: heat})
+        if not (derivatives and wanted.derivatives):
             return Evaluation(told)
         units = ("m/min", "K", "W/(m^2 K)")
         found = {}
@@ -83,7 +83,7 @@ class Told:
 
 
 def shares(told: Told, found: Optimum) -> Array:
-    return told.study.question.shares(Wanted(tuple(v.value for v in found.values), "default"))
+    return told.study.problem.shares(RunRequest(tuple(v.value for v in found.values), "default"))
 
 
 def test_the_least_of_a_bowl(tmp_path: Path) -> None:
@@ -93,8 +93,8 @@ def test_the_least_of_a_bowl(tmp_path: Path) -> None:
     plain = Told(tmp_path / "others", smooth, method="cobyqa")
     assert shares(plain, plain.answer()) == pytest.approx([0.7, 0.3, 0.6], abs=0.03)
     assert len(told.runs) < len(plain.runs)
-    assert any(run.carries for run in told.runs)
-    assert not any(run.carries for run in plain.runs)
+    assert any(run.derivatives for run in told.runs)
+    assert not any(run.derivatives for run in plain.runs)
 
 
 def test_a_bound_holds_it(tmp_path: Path) -> None:
@@ -143,7 +143,7 @@ def test_runs_that_tell_no_derivatives(tmp_path: Path) -> None:
     """COBYQA takes over, with what it always finds."""
     told = Told(tmp_path / "runs", smooth)
     plain = Told(tmp_path / "others", smooth, method="cobyqa")
-    found, other = told.answer(carries=False), plain.answer()
+    found, other = told.answer(derivatives=False), plain.answer()
     assert shares(told, found) == pytest.approx(shares(plain, other), abs=1e-3)
 
 

@@ -1,0 +1,186 @@
+"""Figures of an optimum: results along its variables, its front, its inputs, its mould."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from textwrap import fill
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from castfem.base.shown_units import Scale, scale_of
+from castfem.model.optimise import bound
+from castfem.post.plots.style import look, new_figure
+from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.studies.optimisation.optimum import (
+    Front,
+    Optimum,
+    ResultWithError,
+    Spread,
+    Value,
+    unit_name,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+OPTIMUM_NAME, FRONT_NAME, SPREAD_NAME, MOULD_NAME = (
+    "optimum.png", "front.png", "spread.png", "mould.png",
+)  # fmt: skip
+_WIDTH, _HEIGHT = 3.4, 2.3  # inches, of a panel
+_LINE = 34  # characters along the height of one
+_BLUE, _ORANGE, _GREEN = "#0072b2", "#d55e00", "#009e73"
+_BELOW = -0.04  # of the height of a panel: a curve along 0 is seen
+_MOULD_PANELS = {
+    ("gap", "mm"): {"gap_mid_face": "mid-face", "gap_corner": "corner"},
+    ("pressure", "MPa"): {
+        "contact_pressure_mid_face": "mid-face",
+        "contact_pressure_corner": "corner",
+        "mean_contact_pressure_max": "largest mean",
+    },
+    ("in contact", "percent"): {"contact_share": ""},
+    ("von Mises", "MPa"): {"von_mises_max": "largest", "von_mises_corner": "corner"},
+}
+"""What is drawn of a run's history, in its unit, over the distance from the meniscus."""
+
+
+@look()
+def optimum_figure(optimum: Optimum) -> Figure:
+    """Return a column for each variable, a row for the objective and each constraint."""
+    objective = optimum.objective
+    assert objective is not None
+    rows, columns = 1 + len(optimum.constraints), len(optimum.values)
+    figure = new_figure(1.2 + _WIDTH * columns, 0.6 + _HEIGHT * rows)
+    grid: Any = figure.subplots(rows, columns, squeeze=False, sharex="col", sharey="row")
+    grid[0][0].set_ylabel(fill(objective.in_words, _LINE), fontsize=8)
+    for row, one in enumerate(optimum.constraints, start=1):
+        side = "above" if bound(one.text).sense == "at_least" else "below"
+        words = f"{one.result.label} {side} its bound [{one.result.difference_unit or '-'}]"
+        grid[row][0].set_ylabel(fill(words, _LINE), fontsize=8)
+    for column, value in enumerate(optimum.values):
+        _draw_column(grid[:, column], optimum, objective, value)
+    figure.suptitle(optimum.title, fontsize=9)
+    handles, labels = grid[-1][0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", fontsize=7, ncols=len(handles))
+    return figure
+
+
+def _draw_column(
+    column: Sequence[Axes], optimum: Optimum, objective: ResultWithError, value: Value
+) -> None:
+    """Draw objective and constraints along a variable through the optimum."""
+    away = [step for step in optimum.away if step.key == value.key]
+    here = [objective.chosen(objective.value)]
+    there = [[objective.chosen(objective.value + step.objective) for step in away]]
+    for number, one in enumerate(optimum.constraints):
+        shown = one.result.chosen_difference
+        here.append(shown(one.left))
+        there.append([shown(step.left[number]) if step.left else math.nan for step in away])
+    for axes, own, others in zip(column, here, there, strict=True):
+        words = "cannot be told from the best"
+        axes.axvspan(value.low, value.high, color="0.88", lw=0, label=words)
+        axes.axvline(value.value, color="0.5", lw=0.8)
+        places = [*(step.value for step in away), value.value]
+        pairs = sorted(zip(places, [*others, own], strict=True))
+        axes.plot(*zip(*pairs, strict=True), color=_BLUE, marker="o", ms=3.5, lw=1.2)
+        axes.plot([value.value], [own], color=_ORANGE, marker="o", ms=5.5, ls="none", label="best")
+    for axes, one in zip(column[1:], optimum.constraints, strict=True):
+        error = one.result.chosen_difference(one.error)
+        if math.isfinite(error):
+            words = "error of what is left, about 0"
+            axes.axhspan(-error, error, color=_ORANGE, alpha=0.15, lw=0, label=words)
+        axes.axhline(0.0, color=_ORANGE, lw=0.9)
+    column[-1].set_xlabel(f"{value.key} [{value.unit}]" if value.unit else value.key)
+
+
+@look()
+def front_figure(front: Front) -> Figure:
+    """Return the first result over the second, and below each variable over it."""
+    rows = 1 + len(front.keys)
+    figure = new_figure(1.5 * _WIDTH, 0.5 + 0.8 * _HEIGHT * rows)
+    axes: Any = figure.subplots(rows, 1, squeeze=False, sharex=True)[:, 0]
+    second = [front.second.chosen(point.second) for point in front.points]
+    first = [front.first.chosen(point.first) for point in front.points]
+    axes[0].plot(second, first, color=_BLUE, marker="o", ms=4, lw=1.0)
+    best = {"marker": "o", "ms": 6, "ls": "none", "label": f"{front.first.label}: best"}
+    axes[0].plot(second[:1], first[:1], color=_ORANGE, **best)
+    axes[0].legend(fontsize=7, frameon=False)
+    axes[0].set_ylabel(fill(front.first.in_words, _LINE), fontsize=8)
+    for number, key in enumerate(front.keys):
+        values = [point.values[number] for point in front.points]
+        axes[1 + number].plot(second, values, color="0.35", marker="o", ms=3.5, lw=1.0)
+        axes[1 + number].set_ylabel(key, fontsize=8)
+    axes[-1].set_xlabel(front.second.in_words)
+    return figure
+
+
+@look()
+def indices_figure(spread: Spread, scales: Sequence[Scale] = ()) -> Figure:
+    """Return the Sobol indices: a panel for each row of a spread, two bars for each input.
+
+    Args:
+        spread: The spread.
+        scales: From the units of the rows to the chosen ones; left out: as they are.
+    """
+    figure = new_figure(2.0 + 3.0 * len(spread.rows), 1.4 + 0.32 * len(spread.labels))
+    grid: Any = figure.subplots(1, len(spread.rows), squeeze=False, sharey=True)[0]
+    places = np.arange(len(spread.labels))
+    scales = scales or [Scale(row.unit) for row in spread.rows]
+    for axes, row, scale in zip(grid, spread.rows, scales, strict=True):
+        total = axes.barh(places, row.total, 0.7, color=_BLUE, alpha=0.3, label="total")
+        first = axes.barh(places, row.first, 0.35, color=_BLUE, label="first order")
+        low, high = (scale(end) for end in row.change)
+        change = f"{low:+.2g} to {high:+.2g} {unit_name(scale.unit)}".rstrip()
+        axes.set_title(f"{row.name}\n{change}", fontsize=8)
+        axes.set_xlim(0.0, 1.0)
+        axes.set_xlabel("Sobol index")
+    grid[0].set_yticks(places, [label.replace(" [times]", "") for label in spread.labels])
+    grid[0].tick_params(axis="y", labelsize=7)
+    grid[0].invert_yaxis()
+    figure.legend(handles=[first, total], loc="outside lower right", ncols=2, fontsize=7)
+    return figure
+
+
+@look()
+def mould_figure(head: Sequence[str], rows: Sequence[Sequence[float]], run: Path) -> Figure:
+    """Return a panel for a mould, and one for each group of columns that a run's history has.
+
+    Args:
+        head: Headings of the mould's table.
+        rows: Its rows, distance from the meniscus first, mm.
+        run: Folder of the run.
+    """
+    history = read_history(run / HISTORY_NAME)
+    panels = {
+        label: {name: words for name, words in columns.items() if name in history}
+        for label, columns in _MOULD_PANELS.items()
+    }
+    panels = {label: columns for label, columns in panels.items() if columns}
+    length, end, colours = scale_of("mm"), rows[-1][0], (_BLUE, _ORANGE, _GREEN)
+    position = 1e3 * history["position"].to_numpy()
+    inside = position <= end * (1.0 + 1e-9)
+    count = 1 + len(panels)
+    figure = new_figure(5.2, 0.5 + 1.5 * count)
+    every: Any = figure.subplots(count, 1, squeeze=False, sharex=True)[:, 0]
+    places = length(np.array([row[0] for row in rows]))
+    for number, (name, colour) in enumerate(zip(head[1:], colours, strict=False), start=1):
+        closed = np.array([rows[0][number] - row[number] for row in rows])
+        label = name.removesuffix(" [mm]")
+        every[0].plot(places, length(closed), color=colour, label=label, lw=1.2)
+    every[0].set_ylabel(f"narrower by [{length.unit}]", fontsize=8)
+    for axes, ((label, unit), columns) in zip(every[1:], panels.items(), strict=True):
+        scale = scale_of(unit, next(iter(columns)))
+        for (name, words), colour in zip(columns.items(), colours, strict=False):
+            values = scale(history[name].to_numpy()[inside])
+            axes.plot(length(position[inside]), values, color=colour, label=words, lw=1.2)
+        axes.set_ylabel(f"{label} [{unit_name(scale.unit)}]", fontsize=8)
+        axes.set_ylim(bottom=_BELOW * axes.get_ylim()[1])
+    for axes in every:
+        if len(axes.get_lines()) > 1:
+            axes.legend(fontsize=7, ncols=3, loc="best", frameon=False)
+    every[-1].set_xlabel(f"below the meniscus [{length.unit}]")
+    every[-1].set_xlim(0.0, length(end))
+    return figure

@@ -1,0 +1,291 @@
+"""From the runs of a search to its answer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from castfem.base.result_registry import general_label, smooth_twins
+from castfem.base.shown_quantity import unit_of_difference
+from castfem.base.types import Array
+from castfem.studies.accuracy.levels import LEVELS
+from castfem.studies.optimisation.check_level import CheckedOptimum
+from castfem.studies.optimisation.equivalent_optima import equivalent_optima
+from castfem.studies.optimisation.local_model import Binding, Interval, Quadratic, around, intervals
+from castfem.studies.optimisation.numerical_error import NumericalError, error
+from castfem.studies.optimisation.optimum import (
+    CheckResult,
+    ConstraintStatus,
+    Front,
+    Neighbour,
+    Optimum,
+    ResultWithError,
+    Spread,
+    SpreadRow,
+    Status,
+    Value,
+)  # fmt: skip
+from castfem.studies.optimisation.problem import RunRequest
+from castfem.studies.optimisation.search import AT_END, ROUNDING, Search
+from castfem.studies.optimisation.spread import InputSpread
+from castfem.studies.optimisation.store import Evaluation
+from castfem.studies.optimisation.unverified_error import UnverifiedError
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """What a search has found; without a model no run has finished, or better ones were seen."""
+
+    search: Search
+    best: RunRequest
+    runs: Mapping[RunRequest, Evaluation]  #: all runs
+    model: Quadratic | None = None  #: of the runs about the best one
+    error: NumericalError | None = None
+    checked: CheckedOptimum | None = None  #: by the level of the check; None where that failed
+    binding: Binding | None = None
+    converged: bool = True  #: whether no other run of the search is better
+    spread: InputSpread | None = None
+    front: Front | None = None
+
+
+def assemble(found: Findings) -> Optimum:
+    """Return the answer."""
+    search, best = found.search, found.best
+    responses, problem = search.responses, search.problem
+    run, level = responses.seen[best], problem.table.fidelity
+    own = responses.of_level(level)
+    idle = search.without_effect()
+    status = _status(found, idle)
+    near, elsewhere = _equivalent(found) if status == "found" else ([best], [])
+    places = _intervals(found, near)
+    unverified = None
+    if found.error is not None:
+        unverified = UnverifiedError.of(search, best, found.error, found.checked, found.spread)
+    return Optimum(
+        title=problem.case.title,
+        status=status,
+        sense="minimise" if responses.sense > 0 else "maximise",
+        values=tuple(
+            _value(found, number, place, unverified) for number, place in enumerate(places)
+        ),
+        objective=None if run.failed else _result(found, 0),
+        constraints=() if run.failed else tuple(_constraints(found)),
+        away=tuple(_away(found)),
+        elsewhere=_elsewhere(found, places, elsewhere),
+        fidelity=level,
+        checked="" if found.error is None else found.error.checked,
+        step=search.radius,
+        runs={
+            "looked_at": search.looked_at,
+            "search": len(own),
+            "failed": sum(responses.seen[one].failed for one in own),
+            "all": len(found.runs),
+        },
+        spent=search.exhausted,
+        seconds=sum(one.seconds for one in found.runs.values()),
+        best="" if run.folder is None else run.folder.name,
+        front=found.front,
+        spread=None if found.spread is None else _spread(found, found.spread),
+        by_check=_by_check(found),
+        unknown=() if unverified is None else unverified.reasons,
+        idle=idle,
+    )
+
+
+def _status(found: Findings, idle: tuple[str, ...]) -> Status:
+    search = found.search
+    if search.responses.seen[found.best].failed:
+        return "failed"
+    if search.violation(found.best) > 0.0:
+        return "impossible"
+    if len(idle) == len(search.problem.variables):
+        return "independent"
+    return "found" if found.converged else "not converged"
+
+
+def _by_check(found: Findings) -> CheckResult | None:
+    if found.checked is None:
+        return None
+    cost, *left = (float(v) for v in found.checked.vector)
+    return CheckResult(found.search.responses.sense * cost, tuple(left))
+
+
+def _equivalent(found: Findings) -> tuple[list[RunRequest], list[RunRequest]]:
+    """Equivalent runs in the valley of the optimum, and in others."""
+    assert found.model is not None
+    scatter = float(found.search.noise[0] + found.model.misfit[0])
+    return equivalent_optima(found.search, found.best, scatter)
+
+
+def _intervals(found: Findings, near: list[RunRequest]) -> list[Interval]:
+    """Where the optimum may lie: by the quadratics, and by equivalent runs of its valley."""
+    problem, responses = found.search.problem, found.search.responses
+    if found.model is None or found.error is None:
+        return [Interval(0.0, 1.0, False, False) for _ in problem.variables]
+    runs = responses.table(found.best.fidelity)
+    places = intervals(found.model, found.search.noise, found.error, *runs)
+    shares = np.array([problem.shares(one) for one in near])
+    ends = zip(places, shares.min(axis=0), shares.max(axis=0), strict=True)
+    return [replace(p, low=min(p.low, float(a)), high=max(p.high, float(b))) for p, a, b in ends]
+
+
+def _value(
+    found: Findings, number: int, place: Interval, unverified: UnverifiedError | None
+) -> Value:
+    """A variable with its interval: by runs, last step, failures, check and inputs."""
+    search, check, spread = found.search, found.checked, found.spread
+    variable, value = search.problem.variables[number], found.best.values[number]
+    share, last = float(search.problem.shares(found.best)[number]), AT_END * search.radius
+    below, above = _failing(found, number)
+    ends = max(place.low - search.radius, 0.0, below), min(place.high + search.radius, 1.0, above)
+    low, high = (variable.at(share) for share in ends)
+    at_end = "lowest" if share <= last else "highest" if share >= 1.0 - last else ""
+    if not at_end and (share - below <= last or above - share <= last):
+        at_end = "runs fail"
+    checked = None if check is None else check.request.values[number]
+    known = [value]
+    if checked is not None and found.error is not None and found.error.better:
+        known.append(checked)
+    low, high = min(low, *known), max(high, *known)
+    open_low, open_high, drawn, safe = place.open_low, place.open_high, None, None
+    if check is not None and check.missed and checked is not None:  # the optimum lies beyond
+        open_low, open_high = open_low or checked < value, open_high or checked > value
+    if spread is not None:  # independent errors
+        drawn = _drawn(found, spread, number)
+        low = value - float(np.hypot(value - low, max(value - drawn[0], 0.0)))
+        high = value + float(np.hypot(high - value, max(drawn[1] - value, 0.0)))
+        low, high = max(low, variable.low), min(high, variable.high)
+        open_low, open_high = (flag or bool(spread.open[number]) for flag in (open_low, open_high))
+        safe = None if spread.safe is None else variable.value(float(spread.safe[number]))
+    if unverified is not None:
+        open_low |= bool(unverified.lower[number]) and low > variable.low
+        open_high |= bool(unverified.higher[number]) and high < variable.high
+    return Value(
+        variable.key, variable.unit, value, low, high, open_low, open_high,
+        checked, (variable.low, variable.high), at_end, drawn, safe,
+    )  # fmt: skip
+
+
+def _failing(found: Findings, number: int) -> tuple[float, float]:
+    """The nearest runs that fail below and above the optimum along a variable, as shares."""
+    search = found.search
+    centre = search.problem.shares(found.best)
+    below, above = -np.inf, np.inf
+    for request in search.responses.of_level(found.best.fidelity):
+        there = search.problem.shares(request)
+        others = np.delete(np.abs(there - centre), number)
+        if search.responses.seen[request].failed and np.all(others <= search.radius):
+            if there[number] > centre[number]:
+                above = min(above, float(there[number]))
+            elif there[number] < centre[number]:
+                below = max(below, float(there[number]))
+    return below, above
+
+
+def _drawn(found: Findings, spread: InputSpread, number: int) -> tuple[float, float]:
+    """Values of a variable's optimum below which 5 and 95 % of the draws lie."""
+    low, high = (float(share) for share in spread.place[number])
+    one = found.search.problem.variables[number]
+    return one.at(low), one.at(high)
+
+
+def _result(found: Findings, number: int) -> ResultWithError:
+    """The objective at the optimum (0), or the result of a constraint (from 1 on)."""
+    search, best = found.search, found.best
+    name, run = search.responses.names[number], search.responses.seen[best]
+    quantity, twin = run.quantities[name], smooth_twins().get(name)
+    levels = {w: found.runs.get(RunRequest(best.values, w)) for w in (*LEVELS, best.fidelity)}
+    values = {w: e[name] for w, e in levels.items() if e is not None and name in e.quantities}
+    return ResultWithError(
+        name, general_label(name, quantity.label), quantity.shown_unit, quantity.value,
+        float(search.noise[number]), error(values, best.fidelity),
+        None if twin is None else (twin, run[twin]), search.noise_known,
+    )  # fmt: skip
+
+
+def _constraints(found: Findings) -> list[ConstraintStatus]:
+    responses, numerical, binding = found.search.responses, found.error, found.binding
+    constraints = []
+    for i, (left, bound) in enumerate(zip(*responses.margins(found.best), strict=True)):
+        result = _result(found, 1 + i)
+        moved, off = np.nan, np.nan
+        if numerical is not None and numerical.known:
+            moved = float(numerical.moved[1 + i])
+            off = float(max(numerical.below[1 + i], numerical.above[1 + i]))
+        met = bool(left >= -result.noise - ROUNDING * abs(bound))
+        constraints.append(
+            ConstraintStatus(
+                responses.bounds[i].text.strip(), result, float(bound), float(left),
+                float(left) + moved, result.noise + off, met,
+                binding is not None and binding.held[i], binding is None or binding.near[i],
+            )
+        )  # fmt: skip
+    return constraints
+
+
+def _away(found: Findings) -> list[Neighbour]:
+    """The runs to either side of the optimum along each variable."""
+    responses, best, problem = found.search.responses, found.best, found.search.problem
+    if found.model is None:
+        return []
+    here, neighbours = responses.vector(best), []
+    for place in around(problem.shares(best), found.model.step):
+        request = problem.request(place)
+        run = responses.seen.get(request)
+        if run is None or request == best:
+            continue
+        moved = zip(problem.variables, request.values, best.values, strict=True)
+        key, value = next((one.key, new) for one, new, old in moved if new != old)
+        vector = responses.vector(request)
+        change = float(responses.sense * (vector[0] - here[0]))
+        left = tuple(float(v) for v in vector[1:])
+        neighbours.append(Neighbour(key, value, change, left, run.message))
+    return neighbours
+
+
+def _elsewhere(
+    found: Findings, places: list[Interval], elsewhere: list[RunRequest]
+) -> tuple[tuple[float, ...], ...]:
+    """Equivalent runs of other valleys, outside of the intervals."""
+    low = np.array([p.low for p in places]) - found.search.radius
+    high = np.array([p.high for p in places]) + found.search.radius
+
+    def outside(shares: Array) -> bool:
+        return bool(np.any((shares < low) | (shares > high)))
+
+    shares = found.search.problem.shares
+    return tuple(one.values for one in elsewhere if outside(shares(one)))
+
+
+def _spread(found: Findings, spread: InputSpread) -> Spread:
+    """What the inputs do, by results and variables, in the units of files."""
+    search, best = found.search, found.best
+    responses, vector, rows = search.responses, search.responses.vector(best), []
+    indices = [
+        (tuple(float(x) for x in spread.first[i]), tuple(float(x) for x in spread.total[i]))
+        for i in range(len(spread.first))
+    ]
+    texts = [responses.objective, *(bound.text.strip() for bound in responses.bounds)]
+    signs = [responses.sense, *(bound.sign for bound in responses.bounds)]
+    for number, (text, sign) in enumerate(zip(texts, signs, strict=True)):
+        result = _result(found, number)
+        ends = (sign * float(end[number] - vector[number]) for end in (spread.low, spread.high))
+        low, high = sorted(result.shown_difference(end) for end in ends)
+        rows.append(
+            SpreadRow(
+                text, (low, high), unit_of_difference(result.shown_unit),
+                result.shown_difference(float(spread.error[number])),
+                None if number == 0 else float(spread.met[number - 1]), *indices[number],
+            )
+        )  # fmt: skip
+    for number, (one, value) in enumerate(zip(search.problem.variables, best.values, strict=True)):
+        low, high = _drawn(found, spread, number)
+        change = (low - value, high - value)
+        rows.append(SpreadRow(one.key, change, one.unit, None, None, *indices[len(texts) + number]))
+    labels = tuple(one.label for one in search.problem.inputs)
+    return Spread(
+        labels, tuple(rows), spread.runs, spread.failed, bool(np.any(spread.open)),
+        spread.derivatives,
+    )  # fmt: skip

@@ -1,0 +1,150 @@
+"""The optimum with the constraints of the level that checks it, by runs of that level.
+
+A finer level has other margins than the search. The quadratics of the search give the nearest place
+at which binding constraints are just met; it is run by the finer level, which corrects the
+quadratics, and so on until the place stays. Where a constraint is still missed then, or a binding
+one has much left, the search goes on along the slope that the runs of that level show. Of all its
+runs that meet the constraints the best one counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from castfem.base.types import Array
+from castfem.studies.optimisation.local_model import Quadratic, nearest
+from castfem.studies.optimisation.problem import RunRequest
+from castfem.studies.optimisation.responses import Responses
+
+_TURNS = 4  # runs of the level of the check, beside that of the best one
+_ONWARD = 6  # more, where a constraint is still missed
+_FARTHEST = 0.25  # of the ranges, a step of these
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedOptimum:
+    """An optimum by the level of its check."""
+
+    request: RunRequest  #: its run at that level
+    vector: Array  #: cost and margins of it (1 + m,), SI
+    missed: bool = False  #: whether it misses a constraint by more than scatter
+    further: tuple[float, ...] = ()
+    """Direction of the search where it was stopped, by variable -1, 0 or 1; empty if it ended."""
+    why: str = ""  #: why it was stopped
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """Looks for an optimum at the level of the check.
+
+    Attributes:
+        level: The level.
+        responses: What runs give.
+        model: Quadratics of the runs about the optimum.
+        binding: Which constraints keep the objective from being better.
+        radius: Share of the ranges by which a place may be off.
+        scatter: Of cost and margins (1 + m,), SI.
+    """
+
+    level: str
+    responses: Responses
+    model: Quadratic
+    binding: Sequence[bool]
+    radius: float
+    scatter: Array
+
+    def optimum(self, best: RunRequest) -> CheckedOptimum | None:
+        """Return the optimum by the level of the check; None where the best run fails there."""
+        problem, runs = self.responses.problem, list[CheckedOptimum]()
+        place = problem.shares(best)
+        for _ in range(1 + _TURNS):
+            found = self._run(place)
+            if found is None:
+                break
+            runs.append(found)
+            here = problem.shares(found.request)
+            off = found.vector[1:] - self.model(here[None])[0, 1:]
+            place = nearest(self.model, off, self.binding)
+            if np.max(np.abs(place - here)) <= self.radius:
+                break
+        if not runs:
+            return None
+        target, why = self._onward(runs)
+        found = self._best(runs)
+        if target is None:
+            return found
+        way = np.sign(target - problem.shares(found.request))
+        return replace(found, further=tuple(float(step) for step in way), why=why)
+
+    def _run(self, place: Array) -> CheckedOptimum | None:
+        """The run at a place (n,), shares of the ranges; None if it fails."""
+        request = self.responses.problem.request(place, self.level)
+        self.responses.fetch([request])
+        vector = self.responses.vector_or_nan(request)
+        return None if np.isnan(vector).any() else CheckedOptimum(request, vector)
+
+    def _allowed(self) -> Array:
+        """By what margins may be missed (m,), SI."""
+        rises = self.model.slopes[:, 1:]
+        return np.asarray(self.scatter[1:] + self.radius * np.linalg.norm(rises, axis=0))
+
+    def _missed(self, run: CheckedOptimum) -> float:
+        """The margin that is missed most, over what may be missed; 0 where all are met."""
+        allowed = self._allowed()
+        missed = np.minimum(run.vector[1:] + allowed, 0.0)
+        return float(np.min(missed / np.maximum(allowed, 1e-300), initial=0.0))
+
+    def _best(self, runs: Sequence[CheckedOptimum]) -> CheckedOptimum:
+        """The last run that meets all, or one before that is better; else what misses least."""
+        meet = [run for run in runs if self._missed(run) >= 0.0]
+        if not meet:
+            return replace(max(runs, key=self._missed), missed=True)
+        cheapest = min(meet, key=lambda run: float(run.vector[0]))
+        return meet[-1] if meet[-1].vector[0] <= cheapest.vector[0] + self.scatter[0] else cheapest
+
+    def _to_move(self, margins: Array) -> int | None:
+        """The margin that is missed most; else the binding one with most left; None if neither."""
+        if not len(margins):
+            return None
+        relative = margins / np.maximum(self._allowed(), 1e-300)
+        if relative.min() < -1.0:
+            return int(np.argmin(relative))
+        number = int(np.argmax(np.where(self.binding, relative, 0.0)))
+        return number if self.binding[number] and relative[number] > 1.0 else None
+
+    def _onward(self, runs: list[CheckedOptimum]) -> tuple[Array | None, str]:
+        """Make further runs until all margins are met, and binding ones just met.
+
+        Returns:
+            The place (n,) that could not be reached, and why; None if there is none.
+        """
+        shares, before = self.responses.problem.shares, len(runs)
+        while True:
+            last = runs[-1]
+            here, margins = shares(last.request), last.vector[1:]
+            number = self._to_move(margins)
+            if number is None:
+                return None, ""
+            slope = self.model.slopes[:, 1 + number]
+            if len(runs) > before:  # what the last step has gained
+                step = here - shares(runs[-2].request)
+                gain = last.vector[1 + number] - runs[-2].vector[1 + number]
+                if gain * float(slope @ step) > 0.0:
+                    slope = gain * step / float(step @ step)
+            steep = float(np.linalg.norm(slope))
+            if not steep > 0.0:
+                return None, ""
+            length = float(np.clip(-margins[number] / steep, -_FARTHEST, _FARTHEST))
+            place = np.clip(here + length * slope / steep, 0.0, 1.0)
+            if np.max(np.abs(place - here)) <= 0.1 * self.radius:
+                return None, ""  # the end of a range
+            target = shares(self.responses.problem.request(place))
+            if len(runs) == before + _ONWARD:
+                return target, f"{_ONWARD} runs towards it were not enough"
+            found = self._run(place)
+            if found is None:
+                return target, "a run towards it fails"
+            runs.append(found)

@@ -1,0 +1,265 @@
+"""Quadratics about an optimum: intervals of the variables, binding constraints, moved bounds.
+
+Two neighbouring runs have nearly the same numerical error: it moves a bound rather than which of
+the two has the smaller objective. So the place of the optimum is uncertain by
+    - the scatter of the objective (noise and misfit of the quadratics) against its curvature: all
+      values whose objective is not worse by more than that,
+    - the error of the constraints (numerical error, noise, misfit) against their slopes: the optima
+      of bounds that are moved by it,
+    - where bounds do not fix all variables, the tilt of the objective: what its numerical error
+      changes from neighbour to neighbour.
+"""
+
+from __future__ import annotations
+
+import itertools
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.base.types import Array, Flags
+from castfem.studies.optimisation.numerical_error import NumericalError
+
+REACH = 2.5  # steps from the optimum within which the quadratics are used
+_SAMPLES, _LINE = 2**14, 4001  # places in that box, with several variables and with one
+_PARTS = 1.0 / 3.0, 2.0 / 3.0, 1.0  # of the largest error of margins, and of that of the cost
+_EDGE = 0.02  # of the box: an interval that ends so near to its end may go on
+_SIGMAS = 3.0  # two runs differ by that much of their scatter in one case of thirty
+
+
+@dataclass(frozen=True, slots=True)
+class Quadratic:
+    """Cost and margins near an optimum as quadratics of the variables."""
+
+    centre: Array  #: the optimum (n,), shares of the ranges
+    step: Array  #: units of length of the fit (n,)
+    weights: Array  #: of 1, d_i, d_i d_j (i <= j), (k, 1 + m)
+    misfit: Array  #: scatter of the runs about it (1 + m,), SI
+
+    @classmethod
+    def fit(cls, centre: Array, step: Array, shares: Array, values: Array) -> Quadratic:
+        """Fit the runs (r, n) within reach, with cost and margins (r, 1 + m)."""
+        near = np.max(np.abs(shares - centre) / step, axis=1) <= REACH * (1.0 + 1e-9)
+        near &= ~np.isnan(values).any(axis=1)
+        columns = _columns(np.asarray((shares[near] - centre) / step))
+        weights, _, rank, _ = np.linalg.lstsq(columns, values[near], rcond=1e-8)
+        rest = values[near] - columns @ weights
+        free = max(len(columns) - int(rank), 1)
+        return cls(centre, step, weights, np.sqrt(np.sum(rest**2, axis=0) / free))
+
+    def __call__(self, shares: Array) -> Array:
+        """Cost and margins (r, 1 + m) at some places (r, n)."""
+        return np.asarray(_columns((shares - self.centre) / self.step) @ self.weights)
+
+    @property
+    def slopes(self) -> Array:
+        """Slopes at the optimum (n, 1 + m), SI over the range."""
+        return np.asarray(self.weights[1 : 1 + len(self.centre)] / self.step[:, None])
+
+    @property
+    def box(self) -> tuple[Array, Array]:
+        """The lowest and the highest place at which it is used (n,)."""
+        ends = (np.clip(self.centre + s * REACH * self.step, 0.0, 1.0) for s in (-1.0, 1.0))
+        low, high = ends
+        return low, high
+
+    def places(self) -> Array:
+        """Places that fill the box (r, n), the last one the optimum."""
+        low, high = self.box
+        if len(low) == 1:
+            return np.vstack([np.linspace(low, high, _LINE), self.centre])
+        from scipy.stats import qmc
+
+        points = qmc.Sobol(len(low), scramble=False).random(_SAMPLES)
+        return np.vstack([low + points * (high - low), self.centre])
+
+
+def _columns(d: npt.NDArray[np.floating[Any]]) -> Array:
+    pairs = itertools.combinations_with_replacement(range(d.shape[1]), 2)
+    return np.column_stack([np.ones(len(d)), *d.T, *(d[:, i] * d[:, j] for i, j in pairs)])
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """Where an optimum may lie along one variable, shares of its range."""
+
+    low: float
+    high: float
+    open_low: bool  #: whether it may lie lower, beyond the quadratics
+    open_high: bool
+
+
+def intervals(
+    model: Quadratic, scatter: Array, error: NumericalError, shares: Array, seen: Array
+) -> list[Interval]:
+    """Return where the optimum may lie, one interval a variable.
+
+    A run that is better, and far from the optimum, misses a constraint; if that is by less than its
+    error, the optimum may lie there.
+
+    Args:
+        model: Of the runs near the optimum.
+        scatter: Noise of cost and margins (1 + m,), SI.
+        error: Numerical error of cost and margins; that of the cost counts by its tilt alone.
+        shares: Places of all runs (r, n), shares of the ranges.
+        seen: Their cost and margins (r, 1 + m), NaN where they have failed.
+    """
+    places, (low, high) = model.places(), model.box
+    values = model(places)
+    beside = float(scatter[0] + model.misfit[0])
+    best = seen[np.argmin(np.max(np.abs(shares - model.centre), axis=1))]
+    far = np.any((shares < low) | (shares > high), axis=1)
+    far &= seen[:, 0] < best[0] - beside  # NaN is not
+    there = seen[far] - best + values[-1]  # relative to the best run as the quadratics have it
+    places, values = np.vstack([shares[far], places]), np.vstack([there, values])
+    allowed_miss, moves = _errors(scatter[1:] + model.misfit[1:], error)
+    kept = np.zeros(len(places), dtype=bool)
+    kept[-1] = True
+    for shift, tilt in moves:
+        here = slice(np.count_nonzero(far) if tilt else 0, None)  # it is linear near by alone
+        allowed = nearest_to_allowed(values[here, 1:] + shift, allowed_miss)
+        cost = values[here, 0] + error.tilted(places[here], tilt)
+        kept[here] |= allowed & (cost <= np.min(cost[allowed]) + beside)
+    lowest, highest, edge = places[kept].min(axis=0), places[kept].max(axis=0), _EDGE * (high - low)
+    below = (low > 0.0) & (lowest <= low + edge)
+    above = (high < 1.0) & (highest >= high - edge)
+    every = zip(lowest, highest, below, above, strict=True)
+    return [Interval(float(a), float(b), bool(c), bool(d)) for a, b, c, d in every]
+
+
+def _errors(blurred: Array, error: NumericalError) -> tuple[Array, list[tuple[Array, float]]]:
+    """What margins may be off by (m,), and the moves of margins and tilts of the cost to be tried.
+
+    `blurred` is noise of the margins and misfit of their quadratics (m,), SI.
+    """
+    up, down = blurred + error.above[1:], -blurred - error.below[1:]
+    ends = [*np.diag(up), *np.diag(down), *([up, down] if len(up) > 1 else [])]
+    shifts = [np.zeros(len(up)), *(part * end for end in ends for part in _PARTS)]
+    tilts = [0.0, *(part * error.most for part in _PARTS)] if error.tilt is not None else [0.0]
+    moves = list(itertools.product(shifts, tilts))
+    if error.better:
+        moves.append((error.moved[1:], 0.0))
+    return np.maximum(up, -down), moves
+
+
+def nearest(model: Quadratic, off: Array, binding: Sequence[bool]) -> Array:
+    """Return the place nearest to an optimum where moved bounds are met, binding ones just met.
+
+    Near an optimum all ways to a moved bound cost the same, to first order; the quadratics are
+    best at the nearest place.
+
+    Args:
+        model: Of the runs about the optimum.
+        off: By how much margins are larger than it says (m,), SI.
+        binding: Which of them bind.
+
+    Returns:
+        Shares of the ranges (n,). Where no place within reach will do, that which comes nearest.
+    """
+    if not len(off):
+        return model.centre
+    from scipy.optimize import minimize
+
+    scale = np.max(np.abs(model.weights[1:, 1:]), axis=0)  # what a step does
+    scale = np.maximum(np.where(scale > 0.0, scale, 1.0), 1e-9 * np.abs(off))
+    low, high = ((end - model.centre) / model.step for end in model.box)
+
+    def margins(steps: Array, which: npt.NDArray[np.intp]) -> Array:
+        place = model.centre + steps * model.step
+        return np.asarray(((model(place[None])[0, 1:] + off) / scale)[which])
+
+    kinds = {"eq": np.flatnonzero(binding), "ineq": np.flatnonzero(np.logical_not(binding))}
+    with warnings.catch_warnings():  # of rounding at the ends of the box
+        warnings.simplefilter("ignore", RuntimeWarning)
+        found = minimize(
+            lambda steps: float(steps @ steps), np.zeros(len(low)), jac=lambda steps: 2.0 * steps,
+            method="SLSQP", bounds=list(zip(low, high, strict=True)),
+            constraints=[
+                {"type": kind, "fun": margins, "args": (which,)}
+                for kind, which in kinds.items() if len(which)
+            ],
+        )  # fmt: skip
+    if found.success:
+        return np.asarray(np.clip(model.centre + found.x * model.step, 0.0, 1.0))
+    places = model.places()
+    left = model(places)[:, 1:] + off
+    left = np.where(binding, -np.abs(left), left)
+    places = places[nearest_to_allowed(left, scale)]
+    far = np.linalg.norm((places - model.centre) / model.step, axis=1)
+    return np.asarray(places[np.argmin(far)])
+
+
+@dataclass(frozen=True, slots=True)
+class Binding:
+    """Which constraints keep an objective from being better."""
+
+    held: tuple[bool, ...]  #: whether it would be better without each
+    near: tuple[bool, ...]  #: and whether its bound is at the optimum, within its error
+
+    @classmethod
+    def of(
+        cls, model: Quadratic, scatter: Array, here: Array, seen: Array, error: Array
+    ) -> Binding:
+        """Return which constraints bind at an optimum: by quadratics, and by all runs.
+
+        Quadratics follow a dent of a jagged objective. There a constraint binds if it is all that
+        a far better run misses.
+
+        Args:
+            model: Of the runs near the optimum.
+            scatter: Noise of cost and margins (1 + m,), SI.
+            here: Cost and margins of the best run (1 + m,).
+            seen: Those of all runs of its level (r, 1 + m), NaN where they have failed; none where
+                no run meets all.
+            error: Numerical error of the margins (m,), SI.
+        """
+        local = _better_without(model, scatter)
+        blurred = scatter + model.misfit
+        within = here[1:] <= blurred[1:] + error
+        seen = seen[~np.isnan(seen).any(axis=1)]
+        far = np.zeros(len(within), dtype=bool)
+        missed = seen[seen[:, 0] < here[0] - _SIGMAS * blurred[0], 1:] < -scatter[1:]
+        for which in sorted(missed, key=np.count_nonzero):
+            # Of several that are missed at once those near the optimum bind, if any, else all.
+            if np.any(which) and not np.any(which & far):
+                far |= which & within if np.any(which & within) else which
+        held, near = local | far, local | (far & within)
+        return cls(tuple(bool(one) for one in held), tuple(bool(one) for one in near))
+
+
+def _better_without(model: Quadratic, scatter: Array) -> Flags:
+    """Whether the objective near an optimum would be better without each constraint (m,)."""
+    values, scale = model(model.places()), scatter[1:] + model.misfit[1:]
+
+    def least(number: int | None = None) -> float:
+        others = np.arange(len(scale)) != number
+        allowed = nearest_to_allowed(values[:, 1:][:, others], scale[others])
+        return float(np.min(values[allowed, 0]))
+
+    enough = least() - scatter[0] - model.misfit[0]
+    return np.array([least(number) < enough for number in range(len(scale))], dtype=bool)
+
+
+def nearest_to_allowed(margins: Array, scale: Array) -> Flags:
+    """Which of some places meet all margins (r, m), or miss them least; m may be 0."""
+    if not margins.shape[1]:
+        return np.ones(len(margins), dtype=bool)
+    short = np.max(np.maximum(-margins / np.maximum(scale, 1e-300), 0.0), axis=1)
+    return np.asarray(short <= np.min(short) + 1e-9)
+
+
+def around(centre: Array, step: Array, steps: Sequence[int] = (1, 2)) -> list[Array]:
+    """Return the places some steps to either side of an optimum along each variable, in range."""
+    found: list[Array] = []
+    for i in range(len(centre)):
+        for k in sorted([*(-j for j in steps), *steps]):
+            share = centre[i] + k * step[i]
+            if -1e-9 <= share <= 1.0 + 1e-9:
+                place = np.array(centre)
+                place[i] = np.clip(share, 0.0, 1.0)
+                found.append(place)
+    return found

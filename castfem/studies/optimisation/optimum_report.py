@@ -1,0 +1,298 @@
+"""An optimum in words and tables, for the terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING
+
+from castfem.base.shown_units import Scale, label_shown, scale_of
+from castfem.studies.optimisation.digits import column, ends, result, significant, variable
+from castfem.studies.optimisation.numerical_error import checks_of
+from castfem.studies.optimisation.optimum import (
+    ConstraintStatus,
+    Front,
+    Optimum,
+    ResultWithError,
+    Spread,
+    Value,
+    unit_name,
+)  # fmt: skip
+from castfem.studies.optimisation.range_advice import promising_ends
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+_VAGUE = 0.25  # of 5 to 95 %, some three standard deviations: an error of that size hides them
+_ROUNDING = 1e-12  # of a result
+_SIGMAS = 4.0  # of noise, that a handful of runs may lie apart by it
+_FAR = " (which bars better places)"  # a constraint that binds, but not where the optimum is
+
+
+def report(optimum: Optimum) -> Iterator[Table | str]:
+    """Yield lines and tables, in order."""
+    objective = optimum.objective
+    if objective is None:
+        yield (
+            f"no run has come to its end; the one that came furthest: "
+            f"{_values(optimum)}. See its run.log ({optimum.best or 'of a run made elsewhere'})"
+        )
+        return
+    yield f"{optimum.sense} {label_shown(objective.label)}: {_state(optimum)}"
+    yield _variables(optimum)
+    yield _results(optimum, objective)
+    if optimum.away:
+        yield _steps(optimum, objective)
+    yield from _remarks(optimum, objective)
+    if optimum.spread is not None:
+        yield from _spread(optimum, optimum.spread)
+    if optimum.front is not None:
+        yield from _front(optimum.front)
+
+
+def _table(*heads: str) -> Table:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
+    for i, head in enumerate(heads):
+        table.add_column(head, justify="left" if i == 0 else "right", overflow="fold")
+    return table
+
+
+def _state(optimum: Optimum) -> str:
+    if optimum.status == "found":
+        texts = (one.text + ("" if one.near else _FAR) for one in optimum.binding)
+        held = [v for v in optimum.values if v.at_end in ("lowest", "highest")]
+        by = [", ".join(texts), *_ends(held)]
+        by += [f"{v.key} where runs fail" for v in optimum.values if v.at_end == "runs fail"]
+        by = [part for part in by if part]
+        state = f"found; held by {'; '.join(by)}" if by else "found; no constraint binds"
+        if failed := optimum.runs["failed"]:
+            state += f"; {failed} of the {optimum.runs['search']} runs by {optimum.fidelity} failed"
+        return f"{state}; another place is as good" if optimum.elsewhere else state
+    if optimum.status == "not converged":
+        return "not converged: better runs were still met; raise optimise.most_runs"
+    if optimum.status == "independent":
+        return f"depends on none of {', '.join(optimum.idle)}; any value is as good"
+    worst = optimum.worst
+    if worst is None:
+        return "no run meets all constraints"
+    missed = significant(worst.result.chosen_difference(-worst.left), 3)
+    missed = f"{missed} {worst.result.difference_unit}".rstrip()
+    ends_at = " and ".join(_ends(promising_ends(optimum)))
+    wider = f", with {ends_at}: a wider one may meet them" if ends_at else ""
+    return f"the constraints cannot be met; nearest, {worst.text} is missed by {missed}{wider}"
+
+
+def _ends(values: Iterable[Value]) -> list[str]:
+    return [f"{v.key} at the {v.at_end} of its range" for v in values]
+
+
+def _values(optimum: Optimum, other: Iterable[float | None] | None = None) -> str:
+    """The variables at the optimum, or with other values."""
+    values = [v.value for v in optimum.values] if other is None else other
+    return ", ".join(
+        f"{v.key} = {'?' if value is None else variable(value)} {v.unit}".rstrip()
+        for v, value in zip(optimum.values, values, strict=True)
+    )
+
+
+def _variables(optimum: Optimum) -> Table:
+    by = [f"constraints by {optimum.checked}"] if optimum.checked and optimum.constraints else []
+    table = _table("variable", "best", *by, "cannot be told from", "looked for in")
+    for value in optimum.values:
+        label = f"{value.key} [{value.unit}]" if value.unit else value.key
+        checked = "" if value.checked is None else variable(value.checked)
+        searched = " to ".join(variable(end) for end in value.range)
+        table.add_row(
+            label, variable(value.value), *(checked for _ in by), interval(value), searched
+        )
+    return table
+
+
+def interval(value: Value) -> str:
+    """The interval of a variable in words."""
+    low, high = ends(value.low, value.high)
+    less, more = (" or less" if value.open_low else ""), (" or more" if value.open_high else "")
+    return f"{low}{less} to {high}{more}"
+
+
+def _difference(known: ResultWithError, value: float) -> str:
+    """A difference in the unit of a result; what is rounding alone counts as none."""
+    if abs(value) <= _ROUNDING * abs(known.value):
+        value = 0.0
+    return significant(known.chosen_difference(value), 2)
+
+
+def _errors(known: ResultWithError) -> tuple[str, str]:
+    noise = _difference(known, known.noise) if known.measured else "?"
+    return noise, _difference(known, known.numerical)
+
+
+def _shown(known: ResultWithError, value: float, apart: float) -> str:
+    """A value of a result, SI, that differs by so much from what it is compared with."""
+    return result(known.chosen(value), known.scale.unit, known.chosen_difference(apart))
+
+
+def _check_apart(optimum: Optimum, objective: ResultWithError) -> float:
+    """How far the objective by the check, at its own optimum, is from that of the search."""
+    return 0.0 if optimum.by_check is None else optimum.by_check.objective - objective.value
+
+
+def _results(optimum: Optimum, objective: ResultWithError) -> Table:
+    by = f"left by {optimum.checked}" if optimum.checked else "left by the check"
+    table = _table("at the optimum", "value", "noise", "numerical error", "left", by, "")
+    value = _shown(objective, objective.value, _check_apart(optimum, objective))
+    table.add_row(objective.heading(), value, *_errors(objective), "", "", "objective")
+    for one in optimum.constraints:
+        known = one.result
+        left = f"{_difference(known, one.left)} ± {_difference(known, one.error)}"
+        unit = unit_name(known.scale.unit)
+        label = f"{one.text} [{unit}]" if unit else one.text  # as written, perhaps in another one
+        value = _shown(known, known.value, max(abs(one.left), known.noise))
+        checked = _difference(known, one.checked)
+        table.add_row(label, value, *_errors(known), left, checked, _word(one))
+    return table
+
+
+def _word(one: ConstraintStatus) -> str:
+    if not one.met:
+        return "not met"
+    if one.binding:
+        return "binds" if one.near else "bars better places"
+    if math.isnan(one.error):
+        return "met, error not known"
+    return "" if one.left >= one.error else "met, within its error"
+
+
+def _steps(optimum: Optimum, objective: ResultWithError) -> Table:
+    heads = [f"left of {one.text}" for one in optimum.constraints]
+    head = f"{objective.name} [{objective.difference_unit}]"
+    table = _table("a step away", head, *heads)
+    units = {value.key: value.unit for value in optimum.values}
+    for step in optimum.away:
+        name = f"{step.key} = {variable(step.value)} {units[step.key]}".rstrip()
+        if step.message:
+            table.add_row(name, "fails", *("" for _ in heads))
+            continue
+        cells = [significant(objective.chosen_difference(step.objective), 3, "+")]
+        for one, left in zip(optimum.constraints, step.left, strict=True):
+            amount = significant(one.result.chosen_difference(left), 3)
+            missed = "" if left >= -one.result.noise - 1e-9 * abs(one.bound) else " (not met)"
+            cells.append(f"{amount} {one.result.difference_unit}{missed}")
+        table.add_row(name, *cells)
+    return table
+
+
+def _remarks(optimum: Optimum, objective: ResultWithError) -> Iterator[str]:
+    runs = optimum.runs
+    further = runs["all"] - runs["looked_at"]
+    checked = f"checked by {optimum.checked}" if optimum.checked else "the check of it failed"
+    finest = checks_of(optimum.fidelity)[0]
+    if optimum.checked not in ("", finest):
+        checked += f" (the best run fails by {finest})"
+    yield (
+        f"{runs['all']} runs: {runs['looked_at']} when the search ended (optimise.most_runs), "
+        f"{further} about the optimum, by other levels and for what else was asked"
+    )
+    best = optimum.best or "made elsewhere"
+    yield f"{checked}; {optimum.seconds:.0f} s of runs; best run: {best}"
+    if optimum.by_check is not None and optimum.constraints:
+        yield _by_check(optimum, objective)
+    if optimum.idle and optimum.status == "found":
+        yield f"no result depends on {' and '.join(optimum.idle)}: any value is as good"
+    for why in optimum.unknown:
+        yield f"the interval is open, for {why}"
+    if optimum.elsewhere:
+        some = "; or ".join(_values(optimum, one) for one in optimum.elsewhere[:3])
+        yield f"not the only one: as good within scatter, outside of these intervals, is {some}"
+    every = (objective, *(one.result for one in optimum.constraints))
+    for known in {one.name: one for one in every if one.twin is not None}.values():
+        name, value = known.twin or ("", 0.0)
+        apart = f"{_difference(known, value - known.value)} {known.difference_unit}"
+        yield f"{known.name} lies {apart} below {name}, its maximum"
+    span = [abs(step.objective) for step in optimum.away if math.isfinite(step.objective)]
+    if span and max(span) <= _SIGMAS * objective.noise:
+        yield "all about it the objective changes by no more than its noise: it is flat here"
+
+
+def _by_check(optimum: Optimum, objective: ResultWithError) -> str:
+    """The results of the check at its own optimum."""
+    assert optimum.by_check is not None
+    left = "; ".join(
+        f"{one.text}: {_difference(one.result, value)} {one.result.difference_unit} left"
+        for one, value in zip(optimum.constraints, optimum.by_check.left, strict=True)
+    )
+    value = _shown(objective, optimum.by_check.objective, _check_apart(optimum, objective))
+    unit = unit_name(objective.scale.unit)
+    by = f"{optimum.checked}, {_values(optimum, [v.checked for v in optimum.values])}"
+    return f"by {by}: {objective.name} {value} {unit}".rstrip() + f"; {left}"
+
+
+def spread_scale(optimum: Optimum, number: int) -> Scale:
+    """From the unit of a row of a spread to the chosen one; a variable's stays as asked."""
+    assert optimum.spread is not None
+    row = optimum.spread.rows[number]
+    if row.error is None or optimum.objective is None:
+        return Scale(row.unit)
+    results = (optimum.objective, *(one.result for one in optimum.constraints))
+    return scale_of(row.unit, results[number].name)
+
+
+def _spread(optimum: Optimum, spread: Spread) -> Iterator[Table | str]:
+    """What the inputs do, and where all constraints are met in most draws."""
+    failed = f", {spread.failed} of them failed" if spread.failed else ""
+    derivatives = " with their derivatives" if spread.derivatives else ""
+    yield f"spread by the inputs, {spread.runs} runs{derivatives}{failed}"
+    table = _table("by the inputs", "5 to 95 % of the draws", "error of the fit", "met")
+    for number, row in enumerate(spread.rows):
+        scale = spread_scale(optimum, number)
+        unit = f" [{unit_name(scale.unit)}]" if unit_name(scale.unit) else ""
+        error = "" if row.error is None else significant(scale(row.error), 2)
+        met = "" if row.met is None else f"{100.0 * row.met:.3g} %"
+        change = " to ".join(significant(scale(end), 3, "+") for end in row.change)
+        table.add_row(f"{row.name}{unit}", change, error, met)
+    yield table
+    table = _table("Sobol indices: first order / total", *(row.name for row in spread.rows))
+    for i, label in enumerate(spread.labels):
+        table.add_row(label, *(f"{row.first[i]:.2f} / {row.total[i]:.2f}" for row in spread.rows))
+    yield table
+    widths = {row.name: row.change[1] - row.change[0] for row in spread.rows}
+    vague = [one.name for one in spread.rows if (one.error or 0.0) > _VAGUE * widths[one.name]]
+    if vague:
+        yield (
+            f"the error of the fit is as large as the spread of {', '.join(vague)}: these are "
+            "rough, and their indices say nothing"
+        )
+    if not optimum.constraints:
+        return
+    if optimum.values[0].safe is None:
+        yield "no place near the optimum meets all constraints in 95 % of the draws"
+    else:
+        safe = _values(optimum, [v.safe for v in optimum.values])
+        yield f"best of what meets all constraints in 95 % of the draws: {safe}"
+
+
+def _front(front: Front) -> Iterator[Table | str]:
+    both = f"{front.first.name} and {front.second.name}"
+    if len(front.points) == 1:
+        yield f"{both} are best together: there is no front ({front.runs} further runs)"
+        return
+    yield f"the front of {both}, {front.runs} further runs"
+    heads = front.first.heading(), front.second.heading(), front.price_heading()
+    table = _table(*front.keys, *heads)
+    firsts, seconds = (
+        column([one.chosen(value) for value in values], one.scale.unit)
+        for one, values in (
+            (front.first, [point.first for point in front.points]),
+            (front.second, [point.second for point in front.points]),
+        )
+    )
+    for point, first, second in zip(front.points, firsts, seconds, strict=True):
+        price = front.price(point, chosen=True)
+        shown = "" if price is None else significant(price, 3)
+        table.add_row(*(variable(value) for value in point.values), first, second, shown)
+    yield table
+    if front.spent:
+        yield "a search of the front has had its runs before it was done: raise optimise.most_runs"

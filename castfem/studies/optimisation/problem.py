@@ -1,0 +1,244 @@
+"""The optimisation problem of a case, from its table [optimise]: variables, constraints, inputs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from castfem.base import units
+from castfem.base.errors import InputError
+from castfem.base.types import Array
+from castfem.model.load import changed, value_of
+from castfem.model.optimise import Bound, Optimise, Variable
+from castfem.model.varied_keys import faults_of_key
+from castfem.studies.optimisation.fidelity import THERMAL, at_level
+from castfem.studies.optimisation.global_search import check_installed
+from castfem.studies.optimisation.uncertain_inputs import UncertainInput
+
+if TYPE_CHECKING:
+    from castfem.model import Case
+    from castfem.studies.optimisation.store import Evaluation
+
+_STEPS = 1e4  # values are rounded to this part of their range
+_TAPER = "mould.taper"
+_COUPLED = 'take fidelity = "coarse"'
+_MISSING = (
+    'optimise: the table is missing; add [optimise] with minimise = "von_mises_max" and '
+    '[[optimise.variable]] with key = "mould.taper" and range = ["0 %/m", "3 %/m"]'
+)
+
+
+@dataclass(frozen=True, slots=True)
+class RunRequest:
+    """A run that a search needs; requests that differ by `derivatives` alone are equal."""
+
+    values: tuple[float, ...]
+    """Of the variables, in the units of their ranges; in the idealised mould those of the mould,
+    which have no effect there, are the lowest of their ranges."""
+    fidelity: str  #: level of fidelity
+    ideal: bool = False  #: whether it is in the idealised mould
+    inputs: tuple[float, ...] = ()  #: values or factors of uncertain inputs; (): those of the case
+    derivatives: bool = field(default=False, compare=False)
+    """Whether derivatives by variables and inputs are wanted, too; a run without them will do."""
+
+
+@dataclass(frozen=True, slots=True)
+class DesignVariable:
+    """A variable of the search; its share of the range, 0 to 1, is what the search varies."""
+
+    key: str
+    low: float  #: of the range, in `unit`
+    high: float
+    unit: str  #: "" for none
+    decimals: int  #: to which values are rounded
+
+    @classmethod
+    def of(cls, variable: Variable) -> DesignVariable:
+        """The variable of a table."""
+        low, high, si = variable.si
+        low, high = (units.convert(end, si, variable.unit or "1") for end in (low, high))
+        decimals = max(0, math.ceil(-math.log10((high - low) / _STEPS)))
+        return cls(variable.key, low, high, variable.unit, decimals)
+
+    @property
+    def of_mould(self) -> bool:
+        """Whether it is a key of the mould, without effect in the idealised one."""
+        return self.key.partition(".")[0] == "mould"
+
+    @property
+    def label(self) -> str:
+        """Key and unit."""
+        return f"{self.key} [{self.unit}]" if self.unit else self.key
+
+    def at(self, share: float) -> float:
+        """The value at a share of the range."""
+        return self.low + share * (self.high - self.low)
+
+    def value(self, share: float) -> float:
+        """The value at a share of the range, rounded."""
+        return min(max(round(self.at(share), self.decimals), self.low), self.high) + 0.0
+
+    def share(self, value: float) -> float:
+        """The share of the range at a value, within the range."""
+        return min(max((value - self.low) / (self.high - self.low), 0.0), 1.0)
+
+    def written(self, value: float) -> str | float:
+        """A value as a case file has it."""
+        return f"{value:.12g} {self.unit}" if self.unit else value
+
+
+class DesignProblem:
+    """A case with its table [optimise].
+
+    Attributes:
+        case: The case.
+        origin: What messages call it.
+        table: The table.
+        variables: What is varied.
+        bounds: The constraints.
+        inputs: What is not known exactly.
+
+    Raises:
+        InputError: There is no table, a key cannot be varied, or Optuna is not installed.
+    """
+
+    def __init__(self, case: Case, origin: str = "") -> None:
+        self.case, self.origin = case, origin or case.title
+        if case.optimise is None:
+            raise InputError(f"{self.origin}: {_MISSING}")
+        self.table: Optimise = case.optimise
+        if self.table.method == "optuna":
+            check_installed(self.origin)
+        self.variables = tuple(DesignVariable.of(one) for one in self.table.variable)
+        self.bounds: tuple[Bound, ...] = self.table.bounds
+        self.inputs = tuple(UncertainInput.of(one) for one in self.table.input)
+        if problems := list(dict.fromkeys(self._faults())):
+            raise InputError(problems)
+
+    def _faults(self) -> Iterator[str]:
+        """Yield keys that cannot be varied: both ends of each range are tried in the case."""
+        if self.table.fidelity == THERMAL:
+            where = f"{self.origin}: optimise.fidelity: thermal runs have no mould"
+            for one in (one for one in self.variables if one.of_mould):
+                yield f"{where}: {one.key} changes nothing in them; {_COUPLED}"
+            for bound in (bound for bound in self.bounds if bound.relative):
+                yield f'{where}, to hold "{bound.text}" against; {_COUPLED}'
+        for number, (one, table) in enumerate(
+            zip(self.variables, self.table.variable, strict=True)
+        ):
+            where = f"{self.origin}: optimise.variable.{number}"
+            tried = [one.written(one.low), one.written(one.high)]
+            tried += [] if table.start is None else [table.start]
+            yield from faults_of_key(self.case, one.key, tried, where)
+        for number, uncertain in enumerate(self.inputs):
+            where = f"{self.origin}: optimise.input.{number}"
+            for end in (uncertain.low, uncertain.high):
+                try:
+                    changed(self.case, uncertain.changes(self.case, end), where)
+                except InputError as error:
+                    for line in error.problems:
+                        line = line.removeprefix("case: ")
+                        yield line if line.startswith(where) else f"{where}: {line}"
+
+    def check_results(self) -> None:
+        """Refuse, before anything is run, results that no run of the case has.
+
+        Raises:
+            InputError: With a line for each.
+        """
+        from castfem.runs.results.of_case import faults_of
+
+        asked = {"minimise": self.table.minimise, "maximise": self.table.maximise}
+        keys = [(key, name) for key, names in asked.items() for name in names]
+        keys += [(f"constraints.{i}", one.quantity) for i, one in enumerate(self.bounds)]
+        if self.table.front is not None:
+            side = "minimise" if self.table.front.minimise is not None else "maximise"
+            keys.append((f"front.{side}", self.table.front.objective[0]))
+        names = [name for _, name in keys]
+        faults = faults_of(self.case, names)
+        if self.table.fidelity == THERMAL and not any(faults):
+            alone = "is no result of temperature alone, of which fidelity thermal is"
+            found = faults_of(at_level(self.case, THERMAL), names)
+            faults = [fault and f"{alone}; {_COUPLED}" for fault in found]
+        problems = [
+            f'{self.origin}: optimise.{key}: ("{name}") {fault}'
+            for (key, name), fault in zip(keys, faults, strict=True)
+            if fault
+        ]
+        if problems:
+            raise InputError(problems)
+
+    @property
+    def result_names(self) -> tuple[str, ...]:
+        """The results that it needs of each run."""
+        names = [name for name, _ in self.table.objectives]
+        names += [bound.quantity for bound in self.bounds]
+        if self.table.front is not None:
+            names.append(self.table.front.objective[0])
+        return tuple(dict.fromkeys(names))
+
+    @property
+    def relative(self) -> bool:
+        """Whether a constraint is a share of what the idealised mould gives."""
+        return any(bound.relative for bound in self.bounds)
+
+    @property
+    def needs_ideal(self) -> bool:
+        """Whether a run in the idealised mould is needed: for a constraint, or a taper's start."""
+        return self.case.mould is not None and (self.relative or bool(self._fitted_tapers()))
+
+    def _fitted_tapers(self) -> list[int]:
+        """Numbers of the variables that are tapers without a start of their own."""
+        pairs = zip(self.variables, self.table.variable, strict=True)
+        return [i for i, (one, table) in enumerate(pairs)
+                if one.key.startswith(_TAPER) and table.start is None]  # fmt: skip
+
+    def request(self, shares: Array, fidelity: str = "") -> RunRequest:
+        """The run at shares of the ranges (n,)."""
+        values = tuple(a.value(float(u)) for a, u in zip(self.variables, shares, strict=True))
+        return RunRequest(values, fidelity or self.table.fidelity)
+
+    def shares(self, request: RunRequest) -> Array:
+        """The shares of the ranges of a run (n,)."""
+        pairs = zip(self.variables, request.values, strict=True)
+        return np.array([one.share(value) for one, value in pairs])
+
+    def ideal(self, request: RunRequest) -> RunRequest:
+        """The run in the idealised mould, all else as in another one."""
+        pairs = zip(self.variables, request.values, strict=True)
+        values = tuple(one.low if one.of_mould else value for one, value in pairs)
+        return replace(request, values=values, ideal=True)
+
+    def changes(self, request: RunRequest) -> dict[str, Any]:
+        """Keys and values of a run, as `Case.with_` takes them."""
+        pairs = zip(self.variables, request.values, strict=True)
+        changes = {
+            one.key: one.written(value)
+            for one, value in pairs
+            if not (request.ideal and one.of_mould)
+        }
+        for uncertain, value in zip(self.inputs, request.inputs, strict=False):
+            changes |= uncertain.changes(self.case, value)
+        return changes
+
+    def start(self, ideal: Evaluation | None) -> Array:
+        """Where the search begins (n,), as shares of the ranges.
+
+        Args:
+            ideal: The run in the idealised mould, to whose strand tapers are fitted.
+        """
+        from castfem.studies.optimisation.ideal_taper import fitted_tapers
+
+        start: list[float] = []
+        for one, table in zip(self.variables, self.table.variable, strict=True):
+            written = value_of(self.case, one.key) if table.start is None else table.start
+            value = units.number_in(written, one.unit)
+            start.append(0.5 if value is None else one.share(value))
+        tapers = self._fitted_tapers()
+        if tapers and ideal is not None and ideal.folder is not None and not ideal.failed:
+            return fitted_tapers(self, np.array(start), tapers, ideal.folder)
+        return np.array(start)

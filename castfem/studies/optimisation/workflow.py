@@ -1,0 +1,205 @@
+"""From a problem to its answer: search, runs about the optimum, check, spread, front."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.base.errors import InputError
+from castfem.base.types import Array
+from castfem.studies.accuracy.levels import LEVELS
+from castfem.studies.optimisation.assemble import Findings, assemble
+from castfem.studies.optimisation.check_level import Check, CheckedOptimum
+from castfem.studies.optimisation.derivative_request import obstacles
+from castfem.studies.optimisation.front import FrontSearch
+from castfem.studies.optimisation.local_model import Binding, Quadratic, around, intervals
+from castfem.studies.optimisation.numerical_error import NumericalError, Tilt, next_of
+from castfem.studies.optimisation.optimum import Optimum
+from castfem.studies.optimisation.problem import DesignProblem, RunRequest
+from castfem.studies.optimisation.responses import Find, Obtain, Responses
+from castfem.studies.optimisation.search import AT_END, Search
+from castfem.studies.optimisation.spread import input_spread
+from castfem.studies.optimisation.store import Evaluation
+
+if TYPE_CHECKING:
+    from castfem.model import Case
+
+_STEP, _WIDEST = 0.025, 0.1  # of the ranges: between the runs about an optimum
+_TURNS = 3  # of search and runs about its optimum
+
+
+@dataclass(frozen=True, slots=True)
+class Workflow:
+    """Looks for the answer to a problem; it waits for each run that it needs.
+
+    Attributes:
+        problem: The problem.
+        find: Gives the results of a run, None where it has not been made.
+        case_of: Gives the case of a run.
+        runs: All results so far.
+        castfem_runs: Whether the runs are castfem's own, which may compute derivatives.
+        stage: Called with the purpose of the runs that follow.
+    """
+
+    problem: DesignProblem
+    find: Find
+    case_of: Callable[[RunRequest], Case]
+    runs: Mapping[RunRequest, Evaluation]
+    castfem_runs: bool
+    stage: Callable[[str], None]
+
+    def run(self, obtain: Obtain) -> Optimum:
+        """Return the answer; `obtain` makes the runs that are missing."""
+        problem, start = self.problem, self._start(obtain)
+        responses = Responses(problem, self.find, obtain)
+        search = Search(responses, problem.table.most_runs)
+        self.stage("search")
+        best = search.run(start)
+        if responses.seen[best].failed:
+            return assemble(Findings(search, best, self.runs))
+        for _ in range(_TURNS):
+            found = self._about(search, best)
+            better = search.better_than(found.best)
+            if better is None or search.exhausted:
+                break
+            best = better
+        if (better := search.better_than(found.best)) is not None:
+            return assemble(Findings(search, better, self.runs, converged=False))
+        if problem.inputs:
+            self.stage("spread by the inputs")
+            assert found.model is not None
+            derivatives = self.castfem_runs and self._has_derivatives(found.best)
+            spread = input_spread(
+                responses.apart(), found.best, found.model, derivatives=derivatives
+            )
+            found = replace(found, spread=spread)
+        if problem.table.front is not None:
+            self.stage("front of the two objectives")
+            found = replace(found, front=FrontSearch(search, start).run(found.best))
+        return assemble(found)
+
+    def _start(self, obtain: Obtain) -> Array:
+        """Where the search begins (n,): tapers by the strand in its idealised mould."""
+        problem = self.problem
+        if not problem.needs_ideal:
+            return problem.start(None)
+        request = problem.ideal(problem.request(problem.start(None)))
+        if self.find(request) is None:
+            obtain([request])
+        return problem.start(self.find(request))
+
+    def _has_derivatives(self, best: RunRequest) -> bool:
+        """Whether runs with other inputs can compute derivatives."""
+        own = replace(best, inputs=tuple(one.value(0.5) for one in self.problem.inputs))
+        every = [own, self.problem.ideal(own)] if self.problem.relative else [own]
+        return not obstacles(self.problem, {one: self.case_of(one) for one in every})
+
+    def _about(self, search: Search, best: RunRequest) -> Findings:
+        """Make the runs about a best one, and at the other levels."""
+        responses = search.responses
+        self.stage("what a step away from the best run costs")
+        best, model = self._surroundings(search, best)
+        search.measure_noise_at(best)
+        error = self._numerical_error(search, best, model)
+        untilted = replace(error, tilt=None, checked="")
+        for _ in range(2):  # wider where the interval is open
+            places = intervals(model, search.noise, untilted, *responses.table(best.fidelity))
+            ends = np.array([one.open_low or one.open_high for one in places])
+            if not np.any(ends & (model.step < _WIDEST)):
+                break
+            step = np.where(ends, np.minimum(2.0 * model.step, _WIDEST), model.step)
+            model = self._model(responses, best, step)
+        binding = self._binding(search, best, model, error)
+        checked = self._check(search, best, model, error, binding)
+        return Findings(search, best, self.runs, model, error, checked, binding)
+
+    def _surroundings(self, search: Search, best: RunRequest) -> tuple[RunRequest, Quadratic]:
+        """Fit the runs about a best one; where another one there is better, search on from it."""
+        responses = search.responses
+        width = float(np.clip(4.0 * search.radius, _STEP, _WIDEST))
+        step = np.full(len(self.problem.variables), width)
+        for _ in range(_TURNS):
+            model = self._model(responses, best, step)
+            better = search.best()
+            gain = responses.cost(best) - responses.cost(better)
+            nearer = search.violation(better) < search.violation(best)
+            if better == best or not (nearer or gain > search.noise[0]):
+                return best, model
+            best = search.again(better)
+        best = search.best()
+        return best, self._model(responses, best, step)
+
+    def _model(self, responses: Responses, best: RunRequest, step: Array) -> Quadratic:
+        centre = self.problem.shares(best)
+        responses.fetch([self.problem.request(place) for place in around(centre, step)])
+        return Quadratic.fit(centre, step, *responses.table(best.fidelity))
+
+    def _binding(
+        self, search: Search, best: RunRequest, model: Quadratic, error: NumericalError
+    ) -> Binding:
+        """Which constraints keep the objective of a best run from being better."""
+        here, (_, seen) = search.responses.vector(best), search.responses.table(best.fidelity)
+        if search.violation(best) > 0.0:  # a run better than one that no run meets says nothing
+            seen = seen[:0]
+        off = np.maximum(error.below, error.above)[1:]
+        return Binding.of(model, search.noise, here, seen, off)
+
+    def _numerical_error(
+        self, search: Search, best: RunRequest, model: Quadratic
+    ) -> NumericalError:
+        """The error of cost and margins, by the best run at the other levels."""
+        responses = search.responses
+        every = {word: RunRequest(best.values, word) for word in (*LEVELS, best.fidelity)}
+        every = {word: one for word, one in every.items() if self._is_sound(one)}
+        others = " and ".join(word for word in every if word != best.fidelity)
+        self.stage(f"numerical error: the best run on {others} cells, the last the dearest")
+        responses.fetch(list(every.values()))
+        vectors = {word: responses.vector_or_nan(one) for word, one in every.items()}
+        error = NumericalError.of(best.fidelity, vectors)
+        shares, last = self.problem.shares(best), AT_END * search.radius
+        fixed = sum(self._binding(search, best, model, error).near)
+        fixed += int(np.count_nonzero((shares <= last) | (shares >= 1.0 - last)))
+        if fixed >= len(shares):
+            return error
+        if next_of(best.fidelity) not in error.finished:
+            return replace(error, untilted=np.ones(len(shares), dtype=bool))
+        return error.with_tilt(best.fidelity, self._tilt(responses, best, model.step))
+
+    def _tilt(self, responses: Responses, best: RunRequest, step: Array) -> Tilt:
+        """How the cost by the next level, less its own, changes about a best run."""
+        shares = self.problem.shares(best)
+        own = [self.problem.request(at) for at in [shares, *around(shares, step, (1,))]]
+        next_level = [replace(one, fidelity=next_of(best.fidelity)) for one in own]
+        responses.fetch([*own, *next_level])
+        pairs = zip(own, next_level, strict=True)
+        cost = responses.vector_or_nan
+        change = np.array([cost(b)[0] - cost(a)[0] for a, b in pairs])
+        return Tilt.fit(shares, np.array([self.problem.shares(one) for one in own]), change)
+
+    def _check(
+        self,
+        search: Search,
+        best: RunRequest,
+        model: Quadratic,
+        error: NumericalError,
+        binding: Binding,
+    ) -> CheckedOptimum | None:
+        """The optimum by the level of the check."""
+        if not error.checked:
+            return None
+        self.stage(f"the best with the constraints as {error.checked} cells have them")
+        level, near = error.checked, binding.near
+        return Check(level, search.responses, model, near, search.radius, search.noise).optimum(
+            best
+        )
+
+    def _is_sound(self, request: RunRequest) -> bool:
+        """Whether a case can be computed at a level: larger cells may not fit into its faces."""
+        try:
+            self.case_of(request)
+        except InputError:
+            return False
+        return True
