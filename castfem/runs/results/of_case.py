@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from castfem.base.messages import choices
-from castfem.base.units import nearest
+from castfem.base.units import in_mm, nearest
 from castfem.model.section_mesh import meshing
 from castfem.runs.results.registry import AT_FRACTION, declared, find
 
@@ -15,6 +15,10 @@ if TYPE_CHECKING:
 
 _EVERYWHERE = "mid_face"  # a place that every section has
 _STRAINED = ("[mechanics]", lambda case: case.mechanics is not None)
+_THROUGHOUT = (
+    "mechanics without mechanics.until",
+    lambda case: case.mechanics is None or case.mechanics.until is None,
+)
 _IN_MOULD = ("[mould]", lambda case: case.mould is not None)
 _OSCILLATES = (
     "[mould.oscillation]",
@@ -23,6 +27,7 @@ _OSCILLATES = (
 _ON_ROLLS = ("[machine]", lambda case: case.machine is not None)
 _TABLES: Mapping[str, tuple[tuple[str, Callable[[Case], bool]], ...]] = {
     "mechanics": (_STRAINED,),
+    "throughout": (_STRAINED, _THROUGHOUT),
     "smooth": (_STRAINED,),
     "law_data": (_STRAINED,),
     "tilt_x": (_STRAINED,),
@@ -76,6 +81,12 @@ def _fault(case: Case, name: str, places: Callable[[], list[str]]) -> str:
     if missing:
         tables = " and ".join(missing)
         return f"is none of this case, for it has no {tables}; add it, or name another result"
+    if definition.of_strained and (end := case.mechanics_end()) is not None:
+        return (
+            f"has no value at the end of the run: mechanics.until ends the mechanics at "
+            f"{in_mm(end)}; leave that out, or name a result of the way (way_von_mises_max, "
+            "mould_gap_max)"
+        )
     fraction = AT_FRACTION.fullmatch(name)
     if fraction is not None and int(fraction[1]) not in _percents(case):
         return f"is not followed; give output.shell_at = [{int(fraction[1]) / 100:g}]"

@@ -39,6 +39,11 @@ Each = Literal["", "probe", "centred_probe"]
 # What a quantity may need of a simulation. A mould goes with mechanics, friction with a mould.
 NEEDS: Mapping[str, Callable[[Simulation], bool]] = {
     "mechanics": lambda simulation: simulation.mechanics is not None,
+    "throughout": lambda simulation: (  # mechanics that go on to the end of the strand
+        simulation.mechanics is not None
+        and simulation.case.mechanics is not None
+        and simulation.case.mechanics.until is None
+    ),
     "smooth": lambda simulation: (
         simulation.mechanics is not None and bool(simulation.case.output.smooth)
     ),
@@ -65,6 +70,8 @@ NEEDS: Mapping[str, Callable[[Simulation], bool]] = {
     "bending": lambda simulation: simulation.mechanics is not None and simulation.case.bends,
     "extraction": lambda simulation: _has_effort(simulation),
 }
+_STRAINED = NEEDS.keys() - {"law_data", "oscillation", "machine", "quality"}
+"""Needs of quantities that are read off the strained slice, unless they are `of_way`."""
 _MODULES = tuple(
     f"castfem.runs.results.{name}_quantities"
     for name in ("thermal", "mechanical", "mould", "bulging", "quality")
@@ -145,8 +152,15 @@ class QuantityDefinition:
         """Its name, at a probe or of the whole slice."""
         return f"{self.name}_{probe}" if probe else self.name
 
+    @property
+    def of_strained(self) -> bool:
+        """Whether it is read off the strained slice as it is here."""
+        return not self.of_way and not _STRAINED.isdisjoint(self.needs)
+
     def value(self, sample: Sample, probe: str = "") -> float | None:
-        """Its value in SI."""
+        """Its value in SI; None where it is of mechanics that have ended above."""
+        if sample.mechanics is None and self.of_strained:
+            return None
         return self.compute(sample, probe) if probe else self.compute(sample)
 
     def in_unit(self, value: float | None) -> float:
