@@ -7,7 +7,7 @@ and is refused if anything about it is wrong.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,6 +20,9 @@ MULTIPLICITY = {"quarter": 4, "half": 2, "whole": 1}
 
 SMALLEST_SCALED_JACOBIAN = 0.05
 """A cell below this (angles within 3 degrees of 0 or 180) is degenerate."""
+
+_ON_CHORD = 1e-9
+"""Of its length: how near the start of a probe lies to a chord that it lies on."""
 
 # Vertices joined by the sides in the order of DOLFINx' second-order nodes.
 _MIDDLE_ENDS = {
@@ -91,7 +94,7 @@ def assemble(
         facets,
         np.array([p.group for p in outline.pieces], dtype=object)[piece],
         np.array([p.mirrors for p in outline.pieces], dtype=object)[piece],
-        dict(probes),
+        probes if order == 2 else _on_chords(probes, points, facets, outline, piece),
     )
     if symmetry in ("half", "whole"):
         part = _mirror(part, 1, ("intrados", "extrados"), cell)
@@ -143,6 +146,32 @@ def _second_order(
         np.concatenate([points, middle, inside]),
         np.concatenate([cells, added, last[:, None]], axis=1),
     )
+
+
+def _on_chords(
+    probes: dict[str, Probe],
+    points: np.ndarray,
+    facets: np.ndarray,
+    outline: Outline,
+    piece: np.ndarray,
+) -> dict[str, Probe]:
+    """Let probes that begin on an arc begin on the straight facets that stand for it."""
+    curved = np.array([p.centre is not None for p in outline.pieces])[piece]
+    chords = points[facets[curved, :2]]
+    found = dict(probes)
+    for name, probe in probes.items():
+        start, end = np.array(probe.start), np.array(probe.end)
+        along, sides = end - start, chords[:, 1] - chords[:, 0]
+        across = along[0] * sides[:, 1] - along[1] * sides[:, 0]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x, y = (chords[:, 0] - start).T
+            depth = (x * sides[:, 1] - y * sides[:, 0]) / across
+            at = (x * along[1] - y * along[0]) / across
+        beyond = depth[(at >= 0.0) & (at <= 1.0) & (depth > _ON_CHORD)]
+        if beyond.size:
+            x, y = (start + beyond.min() * along).tolist()
+            found[name] = replace(probe, start=(x, y))
+    return found
 
 
 def _mirror(part: _Part, axis: int, names: tuple[str, str], cell: str) -> _Part:

@@ -23,7 +23,7 @@ import inspect
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from importlib import import_module
 from typing import Any, Literal, TypeVar
 
@@ -132,8 +132,18 @@ class QuantityDefinition:
         """Its name, at a probe or of the whole slice."""
         return f"{self.name}_{probe}" if probe else self.name
 
+    @property
+    def of_strained(self) -> bool:
+        """Whether it is read off the strained slice as it is here."""
+        return not self.of_way and not _strained().isdisjoint(self.needs)
+
     def value(self, sample: Any, probe: str = "") -> float | None:
-        """Its value in SI from a sample (`castfem.runs.results.sample.Sample`)."""
+        """Its value in SI from a sample (`castfem.runs.results.sample.Sample`).
+
+        None where it is of mechanics that have ended above.
+        """
+        if sample.mechanics is None and self.of_strained:
+            return None
         return self.compute(sample, probe) if probe else self.compute(sample)
 
     def in_unit(self, value: float | None) -> float:
@@ -147,6 +157,11 @@ class QuantityDefinition:
         """A value in SI as a result, with its label and the unit in which it is shown."""
         label = self.labels.get(probe, self.label.format(probe_label(probe)))
         return Quantity(value, self.shown or self.unit, f"{label}, {place}" if place else label)
+
+
+@cache
+def _strained() -> frozenset[str]:
+    return frozenset(import_module(_NEEDS_MODULE).STRAINED)
 
 
 quantity = QuantityDefinition

@@ -72,6 +72,16 @@ def unusual(case: TableModel) -> Iterator[Problem]:
             if text:
                 yield Problem(given.path, where + text)
                 break
+        yield from _far(given)
+
+
+def _far(given: Given) -> Iterator[Problem]:
+    """Yield a table over position that has rows where no strand is, as of metres for mm."""
+    if not isinstance(given.value, Table) or given.value.over != "position":
+        return
+    reach = ranges.RANGES["casting.length"]
+    if text := reach.unusual(given.value.arguments[-1], ARGUMENTS["position"]):
+        yield Problem(given.path, f"last position: {text}")
 
 
 def numbers(table: TableModel, path: Path = (), key: str = "") -> Iterator[Given]:

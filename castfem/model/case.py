@@ -14,6 +14,7 @@ from pydantic import Field, ModelWrapValidatorHandler, model_validator
 
 from castfem.base.errors import InputError
 from castfem.base.tables import Table as TableOfValues
+from castfem.base.tolerances import ROUNDING
 from castfem.model.base import TableModel
 from castfem.model.casting import (
     CONTACT_FIELDS,
@@ -28,7 +29,7 @@ from castfem.model.casting import (
 from castfem.model.cooling import Contact, HeatLaw, Zone
 from castfem.model.document import PROPERTY_FILES, is_path
 from castfem.model.machine import Machine
-from castfem.model.mechanics import Coupling, Mechanics
+from castfem.model.mechanics import MOULD_EXIT, Coupling, Mechanics
 from castfem.model.mould import Mould
 from castfem.model.optimise import Optimise
 from castfem.model.quality import Quality
@@ -159,6 +160,14 @@ class Case(TableModel):
         of_mould = named if named[0] else walled
         last = next((i for i, part in enumerate(of_mould) if not part), len(of_mould)) - 1
         return None if last < 0 else self.cooling[last].to
+
+    def mechanics_end(self) -> float | None:
+        """Return where the mechanics end and the run goes on, m; None where it does not."""
+        until = None if self.mechanics is None else self.mechanics.until
+        place = self.mould_exit() if until == MOULD_EXIT else until
+        if not isinstance(place, float) or place >= self.casting.length * (1.0 - ROUNDING):
+            return None
+        return place
 
     @property
     def bends(self) -> bool:

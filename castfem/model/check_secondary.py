@@ -243,7 +243,7 @@ def _between(
         if contacts is not None and circuit.wide:
             room = 2.0 * min(gap.middle - contacts[number - 1][1], contacts[number][0] - gap.middle)
             most = min(most, room)
-        if length > most:
+        if length > most > 0.0:  # arcs of contact that overlap are told by themselves
             yield Problem(
                 (*path, "stand_off"),
                 f"({in_mm(circuit.stand_off)}) and {format(model.angle_along, 'rad', 'deg')} along "

@@ -21,6 +21,7 @@ def idle_keys(case: Case) -> Iterator[Problem]:
     """Yield keys that were given and have no effect, with the reason."""
     yield from _coupling(case)
     yield from _liquid(case)
+    yield from _elastic(case)
     yield from _extraction(case)
     yield from _clock(case)
     yield from _longest_step(case)
@@ -98,6 +99,18 @@ def _liquid(case: Case) -> Iterator[Problem]:
             'modulus is liquid = "elastic", or a mushy zone that stiffens (mush)',
             inherited=False,  # the case above may be of another liquid
         )
+
+
+def _elastic(case: Case) -> Iterator[Problem]:
+    """Yield moduli of the steel that are changed beside an elasticity of its own name."""
+    if case.mechanics is None or case.mechanics.elasticity is None:
+        return
+    for name in ("youngs_modulus", "poisson_ratio"):
+        if name in case.steel.overrides:
+            yield Problem(
+                ("steel", "overrides", name),
+                "has no effect beside mechanics.elasticity, which holds it; leave one of them out",
+            )
 
 
 def _extraction(case: Case) -> Iterator[Problem]:

@@ -14,7 +14,7 @@ from pydantic import Field
 from castfem.base.constants import ZERO_STRENGTH
 from castfem.base.curves import CurveOverEither
 from castfem.base.messages import choices
-from castfem.base.quantities import Kind, Notation, PositiveDifference, Time
+from castfem.base.quantities import Kind, KindOr, Notation, PositiveDifference, Time
 from castfem.base.table_notation import Curve, CurveOr
 from castfem.base.tables import Table
 from castfem.base.types import MushyZone
@@ -61,6 +61,8 @@ Gradient = Annotated[
 
 AXES = {"intrados": 0.5, "centre": 0.0, "extrados": -0.5}
 """Places of a neutral axis by name: from the middle towards the intrados, over the thickness."""
+MOULD_EXIT = "mould_exit"
+"""Place at which mechanics may end, by its name."""
 BENT = ("bending", "straightening")
 """What the rolls do to the strand where a neutral axis may be imposed in two places."""
 
@@ -181,7 +183,7 @@ class Mechanics(TableModel):
     elasticity: str | None = Field(
         None,
         description="Young's modulus and Poisson's ratio: a shipped set or a TOML file; by "
-        "default the steel's own, or else elastic_steel",
+        "default each is the steel's own, where it has one, or else that of elastic_steel",
         examples=["elastic_steel"],
     )
     liquid_stiffness: Ratio = Field(
@@ -212,6 +214,13 @@ class Mechanics(TableModel):
         description="pressure of the liquid in the mushy zone: full until all is solid, for the "
         "liquid between the crystals bears it; proportional to the liquid (eq. 219); none as soon "
         "as anything is solid; off: no pressure at all",
+    )
+    until: Annotated[float | str, KindOr(_LENGTH, MOULD_EXIT)] | None = Field(
+        None,
+        description="where the mechanics end: position of the slice, or mould_exit. Below it the "
+        "run goes on with the temperature alone, through the slice in the shape that it has there; "
+        "left out: they go on to the end",
+        examples=["mould_exit", "1 m"],
     )
     strain: Literal["small", "large"] = Field(
         "small", description="small strain, or an objective update on the deformed slice"

@@ -60,6 +60,7 @@ def warnings(case: Case) -> Iterator[Problem]:
     start = 0.0
     for index, zone in enumerate(case.cooling):
         yield from _wasted(case, zone, ("cooling", index))
+        yield from _uncooled(case, zone, ("cooling", index))
         if case.mould is not None and start < case.mould.length:
             yield from _fixed(case, zone, ("cooling", index))
         start = case.casting.length if zone.to is None else zone.to
@@ -267,6 +268,19 @@ def _wasted(case: Case, zone: Zone, path: tuple[str | int, ...]) -> Iterator[Pro
                 "there is contact alone (eq. 35); what is meant as a mean of both is convection "
                 "with a mean coefficient",
             )
+
+
+def _uncooled(case: Case, zone: Zone, path: tuple[str | int, ...]) -> Iterator[Problem]:
+    """Yield a part of the surface that is left out where the rest of it is cooled."""
+    cooled = {group for law in zone.surface for group in law_groups(case.section, law)}
+    left_out = [group for group in case.section.cooled_groups() if group not in cooled]
+    if cooled and left_out:
+        names = ", ".join(left_out)
+        yield Problem(
+            (*path, "surface"),
+            f"no heat law holds on {names}: no heat leaves there; add to a law's `on`, or leave "
+            "`on` out for the whole surface",
+        )
 
 
 def _fixed(case: Case, zone: Zone, path: tuple[str | int, ...]) -> Iterator[Problem]:

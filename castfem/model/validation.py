@@ -26,6 +26,7 @@ from castfem.model.defects import check_defects
 from castfem.model.extraction import check_extraction
 from castfem.model.machine import check_machine
 from castfem.model.mechanics import GeneralizedPlaneStrain
+from castfem.model.mechanics_end import check_mechanics_end
 from castfem.model.optimise import check_optimise
 from castfem.model.problems import Problem
 from castfem.model.section import Section, Strip
@@ -48,6 +49,7 @@ def check(case: Case) -> Iterator[Problem]:
     known = {problem.path for problem in impossible}
     yield from (problem for problem in effort.too_many(case) if problem.path not in known)
     yield from _mechanics(case)
+    yield from check_mechanics_end(case)
     yield from check_mould(case.mould, case.section)
     yield from check_machine(case)
     yield from check_bulging(case)

@@ -17,7 +17,7 @@ from castfem.base.shown_quantity import Quantity
 from castfem.base.shown_units import below_meniscus
 from castfem.base.signals import reason_of
 from castfem.base.stopwatch import peak_memory, profile_table
-from castfem.base.tolerances import same_instant
+from castfem.base.tolerances import same_instant, same_or_before
 from castfem.fem import reductions
 from castfem.fem.root import Together, on_root
 from castfem.model.build.simulation import Simulation, build
@@ -96,6 +96,7 @@ class TimeLoop:
         self.simulation, self.recorder, self.progress = simulation, recorder, progress
         self.interrupt = interrupt
         self.run_state = RunState.at_start(simulation)
+        self._released = False
 
     def run(self) -> Sample:
         """Go to the end of the followed length.
@@ -148,6 +149,7 @@ class TimeLoop:
         else:
             substeps, result = found, None
             run.state = replace(run.state, thermal=substeps.state)
+            counts.alone += 1
         counts.steps += substeps.steps
         counts.rejected += substeps.rejected
         counts.limited += substeps.limited
@@ -155,10 +157,14 @@ class TimeLoop:
 
     def _attempt(self) -> tuple[SubSteps | CouplingWindow, int]:
         """A thermal step or a coupling window that can be kept, and how many windows could not."""
-        simulation = self.simulation
-        if simulation.coupling is None:
-            return simulation.steps.one(self.run_state.state.thermal), 0
-        return take_window(simulation.coupling, self.run_state.state, simulation.control)
+        simulation, state = self.simulation, self.run_state.state
+        if simulation.coupling is None or self._released:
+            return simulation.steps.one(state.thermal), 0
+        if same_or_before(simulation.mechanics_end, state.time):
+            found = simulation.steps.one(simulation.coupling.release(state))
+            self._released = True
+            return found, 0
+        return take_window(simulation.coupling, state, simulation.control)
 
     def _iterations(self) -> tuple[int, int]:
         """Newton iterations in this process, of temperature and mechanics."""

@@ -175,7 +175,11 @@ class Recorder:
         if "solid_fraction" in names:
             owned["solid_fraction"] = np.asarray(self.simulation.steel.solid_fraction(kelvin))
         if run.sampler.mechanics is not None and state.mechanical is not None:
-            owned |= run.sampler.mechanics.fields(state.mechanical, names)
+            strained = run.sampler.mechanics.fields(state.mechanical, names)
+            if state.strained is None:  # what is left of ended mechanics is the shape
+                strained = {n: v if n == "displacement" else np.full_like(v, np.nan)
+                            for n, v in strained.items()}  # fmt: skip
+            owned |= strained
         gathered = {name: _by_component(gather, owned[name]) for name in names}
         return {name: values for name, values in gathered.items() if values is not None}
 

@@ -347,3 +347,22 @@ def test_any_sane_beam_blank_is_meshed(
     q = build(**parameters, cell=cell, order=2).quality()
     assert abs(q.area_error) < 1e-5
     assert q.min_scaled_jacobian > 0.4
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+@pytest.mark.parametrize(("size", "symmetry"), [(1.6e-3, "quarter"), (3e-3, "whole")])
+def test_a_probe_begins_on_straight_cells_of_an_arc(cell: str, size: float, symmetry: str) -> None:
+    """The apex of a round corner need not be a vertex: the probe begins on the chord below it."""
+    sizes = {"surface_size": size, "corner_size": size, "face_size": 12e-3, "core_size": 16e-3}
+    given = {"shape": "rectangle", "width": 0.125, "height": 0.125, "corner_radius": 5e-3}
+    mesh = build(**given, **sizes, cell=cell, symmetry=symmetry)
+    ends = mesh.points[mesh.facets[:, :2]]
+    curved = build(**given, **sizes, cell=cell, symmetry=symmetry, order=2).probes
+    for name, (start, end) in mesh.probes.items():
+        sides = ends[:, 1] - ends[:, 0]
+        share = ((start - ends[:, 0]) * sides).sum(axis=1) / (sides**2).sum(axis=1)
+        nearest = ends[:, 0] + np.clip(share, 0.0, 1.0)[:, None] * sides
+        assert np.hypot(*(nearest - start).T).min() < 1e-12, name
+        (x, y), (along_x, along_y) = curved[name][0] - start, end - start
+        assert math.hypot(x, y) < 1.2 * size**2 / (8 * 5e-3)  # no more than the arc's height
+        assert abs(x * along_y - y * along_x) < 1e-12  # on the same line

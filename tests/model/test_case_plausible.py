@@ -17,6 +17,8 @@ ROUGH = 'mould.friction={ law = "coulomb", coefficient = %s }'
 TWO = 'mould.taper=[{ to = "100 mm", taper = "%s" }, { taper = "0.5 %%/m" }]'
 WALL = 'mould.taper={ position = [0, 600], position_unit = "mm", value = [0, %s], unit = "mm" }'
 
+AIR = '{ law = "radiation", emissivity = 0.8, ambient = "25 degC", on = [%s] }'
+
 
 def _warnings(*changes: str) -> tuple[str, ...]:
     reading = read_case(TAPERED, changes)
@@ -149,7 +151,7 @@ def test_radiation_beside_contact_without_a_gap_is_in_vain() -> None:
         read_case(thermal, [HEAT % ", ".join([CONTACT % ', gap="1 mm"', RADIATION % ""])]).warnings
         == ()
     )
-    apart = [CONTACT % ', on=["wide"]', RADIATION % ', on=["narrow"]']
+    apart = [CONTACT % ', on=["wide"]', RADIATION % ', on=["narrow", "corner"]']
     assert read_case(thermal, [HEAT % ", ".join(apart)]).warnings == ()
     assert _warnings(both) == ()  # there is a mould, and its gap
 
@@ -199,6 +201,21 @@ def test_a_spray_without_radiation_is_told() -> None:
     alone = SPRAYED.replace(',{law="radiation",ambient="25 degC",emissivity=0.8}', "")
     (line,) = read_case(THERMAL, [alone % ("5 L/(m^2 s)", "nozaki")]).warnings
     assert "a spray without radiation" in line
+
+
+@pytest.mark.parametrize(
+    ("laws", "left_out"),
+    [
+        ([AIR % '"wide_face"', AIR % '"narrow_face"'], "corner"),  # the arc between the faces
+        ([AIR % '"corner"'], "wide_face, narrow_face"),
+        ([AIR % '"wide", "narrow", "corner"'], ""),
+        ([], ""),  # a whole zone may be insulated
+    ],
+)
+def test_a_part_of_the_surface_that_is_left_out_is_told(laws: list[str], left_out: str) -> None:
+    found = [w for w in _warnings(f"cooling.air.surface=[{', '.join(laws)}]") if "no heat" in w]
+    assert len(found) == bool(left_out)
+    assert not found or f"no heat law holds on {left_out}: " in found[0]
 
 
 def test_kelvin_for_degrees_is_told() -> None:
@@ -331,6 +348,11 @@ SLABS = TAPERED.parents[1] / "slab1200"
         (SLABS / "bulging.toml", ("coupling.strain_error=1e-6",), "without coupling.growth"),
         (SLABS / "thermal.toml", ("coupling.interval=1 s",), "no effect without [mechanics]"),
         (TAPERED, ("mechanics.liquid_stiffness=1e-3",), "liquid_stiffness: has no effect: liquid"),
+        (
+            TAPERED,
+            ("mechanics.elasticity=elastic_steel", "steel.overrides.youngs_modulus=20 GPa"),
+            "overrides.youngs_modulus: has no effect beside mechanics.elasticity",
+        ),
         (
             SLABS / "reference.toml",
             ("machine.extraction.friction_axis=0.02",),

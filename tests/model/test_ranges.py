@@ -187,6 +187,17 @@ def test_a_start_hotter_than_the_steel_was_poured_is_told() -> None:
     assert any("(2900 degC) is hotter than the steel was poured (1542.5 degC)" in t for t in texts)
 
 
+@pytest.mark.parametrize(("unit", "told"), [("m", True), ("mm", False)])
+def test_a_table_over_positions_that_no_strand_has_is_told(unit: str, told: bool) -> None:
+    """Metres written for millimetres: the first row would hold all the way."""
+    flux = f'position=[0, 300, 600], position_unit="{unit}", value=[2.5, 1.5, 1], unit="MW/m^2"'
+    law = f'cooling.mould.surface=[{{ law="flux", value={{ {flux} }} }}]'
+    reading = read_case(CASES / "billet125" / "thermal.toml", [law])
+    assert not reading.problems
+    found = [line for line in reading.warnings if "last position: (600000 mm) is far" in line]
+    assert len(found) == told
+
+
 @pytest.mark.parametrize(
     ("key", "value", "usual"),
     [

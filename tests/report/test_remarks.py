@@ -17,6 +17,7 @@ from castfem.runs.output.fields import Fields
 from castfem.runs.output.summary import Summary, Zone
 from castfem.runs.output.xdmf import FieldWriter
 from castfem.runs.results.derived import OPEN, Spell, spells
+from castfem.runs.results.numbers import finely
 
 
 def test_spells_without_contact_are_found_between_the_rows():
@@ -128,6 +129,16 @@ def test_cells_too_large_for_the_shell_are_named(table):
         assert bool(found) == told
     assert (found[0].value, found[0].unit) == (pytest.approx(0.7), "mm")
     assert "corner, at " in found[0].where and "cells of 4.2 mm" in found[0].where
+
+
+def test_a_shell_that_is_none_at_the_exit_has_no_resolution(table):
+    """A corner that remelts has no cell of the solidus: its depth of 0 is printed all the same."""
+    table["solidus_cell_corner"] = np.where(table["position"] < 0.4, 1.0, np.nan)
+    table["shell_corner"] = np.where(table["position"] < 0.4, 1.0, 0.0)
+    table.attrs["units"]["solidus_cell_corner"] = "mm"
+    found = of(remarks(table, summary()), "thinnest shell")
+    assert (found.value, found.resolution) == (0.0, None)
+    assert finely(found.value, found.unit, found.name, found.resolution) == "0.000 mm"
 
 
 def test_a_gap_without_a_wall_is_no_gap(table):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from castfem.physics.constitutive.elasticity import Elasticity, Solidity
@@ -55,8 +56,10 @@ def build_law(
 
 
 def _elasticity(table: Mechanics, steel: Steel, solidity: Solidity) -> Elasticity:
-    """The set that is named, the steel's own, or that of plain carbon steel."""
-    own = steel.has("youngs_modulus") and steel.has("poisson_ratio")
-    if table.elasticity is None and own:
-        return Elasticity(steel.youngs_modulus, steel.poisson_ratio, solidity)
-    return load_elasticity(table.elasticity or "elastic_steel", solidity)
+    """The set that is named, or each of the steel's own; what it lacks is plain carbon steel's."""
+    if table.elasticity is not None:
+        return load_elasticity(table.elasticity, solidity)
+    found = load_elasticity(solidity=solidity)
+    if steel.has("youngs_modulus"):
+        found = replace(found, young=steel.youngs_modulus)
+    return replace(found, poisson=steel.poisson_ratio) if steel.has("poisson_ratio") else found

@@ -58,6 +58,7 @@ class Simulation:
         steps: Thermal steps. mechanics: The mechanical step; None for a case without.
         coupling: Takes windows of both; likewise.
         start_temperature: At the meniscus, K. watch: Where the time goes.
+        mechanics_end: When its mechanics end, s; inf where they go on to the end of the run.
         exact: The closed form it is held against, if the case names one.
     """
 
@@ -74,6 +75,7 @@ class Simulation:
     coupling: StaggeredCoupling | None
     start_temperature: float
     watch: Stopwatch
+    mechanics_end: float = np.inf
     exact: ClosedForm | None = None
 
     @property
@@ -137,16 +139,18 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
         acting = mechanics.problem.slice.interactions
         ends = (end for one in acting for end in (*one.between, *one.knots))
         milestones += [machine.time_at(end) for end in ends if 0.0 < end < np.inf]
+    ended = case.mechanics_end()
+    mechanics_end = np.inf if ended is None else machine.time_at(ended)
     if mechanics is None:
         control = thermal = step_control(case, milestones)
     else:
-        control = _windows(case, machine, milestones)
-        thermal = step_control(case, [])
+        control = _windows(case, machine, [*milestones, mechanics_end])
+        thermal = step_control(case, [time for time in milestones if time > mechanics_end])
     steps = ThermalSteps(stepper, thermal)
     coupling = _coupling(case, machine, steps, mechanics, zones)
     return Simulation(
         case, machine, steel, section, stepper, zones, probes, control, steps, mechanics, coupling,
-        start_temperature=start, watch=watch, exact=exact,
+        start_temperature=start, watch=watch, mechanics_end=mechanics_end, exact=exact,
     )  # fmt: skip
 
 

@@ -67,6 +67,12 @@ class StrandState:
         """Since the meniscus, s."""
         return self.thermal.time
 
+    @property
+    def strained(self) -> MechanicalState | None:
+        """The mechanical state at this time; None without mechanics, and after they have ended."""
+        state = self.mechanical
+        return None if state is None or state.time < self.thermal.time else state
+
 
 @dataclass(frozen=True, slots=True)
 class CouplingWindow:
@@ -335,6 +341,21 @@ class StaggeredCoupling:
         problem = self.thermal.stepper.problem
         work = self.mechanics.stepper.problem.points.to_vertices(result.dissipation)
         return np.asarray(self.dissipation * work / problem.area)
+
+    def release(self, state: StrandState) -> ThermalState:
+        """Let the slice cool on without mechanics, in the shape that they have left it in.
+
+        (Collective.)
+
+        Args:
+            state: At the end of the mechanics, or later on.
+        """
+        assert state.mechanical is not None
+        if self.dissipation:
+            self.thermal.stepper.problem.set_source(np.zeros_like(state.heating))
+        self._follow_shape(state.mechanical)
+        fed = state.strained is None
+        return state.thermal if fed else self.thermal.stepper.feed(state.thermal)
 
     def curved(self, old: StrandState, new: StrandState) -> float:
         """How far the axial strain of a window is from straight, over what is allowed.

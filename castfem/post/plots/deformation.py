@@ -48,12 +48,14 @@ def draw_von_mises(fields: Fields, steel: Steel | None, *, index: int = -1) -> F
     Args:
         fields: Of the run.
         steel: What is solid.
-        index: Of the time, as in a list.
+        index: Of the time, as in a list; by default the last that has a stress.
 
     Returns:
         None in a run without stress, or while nothing is solid.
     """
-    stress = von_mises(fields, index)
+    states = range(len(fields.times) - 1, -1, -1) if index == -1 else [index]
+    each = ((state, von_mises(fields, state)) for state in states)
+    index, stress = next((one for one in each if one[1] is not None), (index, None))
     if stress is None or steel is None:
         return None
     temperature = fields.values("temperature", index)

@@ -191,11 +191,13 @@ def magnification(moved: Array, points: Array, share: float = _SHARE) -> float:
 
 
 def von_mises(fields: Fields, index: int = -1) -> Array | None:
-    """Von Mises stress (n,) [Pa] at the nodes; None in a run without stress."""
+    """Von Mises stress (n,) [Pa] at the nodes; None without, or where mechanics have ended."""
     if "von_mises" in fields.names:
-        return fields.values("von_mises", index)
-    if "stress" not in fields.names:
+        found = fields.values("von_mises", index)
+    elif "stress" in fields.names:
+        stress = fields.values("stress", index).reshape(-1, 3, 3)
+        deviator = stress - np.trace(stress, axis1=1, axis2=2)[:, None, None] / 3.0 * np.eye(3)
+        found = np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
+    else:
         return None
-    stress = fields.values("stress", index).reshape(-1, 3, 3)
-    deviator = stress - np.trace(stress, axis1=1, axis2=2)[:, None, None] / 3.0 * np.eye(3)
-    return np.asarray(np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator)))
+    return None if np.isnan(found).any() else np.asarray(found)

@@ -112,7 +112,11 @@ class Stack:
             position=rows,
             points=1e3 * np.concatenate([drawn, up], axis=2),
             temperature=_at_rows(rows, position, np.array(kelvin)),
-            stress=_at_rows(rows, position, np.array(pascal)) if strongest > 0.0 else None,
+            stress=(
+                _at_rows(rows, position, np.array(pascal))
+                if strongest > 0.0 and len(pascal) == len(times)
+                else None
+            ),
             end=1e3 * np.column_stack([plane + factor * shift[-1], last]),
             hottest=hottest,
             strongest=strongest,

@@ -331,7 +331,8 @@ def _at_exit(table: pandas.DataFrame, position: Array, at: float, where: str) ->
             unit, cell = unit_of(table, column), column.replace("shell_", "solidus_cell_", 1)
             off = None
             if cell != column and has_values(table, cell):
-                off = float(STAIR * np.interp(at, position, table[cell].to_numpy()))
+                size = float(np.interp(at, position, table[cell].to_numpy()))
+                off = STAIR * size if np.isfinite(size) else None  # without a shell, in no cell
             found[what] = Remark(what, value, unit, f"{label}, {where}", column, off)
     return found
 

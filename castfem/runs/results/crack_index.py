@@ -161,7 +161,9 @@ class CrackIndex:
         on_the_way.__doc__ = f"{about} The largest {where} from the meniscus to here."
         # Where they stand in files and tables is that of the module that declares the index.
         largest.__module__ = on_the_way.__module__ = compute.__module__
-        together = (*self.needs, "quality")
+        # A crack opens on the whole way: of mechanics that end above there is no index.
+        own = tuple("throughout" if need == "mechanics" else need for need in self.needs)
+        together = (*own, "quality")
         quantity(f"{name}_max", unit=unit, label=label, row=False, needs=together)(largest)
         quantity(
             f"way_{name}_max", unit=unit, label=f"largest {label} on the way", column=False,
@@ -169,7 +171,7 @@ class CrackIndex:
         )(on_the_way)  # fmt: skip
         for phase in () if self.accumulates else BENDS:
             _declare_within(phase, name, unit, label, about, compute, together)
-        _declared[name] = replace(self, compute=compute)
+        _declared[name] = replace(self, compute=compute, needs=own)
         return compute
 
 

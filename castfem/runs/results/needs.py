@@ -62,6 +62,9 @@ def _bulges(simulation: Simulation) -> bool:
 _ROLLED = ("mechanics", "machine")
 NEEDS: Mapping[str, Need] = {
     "mechanics": Need(("mechanics",)),
+    "throughout": Need(  # mechanics that go on to the end of the strand
+        ("mechanics",), lambda simulation: simulation.case.mechanics_end() is None
+    ),
     "smooth": Need(("mechanics",), lambda simulation: bool(simulation.case.output.smooth)),
     "law_data": Need(("mechanics",), lambda simulation: _slice(simulation).law.data is not None),
     "tilt_x": Need(("mechanics",), lambda simulation: _is_free(simulation, "a1")),
@@ -81,3 +84,5 @@ NEEDS: Mapping[str, Need] = {
     ),
     "closed_form": Need(("verification",)),
 }
+STRAINED = NEEDS.keys() - {"law_data", "oscillation", "machine", "quality", "closed_form"}
+"""Needs of quantities that are read off the strained slice, unless they are `of_way`."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from castfem.base.messages import choices
 from castfem.base.result_registry import AT_FRACTION, declared, find
-from castfem.base.units import nearest
+from castfem.base.units import in_mm, nearest
 from castfem.model.section_mesh import meshing
 from castfem.runs.results.needs import NEEDS
 
@@ -52,6 +52,13 @@ def _fault(case: Case, name: str, places: Callable[[], list[str]]) -> str:
     missing = (table for need in definition.needs for table in NEEDS[need].missing(case))
     if tables := " and ".join(f"[{table}]" for table in dict.fromkeys(missing)):
         return f"is none of this case, for it has no {tables}; add it, or name another result"
+    strained = definition.of_strained or "throughout" in definition.needs
+    if strained and (end := case.mechanics_end()) is not None:
+        return (
+            f"has no value at the end of the run: mechanics.until ends the mechanics at "
+            f"{in_mm(end)}; leave that out, or name a result of the way (way_von_mises_max, "
+            "mould_gap_max)"
+        )
     fraction = AT_FRACTION.fullmatch(name)
     if fraction is not None and int(fraction[1]) not in _percents(case):
         return f"is not followed; give output.shell_at = [{int(fraction[1]) / 100:g}]"

@@ -66,8 +66,10 @@ class ProbeSampler:
         temperature = self._points.at(kelvin[:, None])[:, 0]
         columns = [temperature, *self._phases(temperature)]
         if self._mechanics is not None:
-            assert strand.mechanical is not None
-            columns += list(self._points.at(_strained(self._mechanics, strand.mechanical)).T)
+            if strand.strained is None:  # the mechanics have ended
+                columns += [np.full(len(self.names), np.nan)] * len(MECHANICS)
+            else:
+                columns += list(self._points.at(_strained(self._mechanics, strand.strained)).T)
         found = {}
         for i, name in enumerate(self.names):
             values = [sample.time, sample.position, *(float(column[i]) for column in columns)]

@@ -105,7 +105,7 @@ class QualitySampler:
 
     Args:
         simulation: Of a case with the table [quality]. mechanics: Samples its strained slice; None
-            in a simulation without.
+            without, or where its mechanics end above the end of the strand.
 
     Attributes:
         state: As it stands after the last step.
@@ -128,7 +128,8 @@ class QualitySampler:
         self._levels = {f: temperature_at(simulation.steel, f) for f in sorted(fractions)}
         ends = sorted(self._levels[f] for f in self.settings.brittle)
         self._brittle = ends[0], ends[1]
-        window = 0.0 if simulation.coupling is None else simulation.coupling.window
+        strained = None if mechanics is None else simulation.coupling
+        window = 0.0 if strained is None else strained.window
         if caster.longest_pitch:  # windows end where the rolls bear or bend
             window = min(window, simulation.machine.window_time(caster.longest_pitch))
         self._least = LEAST_RATED * window
@@ -184,7 +185,7 @@ class QualitySampler:
 
         They reach back to what rates are counted from, too.
         """
-        if strand.mechanical is None:
+        if self._mechanics is None or strand.mechanical is None:
             return ()
         a0, a1, a2 = (float(a) for a in strand.mechanical.generalized_strains[:3])
         now = (strand.mechanical.time, a0, a1, a2)

@@ -74,7 +74,7 @@ def brittle_strain(step: SliceStep) -> Array:
     unit="percent",
     label="largest strain in the brittle range, of the critical one",
     column=False,
-    needs=("mechanics", "quality"),
+    needs=("throughout", "quality"),
 )
 def critical_share(sample: Sample) -> float | None:
     """Largest strain in the brittle range over `quality.critical_strain`, if that is given.

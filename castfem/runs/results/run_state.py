@@ -38,6 +38,7 @@ class Counts:
         windows: Of the coupling. cut_back: That failed. cut_for_error: Whose error was too large.
         coupling_iterations: In windows that were kept. gap_not_converged: Windows repeated as often
             as allowed, as short as sensible, whose gap still changed.
+        alone: Commits of the temperature alone.
         newton: Newton iterations of the temperature, those of what was not kept included.
         newton_mechanics: Likewise of the mechanics.
     """
@@ -50,13 +51,14 @@ class Counts:
     cut_for_error: int = 0
     coupling_iterations: int = 0
     gap_not_converged: int = 0
+    alone: int = 0
     newton: int = 0
     newton_mechanics: int = 0
 
     @property
     def taken(self) -> int:
-        """Commits so far: coupling windows, or thermal steps in a simulation without mechanics."""
-        return self.windows or self.steps
+        """Commits so far: coupling windows, and thermal steps without mechanics."""
+        return self.windows + self.alone if self.windows else self.steps
 
     def stored(self) -> dict[str, int]:
         """The counts by their names in a checkpoint."""

@@ -88,7 +88,8 @@ class Sampler:
         if self.simulation.case.quality is not None:
             from castfem.runs.results.quality import QualitySampler
 
-            self.quality = QualitySampler(self.simulation, self.mechanics)
+            ends = getattr(self.simulation.case.mechanics, "until", None) is not None
+            self.quality = QualitySampler(self.simulation, None if ends else self.mechanics)
         secondary = self.simulation.case.secondary
         if secondary is not None and any(model.table is not None for model in secondary.nozzle):
             from castfem.runs.results.spray_range import SprayRange
@@ -174,9 +175,9 @@ class Sampler:
     def _read_mechanics(
         self, strand: StrandState, result: MechanicalResult | None
     ) -> MechanicalSample | None:
-        if self.mechanics is None or strand.mechanical is None:
+        if self.mechanics is None or strand.strained is None:
             return None
-        return self.mechanics.read(strand.mechanical, result)
+        return self.mechanics.read(strand.strained, result)
 
     def _centre(self, sample: Sample) -> float:
         """Temperature on the centre line, K; NaN where no probe ends there."""

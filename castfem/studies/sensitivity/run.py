@@ -56,6 +56,9 @@ def _refused_mechanics(case: Case) -> Iterator[str]:
         "machine": (case.machine is not None, "bending, rolls and drives are not differentiated"),
         "mechanics.strain": (mechanics.strain == "large", 'take strain = "small"'),
         "mechanics.bulging": (mechanics.bulging is not None, "bulging is not differentiated"),
+        "mechanics.until": (
+            case.mechanics_end() is not None, "let the mechanics go on, or the run end, there"
+        ),
         "coupling.order": (coupling.order != "thermal_first", 'take order = "thermal_first"'),
         "coupling.mechanical_step": (
             coupling.mechanical_step is not None, "leave it out: one step a window"

@@ -1,0 +1,220 @@
+"""Mechanics that end at the mould's exit: the same up to there, the temperature alone below."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+import pandas
+import pytest
+from billet_runs import Kept, billet, run, run_in_memory
+from interrupted import Interrupted
+from matplotlib import pyplot
+
+from castfem.base.errors import InputError
+from castfem.model import Case
+from castfem.model.build.simulation import build
+from castfem.model.idle_keys import idle_keys
+from castfem.post.plots.deformation import draw_von_mises
+from castfem.post.plots.section import Steel
+from castfem.post.plots.shape import von_mises
+from castfem.runs.loop import TimeLoop
+from castfem.runs.output.fields import Fields
+from castfem.runs.output.history import read_history
+from castfem.runs.results.of_case import fault_of
+from castfem.studies.sensitivity.run import refuse
+
+EXIT = 0.05
+MOULD = ("mould.length=50 mm", "cooling.mould.to=50 mm", "output.checkpoint_every=1")
+LONG = (*MOULD, "casting.length=140 mm")
+ENDED = "mechanics.until=mould_exit"
+PLAIN = ("coupling.follow_shape=false", "coupling.dissipation=0")
+
+
+def ended(*overrides: str) -> Case:
+    """A billet whose mechanics end at the exit of a mould of 50 mm."""
+    return billet("taper_1", *LONG, ENDED, *overrides)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of it, with a probe and fields."""
+    path = tmp_path_factory.mktemp("ended")
+    run(probed(), path)
+    return path
+
+
+def probed() -> Case:
+    """It with a probe and fields."""
+    return ended('output.fields=["displacement", "von_mises", "temperature"]').with_(
+        {"output.probe": [{"name": "skin", "under": "mid_face", "depth": "2 mm"}]}
+    )
+
+
+@pytest.fixture(scope="module")
+def table(folder: Path) -> pandas.DataFrame:
+    """Its history."""
+    return read_history(folder / "history.csv")
+
+
+def test_it_is_the_same_run_in_the_mould(tmp_path: Path, table: pandas.DataFrame) -> None:
+    """To the bit, in all columns; below it the full run is another one."""
+    run(billet("taper_1", *LONG), tmp_path)
+    full = read_history(tmp_path / "history.csv")
+    rows = int((table["position"] <= EXIT * (1 + 1e-9)).sum())
+    assert rows >= 4 and table["position"][rows - 1] == pytest.approx(EXIT)
+    pandas.testing.assert_frame_equal(table[:rows], full[:rows], check_exact=True)
+    assert table["axial_strain"][rows:].isna().all() and full["axial_strain"].notna().all()
+
+
+def test_columns_of_mechanics_are_empty_below(folder: Path, table: pandas.DataFrame) -> None:
+    below = table[table["position"] > EXIT * (1 + 1e-9)]
+    assert len(below) >= 4 and below["position"].iloc[-1] == pytest.approx(0.14)
+    for name in ("von_mises_max", "gap_corner", "contact_share", "size_mid_face", "force_error"):
+        assert table[name][1] == table[name][1] and below[name].isna().all()
+    for name in ("shell_corner", "heat_removed", "surface_temperature_corner", "newton"):
+        assert below[name].notna().all()
+    probe = read_history(folder / "probes" / "skin.csv")
+    assert len(probe) == len(table) and probe["temperature"].notna().all()
+    assert probe["von_mises"].isna().tolist() == table["von_mises_max"].isna().tolist()
+
+
+def test_the_fields_keep_the_shape(folder: Path) -> None:
+    """What heat flows through is the section as it left the mould; its stress is not known."""
+    with h5py.File(folder / "fields.h5") as file:
+        steps = [file["steps"][name] for name in sorted(file["steps"])]
+        moved, stress = ([np.asarray(s[n]) for s in steps] for n in ("displacement", "von_mises"))
+    assert np.isfinite(stress[0]).all() and np.isnan(stress[-1]).all()
+    assert np.array_equal(moved[-1], moved[-2]) and np.abs(moved[-1]).max() > 1e-6
+
+
+def test_the_summary_keeps_what_was_in_the_mould(tmp_path: Path, folder: Path) -> None:
+    """Maxima of the way are those of a run that ends there; the end itself has no stress."""
+    there = run(billet("taper_1", *MOULD, "casting.length=50 mm", ENDED), tmp_path)
+    found = json.loads((folder / "summary.json").read_text())["quantities"]
+    assert not {"von_mises_max", "gap_corner", "axial_strain"} & found.keys()
+    ways = [n for n in there.quantities if n.startswith(("mould_", "way_"))]
+    assert {"mould_gap_max", "way_von_mises_max", "mould_heat_removed"} <= set(ways)
+    for name in ways:
+        assert found[name]["value"] == pytest.approx(there.quantities[name].shown, rel=1e-12), name
+
+
+def test_it_cools_on_as_the_temperature_alone_would() -> None:
+    """From the enthalpy that it leaves the mould with, in a simulation without mechanics."""
+    kept = run_in_memory(ended(*PLAIN))
+    below = "casting.length=140 mm", "cooling.mould.to=50 mm", "mesh.order=2"
+    simulation = build(billet("thermal", *below), MPI.COMM_SELF)
+    try:
+        loop = TimeLoop(simulation)
+        start = at_exit(kept)
+        loop.run_state.state = replace(
+            loop.run_state.state,
+            thermal=simulation.stepper.state_from(
+                start.time, start.enthalpy, start.rate, start.removed, next_rate=start.next_rate
+            ),
+        )
+        loop.run()
+        alone = loop.run_state.state.thermal
+    finally:
+        simulation.destroy()
+    ours = kept.states[-1].thermal
+    assert ours.time == alone.time and np.allclose(ours.enthalpy, alone.enthalpy, rtol=1e-12)
+    assert ours.removed == pytest.approx(alone.removed, rel=1e-12)
+
+
+def at_exit(kept: Kept):  # type: ignore[no-untyped-def]
+    """The thermal state at the mould's exit."""
+    return next(s for s in kept.states if s.time == pytest.approx(EXIT / 0.06)).thermal
+
+
+def test_heat_is_conserved_in_the_shape_it_keeps(folder: Path) -> None:
+    found = json.loads((folder / "summary.json").read_text())["balances"]["heat"]
+    assert abs(found["whole"]["value"]) < 1e-12 and abs(found["worst_step"]["value"]) < 1e-12
+
+
+@pytest.mark.parametrize("steps", [3, 5, 7])
+def test_it_resumes_byte_for_byte(tmp_path: Path, folder: Path, steps: int) -> None:
+    """From before the exit, at it, and below it."""
+    with pytest.raises(KeyboardInterrupt):
+        run(probed(), tmp_path, progress=Interrupted(steps))
+    run(probed(), tmp_path, resume=True)
+    for name in ("history.csv", "probes/skin.csv"):
+        assert (tmp_path / name).read_bytes() == (folder / name).read_bytes()
+
+
+def test_a_length_may_be_given_and_the_run_may_end_before() -> None:
+    """Without a mould any place will do; a run that ends above it has its mechanics to the end."""
+    kept = run_in_memory(billet("idealised", "casting.length=60 mm", "mechanics.until=30 mm"))
+    has = [sample.mechanics is not None for sample in kept.samples]
+    assert has == sorted(has, reverse=True) and not all(has)
+    assert kept.samples[sum(has) - 1].position == pytest.approx(0.03)
+    whole = billet("idealised", "casting.length=30 mm", "mechanics.until=30 mm")
+    assert whole.mechanics_end() is None and run_in_memory(whole).samples[-1].mechanics is not None
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("mechanics.until=40 mm", "lies in the mould"),
+        ("verification.closed_form=weiner_boley", "[verification] exclude each other"),
+        ("mechanics.until=0 mm", "must be above"),
+        ("mechanics.until=mould", 'or "mould_exit"'),
+    ],
+)
+def test_what_makes_no_sense_is_refused(change: str, said: str) -> None:
+    with pytest.raises(InputError) as caught:
+        ended(change)
+    assert [p for p in caught.value.problems if "mechanics.until" in p and said in p]
+
+
+def test_a_start_below_the_end_is_refused() -> None:
+    start = "casting.start.at=mould_exit"
+    with pytest.raises(InputError, match="where the mechanics begin"):
+        billet("idealised", start, ENDED, "casting.length=900 mm")
+    with pytest.raises(InputError, match="there is no mould; give a length"):
+        air = 'cooling.0.surface=[{law="radiation", emissivity=0.8, ambient="25 degC"}]'
+        billet("idealised", ENDED, "cooling.0.name=hall", air)
+
+
+def test_results_of_the_end_are_refused_where_they_are_asked_for() -> None:
+    assert "mechanics.until" in fault_of(ended(), "von_mises_max")
+    for name in ("way_von_mises_max", "mould_gap_max", "shell_corner"):
+        assert fault_of(ended(), name) == ""
+    with pytest.raises(InputError, match=r"mechanics\.until"):
+        refuse(ended())
+    assert not list(idle_keys(ended()))
+
+
+def test_figures_show_the_last_stress(folder: Path) -> None:
+    """That at the exit, and the strand by its temperature, which is known all the way."""
+    with Fields(folder) as fields:
+        steel = Steel(1790.0, 1820.0)
+        known = [von_mises(fields, i) is not None for i in range(len(fields.times))]
+        assert known[0] and not known[-1]
+        last = float(fields.positions[max(np.flatnonzero(known))])
+        figure = draw_von_mises(fields, steel)
+        assert figure is not None and f"{1e3 * last:.4g} mm" in figure.axes[0].get_title()
+        pyplot.close(figure)
+
+
+def test_of_quality_the_heat_is_left(tmp_path: Path, table: pandas.DataFrame) -> None:
+    """End of the pool and time in the band, resumed as well; no index of a stress that ends."""
+    case = probed().with_({"quality": {"band": ["1100 degC", "1500 degC"]}})
+    with pytest.raises(KeyboardInterrupt):
+        run(case, tmp_path, progress=Interrupted(6))
+    run(case, tmp_path, resume=True)
+    found = read_history(tmp_path / "history.csv")
+    assert {"band_time_max", "centre_solid_fraction"} <= set(found.columns)
+    assert not {"I1_max", "I2_max", "brittle_strain_max"} & set(found.columns)
+    shared = [name for name in found.columns if name in table.columns]
+    pandas.testing.assert_frame_equal(found[shared], table[shared], check_exact=True)
+    spent = found["band_time_max"].to_numpy()
+    assert (np.diff(spent) >= 0.0).all() and spent[-1] > 1.0
+    assert (
+        "mechanics.until" in fault_of(case, "way_I1_max") and fault_of(case, "pool_end_fs100") == ""
+    )
