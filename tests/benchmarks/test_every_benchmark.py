@@ -77,6 +77,7 @@ SMALL: dict[str, dict[str, Any]] = {
         "CELLS": {"4": ("4", "4", "18", "22")},
         "KINDS": {mush: {"cells 4 mm": corner.SHORT} for mush in ("skeleton", "none")},
     },
+    "billet_grid": {"LENGTH": "8 mm", "HALF": {"mesh": 0.9}},
     "windows": {"MOULDS": {"taper_0": (3.0, billet_run.mesh(3.0))}, "REFERENCE": 0.2},
     "optimum_noise": {"WINDOWS": {"0.2 s": {}}, "CHANGES": {"casting.length": "60 mm"}},
     "wall": {"PARTS": (wall_study.frictions, wall_study.factors), "FACTORS": (10, 1000)},
