@@ -1,29 +1,37 @@
 """Corner of ordinary billets in their moulds: carbon, size, heat law and taper varied together.
 
-Writes a table of docs/coupling.md: how far `--accuracy coarse` is from the default, and whether a
-run fails that finer cells let through.
+Writes tables of docs/coupling.md: how far the default is from `--accuracy coarse` and from sizes
+half as large, how often an error estimated from the first two covers the latter, and whether a run
+fails that finer cells let through. Finished runs in results/billet_grid are not run again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from statistics import median
 from typing import Any
 
-import castfem
-from benchmarks.billet_run import CASES
-from benchmarks.report import Output, table
-from castfem.model import load_case
-from castfem.studies.accuracy.sizes import changes, factors_of
+from benchmarks.report import ROOT, Output, table
+from benchmarks.stated_error import run_all
+from castfem.model import Case, load_case
+from castfem.runs.output.summary import Summary
+from castfem.studies.accuracy.estimate import estimate
+from castfem.studies.accuracy.ladder import Level, quiet
+from castfem.studies.accuracy.sizes import AXES, MESH, changes, factors_of
 
+PATH = ROOT / "cases" / "billet180" / "peritectic.toml"
+FOLDER = ROOT / "results" / "billet_grid"
 CARBONS = ("0.05", "0.10", "0.12", "0.17", "0.25", "0.42", "0.80")
 SPEEDS = {"100": "3 m/min", "130": "2.4 m/min", "180": "1.6 m/min", "240": "1.1 m/min"}
 """Casting speed of a billet of so many mm."""
 LAWS = {"flux": 'flux="savage_pritchard"', "coefficient": 'coefficient="1100 W/(m^2 K)"'}
 TAPERS = ("0.4", "0.8", "1.2", "1.6", "2.0")
 LENGTH, MOULD = "120 mm", "500 mm"
-LEVELS = ("coarse", "default")
+COARSE, DEFAULT, FINE = LEVELS = ("coarse", "default", "fine")
+HALF = dict.fromkeys(AXES, 0.5)
+"""Cells, steps and windows of the fine run over those of the default."""
 RESULTS = {
     "shell_corner": ("shell, corner [mm]", ".2f"),
     "surface_temperature_corner": ("surface, corner [K]", ".0f"),
@@ -31,7 +39,8 @@ RESULTS = {
     "von_mises_max": ("peak stress [MPa]", ".2f"),
     "shell_mid_face": ("shell, mid-face [mm]", ".2f"),
 }
-"""Columns of the history: heading and format of a difference."""
+"""Heading and format of a difference."""
+CORNER = tuple(RESULTS)[:4]
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,54 +79,91 @@ def grid() -> Iterator[Billet]:
             yield Billet(carbon, size, law, taper)
 
 
-def run(billet: Billet, level: str) -> dict[str, Any]:
-    """Results at its end, or why it has none."""
-    path = CASES.parent / "billet180" / "peritectic.toml"
-    case = load_case(path, billet.keys())
-    scaled = changes(case, factors_of(level)) if level != "default" else {}
-    case = load_case(path, (*billet.keys(), *(f"{k}={v}" for k, v in scaled.items())))
-    try:
-        with castfem.run(case) as result:
-            last = result.history.iloc[-1]
-            found = {name: float(last[name]) for name in RESULTS}
-    except castfem.RunFailure as failure:
-        return {**dict.fromkeys(RESULTS, ""), "failure": str(failure).partition(";")[0]}
-    return {**found, "failure": ""}
+def beside(case: Case, level: str) -> Level:
+    """The run of a case with the sizes of a level."""
+    factors = HALF if level == FINE else factors_of(level)
+    return Level(level, level, factors[MESH], case.with_(changes(case, factors) | quiet(case)))
+
+
+def measure(billet: Billet, folder: Path) -> list[dict[str, Any]]:
+    """Run a billet at each level: its results at its end, or why it has none."""
+    case = load_case(PATH, billet.keys())
+    runs = [beside(case, level) for level in LEVELS]
+    entries = run_all(folder.name, runs, folder).record.entries
+    rows = []
+    for level in LEVELS:
+        failure = entries[level].message.partition(";")[0]
+        summary = None if failure else Summary.load(folder / level)
+        values = {n: "" if summary is None else summary.quantities[n].shown for n in RESULTS}
+        rows.append({**asdict(billet), "level": level, **values, "failure": failure})
+    return rows
 
 
 def main(output: Output, quick: bool) -> None:
-    """All billets with both accuracies."""
+    """All billets; what is known is written after each."""
     rows: list[dict[str, Any]] = []
     for billet in [*grid()][: 1 if quick else None]:
-        for level in LEVELS:
-            named = {
-                "carbon": billet.carbon, "size": billet.size, "law": billet.law,
-                "taper": billet.taper, "level": level,
-            }  # fmt: skip
-            rows.append({**named, **run(billet, level)})
-            print(f"  {rows[-1]}", flush=True)
-    output.csv("billet_grid", rows)
+        folder = (output.folder if quick else FOLDER) / f"C{billet.carbon}_{billet.size}"
+        rows += measure(billet, folder)
+        output.csv("billet_grid", rows)
     show(output)
 
 
-def differences(rows: list[dict[str, Any]], name: str) -> list[float]:
-    """How far a result of the coarse run is from that of the default, by billet."""
-    pairs = zip(rows[::2], rows[1::2], strict=True)
-    return [
-        abs(float(coarse[name]) - float(default[name]))
-        for coarse, default in pairs
-        if not (coarse["failure"] or default["failure"])
-    ]
+def errors(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Each result of a billet, with the error by coarse and default alone; failed runs left out."""
+    billets: dict[str, dict[str, Mapping[str, Any]]] = {}
+    for row in rows:
+        if not row["failure"]:
+            name = f"{row['carbon']} % C, {row['size']} mm"
+            billets.setdefault(name, {})[row["level"]] = row
+    cells = factors_of(COARSE)[MESH]
+    found = []
+    for billet, runs in billets.items():
+        for name in RESULTS if {COARSE, DEFAULT} <= runs.keys() else ():
+            at = {level: float(run[name]) for level, run in runs.items()}
+            default = at[DEFAULT]
+            stated = estimate({cells: at[COARSE], 1.0: default}).error
+            off = {level: abs(value - default) for level, value in at.items()}
+            found.append(
+                {"billet": billet, "result": name, "value": default, "stated": stated, **off}
+            )
+    return found
+
+
+def within(row: Mapping[str, Any]) -> bool:
+    """Whether the error that is stated of a result covers what its finer run changes."""
+    return bool(row["stated"] >= row[FINE])
+
+
+def held(rows: Sequence[Mapping[str, Any]]) -> str:
+    """How many of the results with a finer run are within their stated error."""
+    known = [row for row in rows if FINE in row]
+    return f"{sum(map(within, known))} of {len(known)}"
 
 
 def show(output: Output) -> None:
-    """The table, from the data."""
-    rows = output.rows("billet_grid")
+    """The tables, from the data."""
+    known = errors(output.rows("billet_grid"))
     found = []
     for name, (heading, form) in RESULTS.items():
-        off = sorted(differences(rows, name))
-        row = {"result": heading, "median": format(median(off), form)}
-        row["nine of ten"] = format(off[int(0.9 * (len(off) - 1))], form)
-        found.append(row | {"largest": format(off[-1], form)})
-    head = {one: one for one in ("result", "median", "nine of ten", "largest")}
+        some = [row for row in known if row["result"] == name]
+        line: dict[str, Any] = {"result": heading}
+        for level in (COARSE, FINE):
+            off = sorted(row[level] for row in some if level in row)
+            chosen = (median(off), off[int(0.9 * (len(off) - 1))], off[-1])
+            line[level] = " / ".join(format(one, form) for one in chosen)
+        found.append(line | {"within": held(some)})
+    corner = held([row for row in known if row["result"] in CORNER])
+    found.append({"result": "all of the corner", "within": corner})
+    head = {
+        "result": "result", COARSE: "coarse off default", FINE: "twice as fine off default",
+        "within": "within the error",
+    }  # fmt: skip
     output.insert("billet grid", table(found, head, {}))
+    missed = [
+        {"what": f"{row['billet']}: {RESULTS[row['result']][0]}",
+         **{key: format(row[key], ".3g") for key in ("value", "stated", FINE)}}
+        for row in known if FINE in row and not within(row)
+    ]  # fmt: skip
+    head = {"what": "result", "value": "default", "stated": "error", FINE: "twice as fine, off by"}
+    output.insert("billet grid missed", table(missed, head, {}))

@@ -1,7 +1,8 @@
 """Corner of a peritectic billet: does it converge, in cells and coupling windows?
 
 Writes tables of docs/coupling.md. `billet180/peritectic` to its mould's exit with the skeleton of
-the mushy zone and without one, and the billets of the thesis with both.
+the mushy zone and without one, the errors that follow from these runs, and the billets of the
+thesis with both mushy zones.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import castfem
 from benchmarks.billet_run import CASES, COARSE, NAMES, QUIET
 from benchmarks.report import Output, table
 from castfem.model import load_case
+from castfem.studies.accuracy.estimate import estimate
 
 CELLS = {
     "1.94": ("1.94", "1.94", "15.5", "19.4"),
@@ -51,6 +53,13 @@ COLUMNS = {
     "shell_mid_face": ("shell, mid-face [mm]", ".2f"),
 }
 """Columns of the history: heading and format."""
+LADDERS = {
+    "cells": ({"cells 1.4 mm": 2.0, "cells 1 mm": 1.0 / 0.7, "cells 0.7 mm": 1.0,
+               "cells 0.5 mm": 0.5 / 0.7},
+              "cells 0.35 mm"),
+    "windows": ({"windows 0.2 s": 2.0, AS_SHIPPED: 1.0, "windows 0.05 s": 0.5}, "windows 0.025 s"),
+}  # fmt: skip
+"""Runs from which `castfem error` would tell an error, by relative size; and one that is finer."""
 MOULDS = ("taper_3", "taper_1", "taper_0", "taper_minus_1")
 THESIS = {
     "heat_removed": ("heat, modelled part [kJ/m]", ".0f"),
@@ -121,3 +130,25 @@ def show(output: Output) -> None:
         head = first | {key: heading for key, (heading, _) in columns.items()}
         forms = {key: form for key, (_, form) in columns.items()}
         output.insert(name.replace("_", " "), table(output.rows(name), head, forms))
+    show_errors(output)
+
+
+def show_errors(output: Output) -> None:
+    """Errors as `castfem error` estimates them, beside what finer runs change; "" if not run."""
+    found = [row for row in output.rows("corner") if row["mush"] == "skeleton"]
+    head = {"at": "at [mm]", "result": "result"}
+    rows = []
+    for position in sorted({row["position"] for row in found}):
+        at = {row["varied"]: row for row in found if row["position"] == position}
+        for name, (heading, form) in COLUMNS.items():
+            digits = f".{int(form[1]) + 1}f"
+            rows.append({"at": format(position, "g"), "result": heading.replace("°C", "K")})
+            for kind, (sizes, finest) in LADDERS.items():
+                head |= {kind: f"{kind}: estimated", finest: f"{finest}: found"}
+                if not sizes.keys() <= at.keys():
+                    continue
+                values = {size: at[run][name] for run, size in sizes.items()}
+                rows[-1][kind] = format(estimate(values).error, digits)
+                if finest in at:
+                    rows[-1][finest] = format(abs(at[finest][name] - values[1.0]), digits)
+    output.insert("corner error", table(rows, head, {}))

@@ -17,7 +17,7 @@ from castfem.post.report.error_table import main_names, quantity_of
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.headline import plain_label
 from castfem.studies.accuracy.ladder import Level, levels
-from castfem.studies.accuracy.memo import prepare
+from castfem.studies.accuracy.memo import Ladder, prepare
 from castfem.studies.accuracy.sizes import AXES, axes_of, changes
 from castfem.studies.accuracy.table import ErrorTable
 from castfem.studies.sweep.local import run_locally
@@ -86,8 +86,14 @@ def measure(name: str, scene: Scene, folder: Path) -> list[dict[str, Any]]:
     """Ladder and finer run of a scene; a row a headline number."""
     case = load_case(scene.path, (*scene.changes, *QUIET))
     rungs = levels(case)
-    everything = rungs if scene.known else (*rungs, finer(case))
-    ladder = prepare(everything, folder)
+    found = run_all(name, rungs if scene.known else (*rungs, finer(case)), folder).table()
+    truth = _known(scene.known) if scene.known else _values(folder / "finer")
+    return [_row(name, found, truth, number) for number in main_names(found) if number in truth]
+
+
+def run_all(name: str, rungs: Sequence[Level], folder: Path) -> Ladder:
+    """Do the runs that are not finished in their folder."""
+    ladder = prepare(rungs, folder)
 
     def noted(job: Job, outcome: Outcome) -> None:
         ladder.record.note(job, outcome)
@@ -95,9 +101,7 @@ def measure(name: str, scene: Scene, folder: Path) -> list[dict[str, Any]]:
 
     if ladder.jobs:
         run_locally(ladder.jobs, 1, folder / "noise.log", _nothing, noted, _nothing)
-    found = prepare(rungs, folder).table()
-    truth = _known(scene.known) if scene.known else _values(folder / "finer")
-    return [_row(name, found, truth, number) for number in main_names(found) if number in truth]
+    return ladder
 
 
 def _nothing(*_: object) -> None:

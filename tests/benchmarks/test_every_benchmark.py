@@ -46,6 +46,7 @@ SMALL: dict[str, dict[str, Any]] = {
         "CELLS": {"4": ("4", "4", "18", "22")},
         "KINDS": {mush: {"cells 4 mm": corner.SHORT} for mush in ("skeleton", "none")},
     },
+    "billet_grid": {"LENGTH": "8 mm", "HALF": {"mesh": 0.9}},
     "windows": {"MOULDS": {"taper_0": (3.0, billet_run.mesh(3.0))}, "REFERENCE": 0.2},
     "wall": {"FACTORS": (10, 1000), "COARSE": (*billet_run.COARSE, SHORT)},
     "sensitivity_errors": {
