@@ -10,7 +10,7 @@ from mpi4py import MPI
 import psutil
 import pytest
 from small_case import write_small
-from time_loop.billet_runs import billet
+from runs.billet_runs import billet
 
 import castfem
 from castfem.model import Case

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import ufl
 from mechanics.setups import Map, SliceSetup, box, elastic, mapped, skewed
-from time_loop.billet_runs import billet
+from runs.billet_runs import billet
 
 from castfem.base.errors import InputError
 from castfem.base.types import Array

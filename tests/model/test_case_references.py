@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from time_loop.billet_runs import FED, billet, run_in_memory
+from runs.billet_runs import FED, billet, run_in_memory
 
 from castfem.base.errors import InputError
 from castfem.model import load_case, result_names

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from time_loop.billet_runs import Kept, run_in_memory
+from runs.billet_runs import Kept, run_in_memory
 
 from castfem.model import load_case
 from castfem.runs.results.mechanical import opposite

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from time_loop.billet_runs import FED, Kept, billet, run_in_memory
+from runs.billet_runs import FED, Kept, billet, run_in_memory
 
 RUBBING = 'mould.friction={law="coulomb",coefficient=0.3}'
 SHORT = ("casting.length=120 mm", *FED)

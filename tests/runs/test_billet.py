@@ -18,7 +18,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from time_loop.billet_runs import CASES, COARSE, ELASTIC, FED, Kept, billet, run, run_in_memory
+from runs.billet_runs import CASES, COARSE, ELASTIC, FED, Kept, billet, run, run_in_memory
 
 import castfem
 from castfem.base.errors import InputError

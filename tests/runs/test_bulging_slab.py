@@ -334,7 +334,7 @@ def test_what_cannot_bulge_is_refused(changes: dict[str, object], text: str) -> 
 
 def test_a_slab_without_bulging_imports_nothing_of_it() -> None:
     code = (
-        "import sys; sys.path.insert(0, 'tests'); sys.path.insert(0, 'tests/time_loop')\n"
+        "import sys; sys.path.insert(0, 'tests'); sys.path.insert(0, 'tests/runs')\n"
         "from test_bulging_slab import slab, run_in_memory\n"
         "its = 'castfem.physics.machine.bulging', 'castfem.model.build.bulging'\n"
         "for name in [n for n in sys.modules if n.startswith(its)]:\n"

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from small_case import strip
-from time_loop.billet_runs import CASES, billet, run_in_memory
+from runs.billet_runs import CASES, billet, run_in_memory
 
 from castfem.base.errors import InputError
 from castfem.model import load_case

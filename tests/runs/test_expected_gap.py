@@ -5,7 +5,7 @@ from __future__ import annotations
 from mpi4py import MPI
 
 import numpy as np
-from time_loop.billet_runs import billet, run_in_memory, shipped
+from runs.billet_runs import billet, run_in_memory, shipped
 
 from castfem.model.build.simulation import build
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from time_loop.billet_runs import Kept, billet, run, run_in_memory, shipped
+from runs.billet_runs import Kept, billet, run, run_in_memory, shipped
 
 from castfem.base.errors import InputError, RunFailure
 from castfem.runs.output.history import read_history

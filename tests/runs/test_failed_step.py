@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from time_loop.billet_runs import Kept, billet
+from runs.billet_runs import Kept, billet
 
 from castfem.model.build.simulation import Simulation, build
 from castfem.physics.contact.state import OPEN, SLIP

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from time_loop.billet_runs import billet, run, run_in_memory
+from runs.billet_runs import billet, run, run_in_memory
 
 from castfem.runs.output.history import read_history
 

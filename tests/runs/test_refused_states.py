@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mechanics.setups import SliceSetup, box, mapped
-from time_loop.billet_runs import FED, billet, run
+from runs.billet_runs import FED, billet, run
 
 from castfem.base.errors import RunFailure
 from castfem.physics.constitutive.elasticity import Elasticity, Solidity

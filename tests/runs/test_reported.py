@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from time_loop.billet_runs import billet, run, run_in_memory
+from runs.billet_runs import billet, run, run_in_memory
 
 from castfem.runs.output.history import read_history
 

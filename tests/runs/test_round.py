@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from small_case import small
-from time_loop.billet_runs import run_in_memory
+from runs.billet_runs import run_in_memory
 
 # What makes a round in a mould of its billet.
 ROUND: dict[str, Any] = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from time_loop.billet_runs import run_in_memory
+from runs.billet_runs import run_in_memory
 
 from castfem.model import load_case, shipped_cases
 

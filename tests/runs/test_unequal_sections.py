@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from time_loop.billet_runs import Kept, billet, run_in_memory
+from runs.billet_runs import Kept, billet, run_in_memory
 
 from castfem.base.types import Array
 from castfem.model.build import mechanics as build_mechanics
