@@ -9,8 +9,8 @@ from mpi4py import MPI
 
 import psutil
 import pytest
-from small_case import write_small
 from runs.billet_runs import billet
+from small_case import write_small
 
 import castfem
 from castfem.model import Case

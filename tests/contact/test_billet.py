@@ -89,8 +89,7 @@ def test_checkpoint_gives_the_state_back() -> None:
         assert getattr(back, name).dtype == getattr(state, name).dtype
 
 
-@pytest.mark.parametrize("method", ["penalty", "nitsche"])
-@pytest.mark.parametrize("outside", ["held", "free"])
+@pytest.mark.parametrize(("method", "outside"), [("penalty", "held"), ("nitsche", "free")])
 def test_liquid_leans_on_the_wall(method: str, outside: str) -> None:
     """Before a shell has formed the mould carries the ferrostatic pressure, whoever holds it."""
     setup = cast(

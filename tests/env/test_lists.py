@@ -99,11 +99,6 @@ def test_apptainer_takes_the_steps_of_the_dockerfile() -> None:
     }
 
 
-def test_no_name_stands_twice() -> None:
-    for names in (debian_names(), conda_names()):
-        assert len(names) == len(set(names))
-
-
 def test_list_covers_the_projects_requirements() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     wanted = [*project["dependencies"], *project["optional-dependencies"]["test"]]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -281,21 +279,3 @@ def test_a_curve_of_resistance_is_of_all_rolls(
     texts = [problem.text for problem in extraction_warnings(given)]
     assert bool(texts) == bool(told)
     assert not told or re.search(told, texts[0]), texts
-
-
-def test_a_case_without_rolls_does_not_import_them() -> None:
-    code = (
-        "import sys; from castfem.model import load_case; "
-        "from castfem.model.build_machine import build_machine; "
-        "build_machine(load_case(sys.argv[1])); "
-        "parts = 'castfem.physics.machine.', 'castfem.physics.machine.extraction'; "
-        "print([m for m in sys.modules if m.startswith(parts)])"
-    )
-    billet = SLAB.parents[1] / "billet125" / "thermal.toml"
-    found = subprocess.run(
-        [sys.executable, "-c", code, str(billet)], check=True, capture_output=True, text=True
-    ).stdout
-    assert "castfem.physics.machine.travel" in found
-    for name in ("rolls", "line", "phases"):
-        assert f"castfem.physics.machine.{name}" not in found
-    assert "castfem.physics.machine.extraction" not in found

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -162,19 +160,3 @@ def test_a_name_stands_for_the_faces_that_begin_with_it(name: str) -> None:
     assert Circuit.model_validate(wide).wide
     assert rolled(secondary=secondary(circuit=[wide])) is not None
     assert not Circuit.model_validate(circuit(on=["narrow"])).wide
-
-
-def test_a_case_without_it_imports_nothing_of_it() -> None:
-    code = (
-        "import sys; from mpi4py import MPI; from castfem.model import load_case; "
-        "from castfem.model.build.simulation import build; "
-        "build(load_case(sys.argv[1]), MPI.COMM_SELF); "
-        "print([m for m in sys.modules if m.startswith('castfem.')])"
-    )
-    found = subprocess.run(
-        [sys.executable, "-c", code, str(CASES / "billet125" / "thermal.toml")],
-        check=True, capture_output=True, text=True,
-    ).stdout  # fmt: skip
-    assert "'castfem.physics.thermal.flux_laws'" in found
-    for name in ("machine.sprays", "thermal.spray_water", "simulation.secondary"):
-        assert f"'castfem.{name}'" not in found

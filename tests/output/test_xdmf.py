@@ -287,7 +287,7 @@ with meshio.xdmf.TimeSeriesReader({str(tmp_path / "fields.xdmf")!r}) as reader:
     assert reader.num_steps == {k + 1}
     assert reader.read_data({k})[1]["t"].max() == {k}
 """
-        if k % 3 == 0:
+        if k == 3:
             subprocess.run([sys.executable, "-c", code], check=True)
     writer.close()
 
@@ -305,7 +305,7 @@ with FieldWriter(sys.argv[1], points, [[0, 1, 2]], "triangle", 1) as writer:
 
 
 def test_a_killed_run_leaves_both_files_whole_and_can_be_resumed(tmp_path):
-    for count in (1, 7, 40):
+    for count in (1, 40):
         folder = tmp_path / str(count)
         folder.mkdir()
         command = [sys.executable, "-c", WRITER, str(folder), str(count)]

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from small_case import strip
 from runs.billet_runs import CASES, billet, run_in_memory
+from small_case import strip
 
 from castfem.base.errors import InputError
 from castfem.model import load_case

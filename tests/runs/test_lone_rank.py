@@ -68,21 +68,17 @@ def test_an_error_within_a_solver_ends_a_script(tmp_path: Path) -> None:
     assert load_checkpoint(tmp_path / "checkpoint.h5")[0]["time"] == pytest.approx(0.4)
 
 
-def test_an_error_in_the_mechanics_ends_all(tmp_path: Path) -> None:
-    """What MUMPS holds is freed by all ranks or by none."""
-    done = failed("law", "taper_1", tmp_path)
-    assert done.returncode == 2, done.stderr
-    assert done.stderr.count("castfem: on rank 1: unexpected MemoryError: too much") == 1
-    load_checkpoint(tmp_path / "checkpoint.h5")
-
-
 def test_the_rank_of_the_files_leaves_word_before_it_aborts(tmp_path: Path) -> None:
-    """What another rank meets alone it cannot write: `show` calls that killed or aborted."""
+    """And what MUMPS holds is freed by all ranks or by none.
+
+    What another rank meets alone it cannot write: `show` calls that killed or aborted.
+    """
     words = ("law", str(tmp_path), "billet125/taper_1", *SHORT)
     done = python_on(2, "-c", PATCHED.replace("rank == 1", "rank == 0") + COMMAND, *words)
     assert done.returncode == 2, done.stderr
     record = json.loads((tmp_path / "run.json").read_text())
     assert (record["status"], record["reason"]) == ("failed", "unexpected MemoryError: too much")
+    load_checkpoint(tmp_path / "checkpoint.h5")
 
 
 def test_a_nan_is_a_failure_of_all(tmp_path: Path) -> None:

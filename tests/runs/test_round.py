@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from small_case import small
 from runs.billet_runs import run_in_memory
+from small_case import small
 
 # What makes a round in a mould of its billet.
 ROUND: dict[str, Any] = {
