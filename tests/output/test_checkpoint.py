@@ -143,12 +143,6 @@ def test_no_damaged_byte_goes_unnoticed(tmp_path):
             load_checkpoint(hurt)
 
 
-def test_other_programs_read_the_file(tmp_path):
-    save_checkpoint(tmp_path / "c.h5", META, arrays())
-    with h5py.File(tmp_path / "c.h5") as file:
-        assert np.array_equal(file["arrays/temperature"][()], arrays()["temperature"])
-
-
 def test_a_cut_file_is_refused(tmp_path):
     save_checkpoint(tmp_path / "c.h5", META, arrays())
     image = (tmp_path / "c.h5").read_bytes()
@@ -172,7 +166,7 @@ for k in range(10**6):
 
 def test_a_kill_at_any_moment_leaves_a_whole_checkpoint(tmp_path):
     generator = random.Random(1)
-    for trial in range(6):
+    for trial in range(3):
         path = tmp_path / f"{trial}.h5"
         command = [sys.executable, "-c", SAVER, str(path)]
         with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
