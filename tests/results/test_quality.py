@@ -13,7 +13,6 @@ import h5py
 import numpy as np
 import pytest
 from bent_case import HALF, bent
-from ranks import needs_mpirun, python_on
 from small_case import small, write_small
 
 from castfem.base.constants import ZERO_CELSIUS
@@ -304,21 +303,20 @@ def test_damaged_or_missing_maps_are_not_resumed(tmp_path: Path) -> None:
         loop.run(longer, tmp_path, comm=MPI.COMM_SELF, resume=True)
 
 
-@needs_mpirun
-def test_ranks_do_not_show_in_the_maps(tmp_path: Path, cut: Path) -> None:
-    file = tmp_path / "bent.toml"
-    file.write_text(judged(CUT).resolved_toml())
-    words = ("-m", "castfem.cli", "run", str(file), "-q", "-o", str(tmp_path / "two"))
-    done = python_on(2, *words)
-    assert done.returncode == 0, done.stderr
-    one, two = SurfaceMaps(cut), SurfaceMaps(tmp_path / "two")
+@pytest.mark.mpi
+def test_ranks_do_not_show_in_the_maps(shared_folder: Path) -> None:
+    alone, many = shared_folder / f"{MPI.COMM_WORLD.rank}", shared_folder / "many"
+    loop.run(judged(CUT), alone, comm=MPI.COMM_SELF)
+    loop.run(judged(CUT), many, comm=MPI.COMM_WORLD)
+    MPI.COMM_WORLD.Barrier()
+    one, two = SurfaceMaps(alone), SurfaceMaps(many)
     assert one.heading.text() == two.heading.text()
     for name in one.names():
         size = np.abs(one[name]).max()
         assert two[name] == pytest.approx(one[name], rel=1e-6, abs=1e-7 * size), name
     ours, theirs = (
         json.loads((path / "summary.json").read_text())["quantities"]["way_I2_max"]["label"]
-        for path in (cut, tmp_path / "two")
+        for path in (alone, many)
     )
     assert ours == theirs
 

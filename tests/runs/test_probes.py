@@ -5,17 +5,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from mpi4py import MPI
+
 import numpy as np
 import pandas
 import pytest
 from billet_runs import billet, run
 from interrupted import Interrupted
-from ranks import needs_mpirun, python_on
 
 import castfem
 from castfem.base.errors import InputError
 from castfem.cli.checking import check_case
 from castfem.model import Case
+from castfem.runs import loop
 from castfem.runs.output.history import read_history
 
 HALF = 62.5
@@ -115,14 +117,14 @@ def test_a_file_of_the_users_is_not_written_over(tmp_path: Path) -> None:
         run(case, tmp_path)
 
 
-@needs_mpirun
-def test_two_ranks_read_what_one_reads(folder: Path, tmp_path: Path) -> None:
-    path = tmp_path / "case.toml"
-    path.write_text(probed().resolved_toml())
-    done = python_on(2, "-m", "castfem.cli", "run", str(path), "-o", str(tmp_path / "two"))
-    assert done.returncode == 0, done.stderr
+@pytest.mark.mpi
+def test_two_ranks_read_what_one_reads(shared_folder: Path) -> None:
+    alone, many = shared_folder / f"{MPI.COMM_WORLD.rank}", shared_folder / "many"
+    run(probed(), alone)
+    loop.run(probed(), many, comm=MPI.COMM_WORLD)
+    MPI.COMM_WORLD.Barrier()
     for probe in PROBES:
-        one, two = (table(f, probe["name"]) for f in (folder, tmp_path / "two"))
+        one, two = (table(folder, probe["name"]) for folder in (alone, many))
         size = one.abs().max().to_numpy()
         assert (np.abs(one - two).max().to_numpy() <= 1e-6 * np.maximum(size, 1e-9)).all()
 

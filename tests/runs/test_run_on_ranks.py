@@ -100,21 +100,13 @@ def test_mould_with_friction_on_two_ranks_goes_on_on_three(tmp_path: Path) -> No
     assert np.abs(state["contact_stress"]).max() > 1e3 and state["contact_internal"].any()
 
 
-@needs_mpirun
-def test_a_closed_form_is_held_against_a_run_on_ranks(tmp_path: Path) -> None:
+@pytest.mark.mpi
+def test_a_closed_form_is_held_against_a_run_on_ranks(shared_folder: Path) -> None:
     """Its errors are sums over the ranks, which the checkpoints need as well: they waited."""
     short = ("casting.length=3 mm", "output.checkpoint_every=2", "output.figures=false")
-    sets = [word for override in short for word in ("--set", override)]
-    found = []
-    for ranks in (1, 2):
-        folder = tmp_path / str(ranks)
-        if ranks == 1:
-            case = load_case(CASES.parent / "verification" / "neumann.toml", short)
-            loop.run(case, folder, comm=MPI.COMM_SELF)
-        else:
-            words = ("-m", "castfem.cli", "run", "verification/neumann", "-q", *sets)
-            done = python_on(ranks, *words, "-o", str(folder), timeout=120.0)
-            assert done.returncode == 0, done.stderr
-        summary = json.loads((folder / "summary.json").read_text())
-        found.append(summary["quantities"]["error_temperature"]["value"])
-    assert found[0] > 0.0 and found[1] == pytest.approx(found[0], rel=1e-6)
+    case = load_case(CASES.parent / "verification" / "neumann.toml", short)
+    one, many = (
+        loop.run(case, shared_folder / name, comm=comm).quantities["error_temperature"].value
+        for name, comm in ((f"{MPI.COMM_WORLD.rank}", MPI.COMM_SELF), ("many", MPI.COMM_WORLD))
+    )
+    assert one > 0.0 and many == pytest.approx(one, rel=1e-6)
