@@ -297,26 +297,14 @@ def test_it_resumes_byte_for_byte(tmp_path: Path, never_stopped: bytes, steps: i
     ("changes", "text"),
     [
         ({"machine": None}, r"mechanics\.bulging: needs rolls, the table \[machine\]"),
-        (
-            {"mechanics__bulging": "crep"},
-            r"bulging\.model: not possible; one of creep",
-        ),
         ({"mechanics__ferrostatic": "off"}, r"mechanics\.bulging: needs the pressure"),
         (
             {"mechanics__held": [{"on": ["wide_face_intrados"], "component": "y"}]},
             r"mechanics\.held\.0: moves the wide faces, which the rolls bear",
         ),
         (
-            {"mechanics__bulging": {"model": "creep", "largest": "1 mm"}},
-            r'mechanics\.bulging\.largest: is for model = "thesis", not "creep"',
-        ),
-        (
             {"mechanics__bulging": {"model": "thesis", "shear": True}},
             r'bulging\.shear: is for a strip, not for model = "thesis"',
-        ),
-        (
-            {"mechanics__bulging": {"model": "none", "axial_strain": True}},
-            r'bulging\.axial_strain: has no effect with model = "none"',
         ),
     ],
 )

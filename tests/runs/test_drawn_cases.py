@@ -181,13 +181,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
         "extraction.resistance",
         "falls from 12 kN at 0.6 m to 3 kN at 1.35 m",
     ),
-    "a number": ({"resistance": "30 kN"}, "extraction.resistance", "a table over position"),
     "a word": ({"resistance": "couple"}, "extraction.resistance", '"coupled"'),
-    "straight": (
-        {"rolls": {"radius_extrados": ["straight"] * 6}},
-        "machine.extraction",
-        "is for a strand that its machine bends",
-    ),
 }
 
 
