@@ -225,7 +225,7 @@ loop.run(load_case(sys.argv[1], sys.argv[3:]), sys.argv[2])
 parts = (
     *(f"castfem.physics.{name}" for name in ("mechanics", "constitutive", "contact")),
     *(f"castfem.physics.machine.{name}" for name in ("rolls", "extraction", "bulging", "stations")),
-    *(f"castfem.runs.results.{name}" for name in ("probes", "quality", "crack_index")),
+    *(f"castfem.runs.results.{name}" for name in ("probes", "quality")),
     "castfem.physics.thermal.spray_water", "castfem.model.build.secondary", "castfem.studies",
 )
 unwanted = [m for m in sys.modules if m.startswith(parts)]
