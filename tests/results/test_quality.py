@@ -364,13 +364,7 @@ def test_a_case_without_it_writes_nothing_of_it(tmp_path: Path) -> None:
             '"900 degC"',
             'lower and its upper end, such as ["800 degC", "950 degC"] ("900 degC")',
         ),
-        (
-            "brittle",
-            "[0.9]",
-            "quality.brittle: a range is its lower and its upper end, such as [0.9, 0.99]",
-        ),
         ("band", '["800 degC", "950"]', "unit"),
-        ("brittle", "[0.9, 1.2]", "must not be above 1"),
         ("critical_strain", "-0.1", "must be above 0"),
         ("bend", "1", "band"),
     ],
