@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -288,39 +287,6 @@ with meshio.xdmf.TimeSeriesReader({str(tmp_path / "fields.xdmf")!r}) as reader:
         if k == 3:
             subprocess.run([sys.executable, "-c", code], check=True)
     writer.close()
-
-
-WRITER = """
-import sys, time, numpy as np
-from castfem.runs.output.xdmf import FieldWriter
-points = np.random.rand(2000, 2)
-with FieldWriter(sys.argv[1], points, [[0, 1, 2]], "triangle", 1) as writer:
-    for k in range(int(sys.argv[2])):
-        writer.write(float(k), 0.0, {"t": points[:, 0] + k})
-    print("ready", flush=True)
-    time.sleep(60)
-"""
-
-
-def test_a_killed_run_leaves_both_files_whole_and_can_be_resumed(tmp_path):
-    for count in (1, 40):
-        folder = tmp_path / str(count)
-        folder.mkdir()
-        command = [sys.executable, "-c", WRITER, str(folder), str(count)]
-        with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
-            assert process.stdout is not None
-            assert process.stdout.readline() == b"ready\n"
-            process.send_signal(signal.SIGKILL)
-        with meshio.xdmf.TimeSeriesReader(folder / "fields.xdmf") as reader:
-            points, _ = reader.read_points_cells()
-            assert reader.num_steps == count
-            for k in range(count):
-                when, at_points, _ = reader.read_data(k)
-                assert when == k
-                assert np.allclose(at_points["t"], points[:, 0] + k, rtol=1e-6)
-        with FieldWriter.resume(folder, 1e9) as writer:
-            assert len(writer.times) == count
-        assert sorted(p.name for p in folder.iterdir()) == ["fields.h5", "fields.xdmf"]
 
 
 def test_a_file_system_without_links_still_gets_whole_files(tmp_path, monkeypatch):
