@@ -134,9 +134,9 @@ def test_ruff_is_pinned() -> None:
     assert re.search(r'"ruff==\d+\.\d+\.\d+"', (ROOT / "pyproject.toml").read_text())
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
-def test_no_host_is_named(path: Path) -> None:
-    assert not re.search(r"://|\b[\w-]+\.(org|com|net|io)\b", path.read_text())
+def test_no_host_is_named() -> None:
+    for path in FILES:
+        assert not re.search(r"://|\b[\w-]+\.(org|com|net|io)\b", path.read_text()), path
 
 
 @pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.name)

@@ -64,9 +64,9 @@ def test_schema_is_valid(validator):
     assert not validator.is_valid({})
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
-def test_schema_accepts_the_shipped_cases(path, validator):
-    validator.validate(tomllib.loads(path.read_text()))
+def test_schema_accepts_the_shipped_cases(validator):
+    for path in FILES:
+        assert not list(validator.iter_errors(tomllib.loads(path.read_text()))), path
 
 
 @pytest.mark.parametrize(
