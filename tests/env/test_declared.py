@@ -69,7 +69,7 @@ def test_types_and_data_are_shipped() -> None:
     shipped = set[Path]()
     for package, patterns in setup["package-data"].items():
         top, _, below = package.partition(".")
-        folder = places.get(package) or places[top] / below.replace(".", "/")
+        folder = places.get(package) or places[top].joinpath(*below.split("."))
         shipped |= {file for pattern in patterns for file in folder.glob(pattern)}
     own = [f for folder in (*CODE, "cases") for f in (ROOT / folder).rglob("*.*") if f.is_file()]
     data = {file for file in own if file.suffix != ".py" and "__pycache__" not in file.parts}
