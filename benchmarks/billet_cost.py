@@ -12,10 +12,8 @@ from typing import Any
 
 from mpi4py import MPI
 
-import numpy as np
-
 from benchmarks.billet_run import CASES, MOULDS, NAMES, QUIET, every, mesh, touch
-from benchmarks.report import Output, table
+from benchmarks.report import Columns, Output, power, table
 from castfem.base.stopwatch import LIBRARIES, Stopwatch
 from castfem.model import load_case
 from castfem.model.build.simulation import build
@@ -133,29 +131,23 @@ def moulds(output: Output, quick: bool) -> None:
 def show_moulds(output: Output) -> None:
     """What a mould costs, from the data."""
     rows = output.rows("billet_cost")
-    head = {
-        "mould": "mould", "newton": "Newton a window", "iterations": "coupling iterations",
-        "seconds": "time loop [s]", "window_ms": "a window [ms]",
-        "window_ms_more": "more than idealised [%]",
-        "iteration_ms": "an iteration of the mechanics [ms]",
-        "iteration_ms_more": "more than idealised [%]",
+    head: Columns = {
+        "mould": "mould", "newton": ("Newton a window", ".2f"),
+        "iterations": "coupling iterations", "seconds": ("time loop [s]", ".1f"),
+        "window_ms": ("a window [ms]", ".0f"),
+        "window_ms_more": ("more than idealised [%]", "+.0f"),
+        "iteration_ms": ("an iteration of the mechanics [ms]", ".1f"),
+        "iteration_ms_more": ("more than idealised [%]", "+.0f"),
     }  # fmt: skip
-    forms = {"newton": ".2f", "seconds": ".1f", "window_ms": ".0f", "iteration_ms": ".1f"}
-    forms |= dict.fromkeys(("window_ms_more", "iteration_ms_more"), "+.0f")
-    output.insert("billet cost", table(rows, head, forms))
-    head = {
-        "mould": "mould", "mechanics": "mechanics, of the time loop [%]",
-        "libraries_mechanics": "LU and assembly, of the mechanics [%]",
-        "libraries": "LU and assembly, of the time loop [%]",
-        "law": "law, of the mechanics [%]", "contact": "contact, of the mechanics [%]",
+    output.table("billet cost", rows, head)
+    shares = {
+        "mechanics": "mechanics, of the time loop",
+        "libraries_mechanics": "LU and assembly, of the mechanics",
+        "libraries": "LU and assembly, of the time loop", "law": "law, of the mechanics",
+        "contact": "contact, of the mechanics",
     }  # fmt: skip
-    output.insert("billet shares", table(rows, head, dict.fromkeys(head, ".0f")))
-
-
-def exponent(rows: Sequence[Mapping[str, Any]], key: str) -> float:
-    """Power of the number of cells that a time follows, over all rows."""
-    cells, seconds = (np.log([r[k] for r in rows]) for k in ("cells", key))
-    return float(np.polyfit(cells, seconds, 1)[0])
+    head = {"mould": "mould"} | {key: (f"{words} [%]", ".0f") for key, words in shares.items()}
+    output.table("billet shares", rows, head)
 
 
 def growth(output: Output, quick: bool) -> None:
@@ -183,7 +175,7 @@ def show_growth(output: Output) -> None:
     lines = []
     for name in dict.fromkeys(r["mould"] for r in rows):
         own = [r for r in rows if r["mould"] == name]
-        whole, one = exponent(own, "seconds"), exponent(own, "iteration_ms")
+        whole, one = power(own, "seconds"), power(own, "iteration_ms")
         lines.append(
             f"* {name}: the time loop as cells^{whole:.2f}, an iteration as cells^{one:.2f}."
         )

@@ -105,20 +105,16 @@ def pressures(output: Output, quick: bool) -> None:
 
 def show_pressures(output: Output) -> None:
     """What the wall carries, from the data."""
-    rows = output.rows("billet_pressure")
     head = {
         "mould": "mould", "size": "surface cells [mm]", "cells": "cells",
-        "mean_contact_pressure_max": "highest mean over 5 mm [MPa]",
-        "contact_pressure_max": "at a point [MPa]", "place": "at x, y [mm]",
-        "pressure_mid_face": "at mid-face [MPa]", "pressure_mean": "mean of a face [MPa]",
-        "force": "force on half a face [kN/m]", "heat_removed_slice": "heat [kJ]",
-        "von_mises_max": "peak stress [MPa]",
+        "mean_contact_pressure_max": ("highest mean over 5 mm [MPa]", ".3f"),
+        "contact_pressure_max": ("at a point [MPa]", ".2f"), "place": "at x, y [mm]",
+        "pressure_mid_face": ("at mid-face [MPa]", ".4f"),
+        "pressure_mean": ("mean of a face [MPa]", ".4f"),
+        "force": ("force on half a face [kN/m]", ".2f"), "heat_removed_slice": ("heat [kJ]", ".2f"),
+        "von_mises_max": ("peak stress [MPa]", ".2f"),
     }  # fmt: skip
-    forms = dict.fromkeys(("contact_pressure_max", "heat_removed_slice", "von_mises_max"), ".2f")
-    forms["mean_contact_pressure_max"] = ".3f"
-    forms |= dict.fromkeys(("pressure_mid_face", "pressure_mean"), ".4f") | {"force": ".2f"}
-    head = {key: text for key, text in head.items() if key in rows[0]}  # older data have fewer
-    output.insert("billet pressure", table(rows, head, forms))
+    output.table("billet pressure", output.rows("billet_pressure"), head)
 
 
 def _pressure(mould: str, size: float, found: Found) -> dict[str, Any]:

@@ -162,7 +162,7 @@ class Found:
         values: Results at the exit of the mould by name, in the units of the tables.
         seconds: Processor time of the time loop. cells: Of the mesh.
         failure: Why it has not come to its end, empty if it has.
-        cut: Windows that were tried in vain. newton: Mechanical iterations.
+        cut: Windows that were tried in vain. newton: Mechanical iterations. windows: Taken.
         labels: What the values of the summary are called there, with where they were found.
         units: Theirs.
     """
@@ -173,6 +173,7 @@ class Found:
     failure: str = ""
     cut: int = 0
     newton: int = 0
+    windows: int = 0
     labels: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
 
@@ -198,6 +199,7 @@ def run(mould: str, changes: Iterable[str] = (), patience: float = PATIENCE) -> 
     simulation.destroy()
     found = Found(
         values, seconds, cells, failure, loop.run_state.counts.cut_back, iterations,
+        loop.run_state.counts.windows,
         {n: q.label for n, q in summary.items()}, {n: q.shown_unit for n, q in summary.items()},
     )  # fmt: skip
     print(f"  {mould} {' '.join(changes)}: {seconds:.1f} s {failure}", flush=True)

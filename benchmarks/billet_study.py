@@ -1,22 +1,20 @@
-"""The billet of thesis V.2 in its six moulds, beside the thesis, and where its shell begins.
+"""The billet of thesis V.2 in its six moulds, beside the thesis.
 
-Writes tables of docs/billet.md. All runs are those of `cases/billet125`, run in memory, one at
+Writes a table of docs/billet.md. All runs are those of `cases/billet125`, run in memory, one at
 a time.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from benchmarks.billet_run import CASES, COARSE, MOULDS, NAMES, SHOWN, Found, every, mesh, run
+from benchmarks.billet_run import CASES, COARSE, MOULDS, NAMES, SHOWN, Found, run
 from benchmarks.report import Output, table
+from castfem.base.shown_quantity import from_si
 from castfem.model import load_case
-from castfem.runs.output.summary import from_si
-
-# (a) The six moulds.
 
 
 def thesis(mould: str) -> dict[str, float]:
@@ -103,7 +101,7 @@ def told(mould: str) -> dict[str, str]:
     return words
 
 
-def show_moulds(output: Output) -> None:
+def show(output: Output) -> None:
     """The six moulds beside the thesis, from the data."""
     rows = output.rows("billet_moulds")
     expected = {name: told(name) for name in MOULDS}
@@ -120,64 +118,7 @@ def show_moulds(output: Output) -> None:
     output.insert("billet moulds", table(lines, {"what": "at the exit of the mould", **NAMES}, {}))
 
 
-def picked(found: Found) -> dict[str, Any]:
-    """Results of a run that are shown."""
-    keys = (*SHOWN, "gap_max", "penetration")
-    chosen: dict[str, Any] = {k: found.values.get(k) for k in keys}
-    work = {"cells": found.cells, "cut": found.cut, "newton": found.newton}
-    return {**chosen, **work, "failure": found.failure, "seconds": found.seconds}
-
-
-def columns(first: str, rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """Headings of a table of runs."""
-    head = {first: first, **{k: label for k, (label, _) in SHOWN.items()}}
-    if rows[0]["gap_max"] is not None:
-        head["gap_max"] = "gap [mm]"
-    return head
-
-
-# (b) Where the shell begins.
-
-STARTS: dict[str, tuple[str, ...]] = {
-    "as shipped": (),
-    "cells of 0.35 mm, windows of 0.02 s": (*mesh(0.35), every(0.02)),
-    "cells of 2 mm": mesh(2.0),
-    "solidus 20 K lower": ('steel.overrides.solidus.value="1432 degC"',),
-    "superheat 60 K": ("casting.superheat=60 K",),
-    "h - 20 %": ("cooling.mould.surface.0.coefficient=1280 W/(m^2 K)",),
-    "conducts 10 % better": ('steel.overrides.conductivity.value="33 W/(m K)"',),
-    "specific heat 10 % higher": ('steel.overrides.specific_heat.value="770 J/(kg K)"',),
-    "latent heat 10 % higher": ('steel.overrides.latent_heat.value="297 kJ/kg"',),
-}
-STARTS["these three together"] = sum(list(STARTS.values())[-3:], ())
-
-
-def beginnings(output: Output, quick: bool) -> None:
-    """Where the solidus is first passed in the corner and at mid-face of the idealised mould."""
-    rows = []
-    for label, changes in list(STARTS.items())[:: 9 if quick else 1]:
-        found = run("idealised", ("casting.length=150 mm", *changes))
-        keys = ("first_solid", "closed_solid")
-        rows.append({"input": label, **{k: found.values[k] for k in keys}})
-    rows.append({"input": "thesis", **{k: OF_THE_TEXT[k] for k in ("first_solid", "closed_solid")}})
-    output.csv("billet_start", rows)
-
-
-def show_beginnings(output: Output) -> None:
-    """Where the shell begins, from the data."""
-    rows = output.rows("billet_start")
-    head = {"input": "input", **{k: MORE[k][0] for k in ("first_solid", "closed_solid")}}
-    output.insert("billet start", table(rows, head, dict.fromkeys(head, ".0f")))
-
-
 def main(output: Output, quick: bool) -> None:
-    """The six moulds, and where their shell begins."""
+    """The six moulds."""
     moulds(output, COARSE if quick else ())
-    beginnings(output, quick)
     show(output)
-
-
-def show(output: Output) -> None:
-    """The tables, from the data."""
-    show_moulds(output)
-    show_beginnings(output)

@@ -6,13 +6,13 @@ that of `billet_error`.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.billet_run import NAMES, every, mesh, run, touch
-from benchmarks.report import PAGE, Output, front, table
+from benchmarks.plots import errors_over_time
+from benchmarks.report import PAGE, Output
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,14 +58,12 @@ class Setting:
 
 
 DEFAULT = Setting(0.8, 0.1)
-REFERENCES = PAGE.parent / "data" / "billet_error.csv"
 
 
 def reference(mould: str) -> dict[str, float]:
     """What the finer run of `billet_error` has for a mould."""
-    with REFERENCES.open(encoding="utf-8") as file:
-        rows = {(r["mould"], r["run"]): r for r in csv.DictReader(file)}
-    return {name: float(rows[mould, "finer"][name]) for name in COMPARED}
+    rows = {(r["mould"], r["run"]): r for r in Output(PAGE.parent).rows("billet_error")}
+    return {name: rows[mould, "finer"][name] for name in COMPARED}
 
 
 def settings(quick: bool) -> Iterator[Setting]:
@@ -114,44 +112,19 @@ DRAWN = ("worst", "von_mises_max")
 
 def draw(found: Mapping[str, Sequence[Mapping[str, Any]]]) -> Figure:
     """Error against processor time; the default ringed, the runs that none beats joined."""
-    from castfem.post.plots.style import look, new_figure
-
     labels = {"worst": "largest error, in units of the text", "von_mises_max": "peak stress [MPa]"}
-    with look():
-        figure = new_figure(8.6, 6.4)
-        grid = figure.subplots(len(found), len(DRAWN), squeeze=False)
-        for axes, (mould, rows) in zip(grid, found.items(), strict=True):
-            for axis, key in zip(axes, DRAWN, strict=True):
-                axis.plot(*front(rows, key), "-", color="#777777", linewidth=1.0)
-                for row in rows:
-                    size = 3.0 + 2.5 / row["size"]
-                    marker, colour = MARKERS[row["window"]], COLOURS[row["kind"]]
-                    axis.plot(row["seconds"], row[key], marker, color=colour, markersize=size)
-                    if row["default"]:
-                        axis.plot(
-                            row["seconds"], row[key], "o", markersize=15, fillstyle="none",
-                            color="black",
-                        )  # fmt: skip
-                axis.set(xscale="log", yscale="log", xlabel="processor time [s]")
-                axis.set(ylabel=f"error: {labels[key]}", title=mould)
-                for line in (axis.xaxis, axis.yaxis):
-                    line.set_major_formatter("{x:g}")
-                    line.set_minor_formatter(lambda x, _: f"{x:g}" if f"{x:e}"[0] in "25" else "")
-        legend = [
-            *(figure.axes[0].plot([], [], "s", color=c, label=k)[0] for k, c in COLOURS.items()),
-            *(
-                figure.axes[0].plot([], [], MARKERS[i], color="#777777", label=f"{i:g} s")[0]
-                for i in WINDOWS
-            ),
-            *(
-                figure.axes[0].plot(
-                    [], [], "o", color="#777777", markersize=3 + 2.5 / s, label=f"{s:g} mm"
-                )[0]
-                for s in SIZES
-            ),
+    panels = []
+    for mould, given in found.items():
+        rows = [
+            {key: row[key] for key in (*DRAWN, "seconds", "default")}
+            | {"colour": COLOURS[row["kind"]], "marker": MARKERS[row["window"]]}
+            | {"size": 3.0 + 2.5 / row["size"]}
+            for row in given
         ]
-        figure.legend(handles=legend, loc="outside lower center", ncols=5, fontsize=8)
-    return figure
+        panels.append([(mould, rows, key, labels[key]) for key in DRAWN])
+    legend = [(kind, "s", colour) for kind, colour in COLOURS.items()]
+    legend += [(f"{window:g} s", MARKERS[window], "#777777") for window in WINDOWS]
+    return errors_over_time(panels, legend)
 
 
 def show(output: Output) -> None:
@@ -163,11 +136,12 @@ def show(output: Output) -> None:
 def show_mould(output: Output, mould: str, rows: Sequence[dict[str, Any]]) -> None:
     """Write the table of one mould, of rows with errors."""
     lines = [r | {"kind": f"**{r['kind']}**"} if r["default"] else r for r in rows]
-    head = {"kind": "contact, gap", "size": "cells [mm]", "window": "window [s]"}
-    head |= {"newton": "Newton iterations", "cut": "cut back", "seconds": "time [s]"}
-    head |= {k: label for k, (label, _) in COMPARED.items()} | {"worst": "largest"}
-    forms = dict.fromkeys(COMPARED, ".2g") | {"seconds": ".1f", "worst": ".1f"}
-    output.insert(f"billet trade {mould}", table(lines, head, forms))
+    head: dict[str, Any] = {
+        "kind": "contact, gap", "size": "cells [mm]", "window": "window [s]",
+        "newton": "Newton iterations", "cut": "cut back", "seconds": ("time [s]", ".1f"),
+    }  # fmt: skip
+    head |= {k: (label, ".2g") for k, (label, _) in COMPARED.items()}
+    output.table(f"billet trade {mould}", lines, head | {"worst": ("largest", ".1f")})
 
 
 def main(output: Output, quick: bool) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks.accuracy import default_settings
 from benchmarks.billet import CASE, LENGTHS, Settings, time_table
-from benchmarks.report import Output, table
+from benchmarks.report import Output
 from castfem.model import from_document, load_case
 from castfem.model.build.simulation import build
 from castfem.runs.loop import TimeLoop
@@ -37,15 +37,8 @@ def advance(settings: Settings) -> dict[str, Any]:
     document["thermal"]["solver"] = settings.solver
     document["output"] = {"fields": []}
     # A place with a reference number is hit exactly and keeps its results.
-    document["reference"] = [
-        {
-            "quantity": "surface_temperature_mid_face",
-            "value": "0 degC",
-            "source": "-",
-            "at": f"{place:g} m",
-        }
-        for place in PLACES
-    ]
+    number = {"quantity": "surface_temperature_mid_face", "value": "0 degC", "source": "-"}
+    document["reference"] = [number | {"at": f"{place:g} m"} for place in PLACES]
     simulation = build(from_document(document, "caster"), MPI.COMM_SELF)
     try:
         run = TimeLoop(simulation)
@@ -111,16 +104,10 @@ def main(output: Output, quick: bool = False) -> None:
 
 def show(output: Output) -> None:
     """The table, from the data."""
-    rows = output.rows("caster")
-    headings = {
+    head = {
         "core_size_mm": "core and face size [mm]", "vertices": "vertices", "steps": "steps",
-        "closed_m": "core closes at [m]", "closed_error_mm": "error [mm]",
-        "mid_face_error_K": "mid-face [K]", "corner_error_K": "corner [K]",
-        "shell_error_mm": "shell [mm]", "seconds": "time loop [s]",
+        "closed_m": ("core closes at [m]", ".3f"), "closed_error_mm": ("error [mm]", "+.0f"),
+        "mid_face_error_K": ("mid-face [K]", ".2f"), "corner_error_K": ("corner [K]", ".2f"),
+        "shell_error_mm": ("shell [mm]", ".2f"), "seconds": ("time loop [s]", ".2f"),
     }  # fmt: skip
-    formats = {
-        "closed_m": ".3f", "closed_error_mm": "+.0f", "mid_face_error_K": ".2f",
-        "corner_error_K": ".2f", "shell_error_mm": ".2f", "seconds": ".2f",
-    }  # fmt: skip
-    output.insert("caster", table(rows, headings, formats))
-    print(f"caster: {len(rows)} runs")
+    output.table("caster", output.rows("caster"), head)

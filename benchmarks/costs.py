@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.accuracy import default_settings
 from benchmarks.billet import Result, refined, run
 from benchmarks.probe import measure
-from benchmarks.report import Output, table
+from benchmarks.report import Columns, Output, power, table
 from castfem.base.stopwatch import LIBRARIES, TIME_LOOP
 
 if TYPE_CHECKING:
@@ -80,9 +80,7 @@ def scaling(factors: tuple[float, ...], repeats: int) -> list[dict[str, Any]]:
 
 def exponent(rows: list[dict[str, Any]], stepping: str) -> float:
     """Power of the number of cells that the run time follows."""
-    own = [r for r in rows if r["stepping"] == stepping]
-    cells, seconds = (np.log([r[k] for r in own]) for k in ("cells", "seconds"))
-    return float(np.polyfit(cells, seconds, 1)[0])
+    return power([r for r in rows if r["stepping"] == stepping], "seconds")
 
 
 def draw(rows: list[dict[str, Any]]) -> Figure:
@@ -192,16 +190,19 @@ def main(output: Output, quick: bool = False) -> None:
     rows = scaling(FACTORS[:3] if quick else FACTORS, 2 if quick else 3)
     output.csv("scaling", rows)
     output.figure("scaling", draw(rows))
-    _processes(output, quick)
+    rows = processes((1.0,) if quick else (2.0, 1.0, 0.5), 1 if quick else 3)
+    output.csv("processes", rows)
     _start_up(output, quick)
     show(output)
 
 
 def show(output: Output) -> None:
     """The tables, from the data."""
-    headings = {"section": "part of the time loop", "seconds": "time [s]", "percent": "share [%]"}
-    formats = {"seconds": ".3f", "percent": ".0f"}
-    output.insert("shares", table(output.rows("shares"), headings, formats))
+    head: Columns = {
+        "section": "part of the time loop", "seconds": ("time [s]", ".3f"),
+        "percent": ("share [%]", ".0f"),
+    }  # fmt: skip
+    output.table("shares", output.rows("shares"), head)
     rows = output.rows("scaling")
     headings = {
         "stepping": "step", "cells": "cells", "vertices": "vertices", "steps": "steps",
@@ -214,27 +215,14 @@ def show(output: Output) -> None:
         for n, word in ((SHIPPED, SHIPPED), ("0.1 s", "step 0.1 s"), ("5 K", "adaptive, 5 K"))
     )
     output.insert("scaling", f"{table(rows, headings, formats)}\n\nRun time grows as {powers}.")
-    _show_processes(output)
-    times = output.rows("start_up")
-    output.insert("start up", table(times, {"what": "", "s": "time [s]"}, {"s": ".3f"}))
-
-
-def _processes(output: Output, quick: bool) -> None:
-    rows = processes((1.0,) if quick else (2.0, 1.0, 0.5), 1 if quick else 3)
-    output.csv("processes", rows)
-
-
-def _show_processes(output: Output) -> None:
-    headings = {
-        "vertices": "vertices", "memory_mb": "memory [MB]",
-        "imports_mb": "of it before the simulation is built [MB]", "one_rank_s": "1 rank [s]",
-        "two_ranks_s": "2 ranks [s]", "gain": "gain",
+    head = {
+        "vertices": "vertices", "memory_mb": ("memory [MB]", ".0f"),
+        "imports_mb": ("of it before the simulation is built [MB]", ".0f"),
+        "one_rank_s": ("1 rank [s]", ".2f"), "two_ranks_s": ("2 ranks [s]", ".2f"),
+        "gain": ("gain", ".2f"),
     }  # fmt: skip
-    formats = {
-        "memory_mb": ".0f", "imports_mb": ".0f", "one_rank_s": ".2f", "two_ranks_s": ".2f",
-        "gain": ".2f",
-    }  # fmt: skip
-    output.insert("processes", table(output.rows("processes"), headings, formats))
+    output.table("processes", output.rows("processes"), head)
+    output.table("start up", output.rows("start_up"), {"what": "", "s": ("time [s]", ".3f")})
 
 
 def _start_up(output: Output, quick: bool) -> None:

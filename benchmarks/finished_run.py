@@ -2,31 +2,59 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+from time import process_time
+from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
 from castfem.base.errors import RunFailure
 from castfem.model import Case
 from castfem.runs import loop
+from castfem.runs.output.history import read_history
 from castfem.runs.output.summary import Summary
 
+if TYPE_CHECKING:
+    import pandas as pd
 
-def finished_run(case: Case, folder: Path) -> tuple[Summary, str]:
-    """Return the summary of a run, and how it failed; "" where it came to its end.
+CLOCK = "processor_time.txt"
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """A run that has ended.
+
+    Attributes:
+        summary: Its summary. history: A row for each step.
+        seconds: Processor time, s, of what was run of it last; NaN if that is not known.
+        failure: Why it did not come to its end; "" where it did.
+    """
+
+    summary: Summary
+    history: pd.DataFrame
+    seconds: float
+    failure: str
+
+
+def finished_run(case: Case, folder: Path) -> Finished:
+    """Run a case into a folder, unless it is finished there.
 
     A run that was cut short there goes on from its checkpoint.
 
     Raises:
         RunFailure: It failed before there was anything to sum up.
     """
-    summary = Summary.load(folder)
-    if summary is not None and summary.status == "finished":
-        return summary, ""
-    try:
-        return loop.run(case, folder, comm=MPI.COMM_SELF, resume=folder.exists()), ""
-    except RunFailure as error:
-        summary = Summary.load(folder)
-        if summary is None:
-            raise
-        return summary, str(error)
+    summary, failure = Summary.load(folder), ""
+    if summary is None or summary.status != "finished":
+        start = process_time()
+        try:
+            summary = loop.run(case, folder, comm=MPI.COMM_SELF, resume=folder.exists())
+        except RunFailure as error:
+            failure, summary = str(error), Summary.load(folder)
+            if summary is None:
+                raise
+        (folder / CLOCK).write_text(f"{process_time() - start:.6g}\n", encoding="utf-8")
+    clock = folder / CLOCK
+    seconds = float(clock.read_text(encoding="utf-8")) if clock.exists() else float("nan")
+    return Finished(summary, read_history(folder / "history.csv"), seconds, failure)

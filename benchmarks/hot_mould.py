@@ -14,7 +14,7 @@ from mpi4py import MPI
 import numpy as np
 
 from benchmarks.billet_run import CASES, COARSE, QUIET
-from benchmarks.report import ROOT, Output, table
+from benchmarks.report import ROOT, Columns, Output
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.stopwatch import peak_memory
 from castfem.model import load_case
@@ -212,45 +212,36 @@ def main(output: Output, quick: bool = False) -> None:
 def show(output: Output) -> None:
     """The tables, from the data."""
     found = output.rows("hot_mould_tubes")
-    if found:
-        for row in found:
-            row["width"] = f"{row['width_least_mm']:.3f} to {row['width_most_mm']:.3f}"
-            row["diagonal"] = f"{row['diagonal_least_mm']:.3f} to {row['diagonal_most_mm']:.3f}"
-        headings = {
-            "tube": "tube", "width": "wider by [mm]", "width_exit_mm": "at the exit [mm]",
-            "diagonal": "diagonal [mm]", "hottest_degC": "hottest [°C]",
-            "hottest_at_mm": "at [mm]", "water_side_degC": "water side [°C]",
-            "von_mises_MPa": "stress [MPa]", "longer_mm": "longer [mm]",
-        }  # fmt: skip
-        whole = ("hottest_degC", "hottest_at_mm", "water_side_degC", "von_mises_MPa")
-        formats = {"width_exit_mm": ".3f", "longer_mm": ".2f", **dict.fromkeys(whole, ".0f")}
-        output.insert("hot_mould_tubes", table(found, headings, formats))
-    found = output.rows("hot_mould_turns")
-    if found:
-        headings = {"turn": "iteration", **{name: text for name, (text, _) in TURNS.items()},
-                    "hottest_degC": "copper [°C]", "moved_um": "wall moved [um]"}  # fmt: skip
-        formats = dict.fromkeys(TURNS, ".2f") | {"hottest_degC": ".0f", "moved_um": ".1f"}
-        formats |= {"mould_gap_max": ".3f", "mould_mean_pressure_max": ".3f"}
-        output.insert("hot_mould_turns", table(found, headings, formats))
-    found = output.rows("hot_mould_drawing")
-    if found:
-        headings = {"dimension": "dimension", "inlet_mm": "at the meniscus [mm]",
-                    "outlet_mm": "at the exit [mm]", "taper_percent_m": "taper [%/m]"}  # fmt: skip
-        formats = {"inlet_mm": ".3f", "outlet_mm": ".3f", "taper_percent_m": ".3f"}
-        output.insert("hot_mould_drawing", table(found, headings, formats))
-    found = output.rows("hot_mould_scale")
-    if found:
-        headings = {
-            "unknowns": "unknowns", "ranks": "ranks", "method": "method",
-            "heat_iterations": "iterations, heat", "iterations": "iterations, displacement",
-            "processor_seconds": "processor time [s]", "memory_GB": "memory [GB]",
-            "width_mm": "wider at 300 mm [mm]",
-            "width_exit_mm": "at the exit [mm]", "stress_MPa": "stress [MPa]",
-        }  # fmt: skip
-        formats = {"unknowns": ".0f", "processor_seconds": ".1f", "memory_GB": ".2f",
-                   "width_mm": ".4f", "width_exit_mm": ".4f", "stress_MPa": ".1f"}  # fmt: skip
-        output.insert("hot_mould_scale", table(found, headings, formats))
-    print("hot_mould: tables")
+    for row in found:
+        for name in ("width", "diagonal"):
+            row[name] = f"{row[f'{name}_least_mm']:.3f} to {row[f'{name}_most_mm']:.3f}"
+    head: Columns = {
+        "tube": "tube", "width": "wider by [mm]", "width_exit_mm": ("at the exit [mm]", ".3f"),
+        "diagonal": "diagonal [mm]", "hottest_degC": ("hottest [°C]", ".0f"),
+        "hottest_at_mm": ("at [mm]", ".0f"), "water_side_degC": ("water side [°C]", ".0f"),
+        "von_mises_MPa": ("stress [MPa]", ".0f"), "longer_mm": ("longer [mm]", ".2f"),
+    }  # fmt: skip
+    output.table("hot_mould_tubes", found, head)
+    forms = {"mould_gap_max": ".3f", "mould_mean_pressure_max": ".3f"}
+    head = {
+        "turn": "iteration",
+        **{name: (text, forms.get(name, ".2f")) for name, (text, _) in TURNS.items()},
+        "hottest_degC": ("copper [°C]", ".0f"), "moved_um": ("wall moved [um]", ".1f"),
+    }  # fmt: skip
+    output.table("hot_mould_turns", output.rows("hot_mould_turns"), head)
+    head = {
+        "dimension": "dimension", "inlet_mm": ("at the meniscus [mm]", ".3f"),
+        "outlet_mm": ("at the exit [mm]", ".3f"), "taper_percent_m": ("taper [%/m]", ".3f"),
+    }  # fmt: skip
+    output.table("hot_mould_drawing", output.rows("hot_mould_drawing"), head)
+    head = {
+        "unknowns": ("unknowns", ".0f"), "ranks": "ranks", "method": "method",
+        "heat_iterations": "iterations, heat", "iterations": "iterations, displacement",
+        "processor_seconds": ("processor time [s]", ".1f"), "memory_GB": ("memory [GB]", ".2f"),
+        "width_mm": ("wider at 300 mm [mm]", ".4f"), "width_exit_mm": ("at the exit [mm]", ".4f"),
+        "stress_MPa": ("stress [MPa]", ".1f"),
+    }  # fmt: skip
+    output.table("hot_mould_scale", output.rows("hot_mould_scale"), head)
 
 
 if __name__ == "__main__":

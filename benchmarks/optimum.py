@@ -1,22 +1,13 @@
-"""The best tapers of the 125 mm billet by castfem optimise, beside a grid of runs.
-
-The grid is what one would do without an optimiser: the objective where the constraint holds, read
-off monotone cubics through its runs, along one variable after the other.
-"""
+"""The best tapers of the 125 mm billet by castfem optimise, with one to three variables."""
 
 from __future__ import annotations
 
-import itertools
 import os
-from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-import numpy as np
-from scipy.interpolate import PchipInterpolator
-
-from benchmarks.report import Output, table
+from benchmarks.report import Columns, Output
 from castfem.api import load
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.studies.optimisation import Evaluator, Optimum, Study, Wanted
@@ -24,45 +15,26 @@ from castfem.studies.optimisation.figure import draw
 from castfem.studies.optimisation.mould_table import mould_table
 
 CASES = ("single", "corner", "double", "parabolic", "double_corner")
-# Ends [%/m] and runs along each variable, narrowed by hand: of one variable to where the six moulds
-# of docs/billet.md leave the best, of two to where the stress is below that of the single taper.
-_GRID = {
-    "single": ((0.2, 1.0, 9),),
-    "corner": ((0.4, 2.8, 5), (0.4, 0.8, 5)),
-    "double": ((0.4, 2.0, 5), (0.2, 0.8, 5)),
-}
-_QUICK = {"single": ((0.2, 1.0, 5),)}
 OFF = 1e-3  # mm: a gap that counts
-_FINE = 801  # places along each variable between the runs of a grid
-SHOWN = {
+SHOWN: Columns = {
     "mould": "mould",
     "best": "best [%/m]",
     "checked": "with the heat of the finest level [%/m]",
     "interval": "cannot be told from [%/m]",
-    "stress": "peak stress [MPa]",
-    "noise": "its noise",
-    "numerical": "its numerical error",
-    "left": "heat beyond the bound [% of ideal]",
+    "stress": ("peak stress [MPa]", ".2f"),
+    "noise": ("its noise", ".1g"),
+    "numerical": ("its numerical error", ".2g"),
+    "left": ("heat beyond the bound [% of ideal]", ".1g"),
     "runs": "runs of the search",
     "all": "runs in all",
-    "seconds": "wall time [s]",
+    "seconds": ("wall time [s]", ".0f"),
 }
-GRID = {
-    "mould": "mould",
-    "grid": "best by the grid [%/m]",
-    "grid_stress": "peak stress [MPa]",
-    "grid_runs": "runs of the grid",
-    "search": "best by the search [%/m]",
-    "stress": "its peak stress [MPa]",
-    "runs": "its runs",
-    "within": "grid in the interval",
-}
-ORDERED = {
+ORDERED: Columns = {
     "mould": "mould",
     "taper": "ordered [%/m]",
     "level": "run by",
-    "stress": "peak stress [MPa]",
-    "left": "heat beyond the bound [% of ideal]",
+    "stress": ("peak stress [MPa]", ".2f"),
+    "left": ("heat beyond the bound [% of ideal]", ".1g"),
     "start": "width, diagonal at the meniscus [mm]",
     "end": "at the exit [mm]",
 }
@@ -160,45 +132,6 @@ def at_work(name: str, found: Optimum) -> dict[str, Any]:
     }
 
 
-def grid(
-    name: str, study: Study, found: Optimum, sizes: Sequence[tuple[float, float, int]]
-) -> dict[str, Any]:
-    """A grid of runs between tapers, %/m, and the best that is read off it."""
-    axes = study.question.axes
-    ticks = [np.linspace(*size) for size in sizes]
-    places = itertools.product(*ticks)
-    wanted = [
-        study.question.at(np.array([a.share(v) for a, v in zip(axes, place, strict=True)]))
-        for place in places
-    ]
-    with Evaluator(study.question.case, folder(name), processes=2) as evaluator:
-        runs = Study(study.question.case, evaluator=evaluator).run(wanted)
-    (kept,) = found.constraints
-    shape = [len(values) for values in ticks]
-    stress = np.reshape([1e-6 * r["von_mises_max"] for r in runs], shape)
-    left = np.reshape([r["heat_removed"] - kept.bound for r in runs], shape)
-    finer = [np.linspace(values[0], values[-1], _FINE) for values in ticks]
-    for axis, (values, places_between) in enumerate(zip(ticks, finer, strict=True)):
-        stress = PchipInterpolator(values, stress, axis=axis)(places_between)
-        left = PchipInterpolator(values, left, axis=axis)(places_between)
-    allowed = np.where(left >= 0.0, stress, np.inf)
-    where = np.unravel_index(int(np.argmin(allowed)), allowed.shape)
-    best = [float(values[i]) for values, i in zip(finer, where, strict=True)]
-    inside = [v.low <= b <= v.high for v, b in zip(found.values, best, strict=True)]
-    objective = found.objective
-    assert objective is not None
-    return {
-        "mould": name,
-        "grid": ", ".join(f"{b:.2f}" for b in best),
-        "grid_stress": float(np.min(allowed)),
-        "grid_runs": len(runs),
-        "search": ", ".join(f"{v.value:.2f}" for v in found.values),
-        "stress": 1e-6 * objective.value,
-        "runs": found.runs["search"],
-        "within": "yes" if all(inside) else "no",
-    }
-
-
 def ordered(name: str, study: Study, found: Optimum) -> dict[str, Any]:
     """The mould that the check asks for, its tapers rounded, run by the level of the check."""
     tapers = [v.value if v.checked is None else v.checked for v in found.values]
@@ -221,37 +154,26 @@ def ordered(name: str, study: Study, found: Optimum) -> dict[str, Any]:
 
 
 def main(output: Output, quick: bool) -> None:
-    """Search and grid; quick: the single taper alone, on a grid of five."""
-    sizes = _QUICK if quick else _GRID
-    answers, grids, orders, working = [], [], [], []
+    """All searches; quick: the single taper alone."""
+    answers, orders, working = [], [], []
     for name in ("single",) if quick else CASES:
         study, found, seconds = search(name)
         answers.append(answer(name, found, seconds))
-        print(f"  {answers[-1]}", flush=True)
-        output.csv("optimum", answers)
         orders.append(ordered(name, study, found))
-        print(f"  {orders[-1]}", flush=True)
-        output.csv("optimum_ordered", orders)
         working.append(at_work(name, found))
+        print(f"  {answers[-1]}\n  {orders[-1]}", flush=True)
+        output.csv("optimum", answers)
+        output.csv("optimum_ordered", orders)
         output.csv("optimum_at_work", working)
         if name == "single":
             output.csv("optimum_single", [best_single(found)])
             figures = output.folder / "figures"
             figures.mkdir(parents=True, exist_ok=True)
             draw(found, figures / "optimum_single.png")
-        if name in sizes:
-            grids.append(grid(name, study, found, sizes[name]))
-            print(f"  {grids[-1]}", flush=True)
-            output.csv("optimum_grid", grids)
     show(output)
 
 
 def show(output: Output) -> None:
     """Tables from the data."""
-    forms = {
-        "stress": ".2f", "noise": ".1g", "numerical": ".2g", "left": ".1g",
-        "grid_stress": ".2f", "seconds": ".0f",
-    }  # fmt: skip
-    output.insert("optimum answers", table(output.rows("optimum"), SHOWN, forms))
-    output.insert("optimum ordered", table(output.rows("optimum_ordered"), ORDERED, forms))
-    output.insert("optimum grid", table(output.rows("optimum_grid"), GRID, forms))
+    output.table("optimum answers", output.rows("optimum"), SHOWN)
+    output.table("optimum ordered", output.rows("optimum_ordered"), ORDERED)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from benchmarks.optimum import folder
-from benchmarks.report import Output, table
+from benchmarks.report import Columns, Output
 from castfem.api import load
 from castfem.studies.optimisation import Evaluator, Optimum, Study
 
@@ -23,14 +23,11 @@ SCENES: dict[str, tuple[int, dict[str, Any]]] = {
     ),
 }  # fmt: skip
 """Length of the mould, mm, and what is asked for."""
-SHOWN = {
-    "scene": "asked for",
-    "length": "mould [mm]",
-    "best": "best, coarse [%/m]",
-    "interval": "cannot be told from [%/m]",
-    "reference": "best, fine [%/m]",
+SHOWN: Columns = {
+    "scene": "asked for", "length": ("mould [mm]", ".0f"), "best": ("best, coarse [%/m]", ".2f"),
+    "interval": "cannot be told from [%/m]", "reference": ("best, fine [%/m]", ".2f"),
     "within": "in the interval",
-}
+}  # fmt: skip
 
 
 def search(number: int, fidelity: str) -> Optimum:
@@ -67,5 +64,4 @@ def main(output: Output, quick: bool) -> None:
 
 def show(output: Output) -> None:
     """The table from the data."""
-    forms = {"length": ".0f", "best": ".2f", "reference": ".2f"}
-    output.insert("optimum holds", table(output.rows("optimum_holds"), SHOWN, forms))
+    output.table("optimum holds", output.rows("optimum_holds"), SHOWN)

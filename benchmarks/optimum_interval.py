@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.optimum import folder
-from benchmarks.report import Output, table
+from benchmarks.report import Columns, Output
 from castfem.api import load
 from castfem.studies.optimisation import Evaluator, Optimum, Study, Wanted
 from castfem.studies.optimisation.figure import draw_front
@@ -24,17 +24,13 @@ INPUTS = {
     "steel.overrides.solidus.value [degC]": "solidus, ± 10 K",
     "mechanics.law.strength [times]": "flow stress, ± 20 %",
 }
-PARTS = {
-    "part": "what is taken into account",
-    "low": "from [%/m]",
-    "high": "to [%/m]",
-}
-FRONT = {
-    "taper": "taper [%/m]",
-    "heat": "heat [% of idealised]",
-    "stress": "peak stress [MPa]",
-    "price": "a percent of heat costs [MPa]",
-}
+PARTS: Columns = {
+    "part": "what is taken into account", "low": ("from [%/m]", ".2f"), "high": ("to [%/m]", ".2f"),
+}  # fmt: skip
+FRONT: Columns = {
+    "taper": ("taper [%/m]", ".3f"), "heat": ("heat [% of idealised]", ".2f"),
+    "stress": ("peak stress [MPa]", ".2f"), "price": ("a percent of heat costs [MPa]", ".2f"),
+}  # fmt: skip
 
 
 def study_of(name: str, runs: Path) -> tuple[Study, Optimum]:
@@ -117,17 +113,18 @@ def show(output: Output) -> None:
     for row in rows:
         if row["low"] == row["high"]:
             row["high"] = None
-    two = {"low": ".2f", "high": ".2f"}
-    output.insert("optimum interval", table(rows, PARTS, two))
+    output.table("optimum interval", rows, PARTS)
     rows = output.rows("optimum_inputs")
     for row in rows:
         unit = f" {row['unit']}" if row["unit"] else ""
         row["change"] = f"{row['low']:+.2g} to {row['high']:+.2g}{unit}"
         for i in range(len(INPUTS)):
             row[f"index_{i}"] = f"{row[f'first_{i}']:.2f} / {row[f'total_{i}']:.2f}"
-    shown = {"result": "result", "change": "5 to 95 % of the draws", "error": "error of the fit",
-             "met": "met [% of draws]",
-             **{f"index_{i}": name for i, name in enumerate(INPUTS.values())}}  # fmt: skip
-    output.insert("optimum inputs", table(rows, shown, {"error": ".2g", "met": ".0f"}))
-    forms = {"taper": ".3f", "heat": ".2f", "stress": ".2f", "price": ".2f"}
-    output.insert("optimum front", table(output.rows("optimum_front"), FRONT, forms))
+    shown: Columns = {
+        "result": "result", "change": "5 to 95 % of the draws",
+        "error": ("error of the fit", ".2g"),
+        "met": ("met [% of draws]", ".0f"),
+        **{f"index_{i}": name for i, name in enumerate(INPUTS.values())},
+    }  # fmt: skip
+    output.table("optimum inputs", rows, shown)
+    output.table("optimum front", output.rows("optimum_front"), FRONT)

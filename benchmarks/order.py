@@ -12,7 +12,7 @@ from typing import Any
 from mpi4py import MPI
 
 from benchmarks.billet_run import CASES, COARSE, QUIET
-from benchmarks.report import Output, table
+from benchmarks.report import Output
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.model import load_case
 from castfem.model.build.simulation import build
@@ -114,11 +114,7 @@ def show(output: Output) -> None:
         for name in found
     ]
     head = {
-        "time": "time [s]",
-        "order": "order",
-        "heat": "corner, heat [°C]",
-        "given": "given to the mechanics [°C]",
-        "peak": "peak stress [MPa]",
-    }
-    forms = {"heat": ".0f", "given": ".0f", "peak": ".1f"}
-    output.insert("order", table(shown, head, forms))
+        "time": "time [s]", "order": "order", "heat": ("corner, heat [°C]", ".0f"),
+        "given": ("given to the mechanics [°C]", ".0f"), "peak": ("peak stress [MPa]", ".1f"),
+    }  # fmt: skip
+    output.table("order", shown, head)

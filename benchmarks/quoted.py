@@ -1,11 +1,17 @@
 """Numbers in the sentences of the pages, tied to the data they come from.
 
-A number in running text is tied by a comment in front of it, which a reader does not see:
+A number in running text is tied by a comment in front of it, which a reader does not see; another
+comment, at the end of the page, says where its number comes from:
 
-    the slice loses <!-- q: billet_moulds.csv[mould=+1 %/m].heat_removed_slice .1f -->136.4 kJ
+    the slice loses <!-- q1 -->136.4 kJ
 
-The comment names a file of docs/data, the row by one or more columns, the column, and the format.
-Two such cells may be divided, subtracted or compared in per cent (`%`: how much more the first is).
+    <!-- numbers of this page
+    q1: billet_moulds.csv[mould=+1 %/m].heat_removed_slice .1f
+    -->
+
+That is a file of docs/data, the row by one or more columns, the column, and the format. Two such
+cells may be divided, subtracted or compared in per cent (`%`: how much more the first is). It may
+also stand in the sentence, as `<!-- q: FILE.csv[...].column .1f -->`.
 `python -m benchmarks tables` writes the numbers anew, a test finds one that differs from its data.
 """
 
@@ -13,6 +19,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +27,9 @@ from typing import Any
 from benchmarks.report import PAGE, Output
 
 _NUMBER = r"[-+]?\d[\d.]*(?:e[-+]?\d+)?"
-_QUOTED = re.compile(rf"<!-- q: (.+?) ([-+]?\.?\d*[defg]) -->({_NUMBER})")
+_FORM = r"[-+]?\.?\d*[defg]"
+_QUOTED = re.compile(rf"<!-- q(?:(\d+)|: (.+?) ({_FORM})) -->({_NUMBER})")
+_DEFINED = re.compile(rf"^q(\d+): (.+) ({_FORM})$", re.MULTILINE)
 _CELL = re.compile(r"(\w+)\.csv\[(.*?)\]\.(.+)")
 _SIGN = re.compile(r" ([-/%]) (?=\w+\.csv\[)")
 
@@ -50,20 +59,35 @@ def pages(folder: Path) -> list[Path]:
 
 
 def quotations(page: Path) -> list[Quotation]:
-    """The tied numbers of a page."""
+    """The tied numbers of a page; without a source where it says none."""
+    text = page.read_text(encoding="utf-8")
+    known = _defined(text)
     return [
-        Quotation(number, *found.groups())
-        for number, text in enumerate(page.read_text(encoding="utf-8").splitlines(), 1)
+        Quotation(text.count("\n", 0, found.start()) + 1, *_source(found, known), found[4])
         for found in _QUOTED.finditer(text)
     ]
+
+
+def _defined(text: str) -> dict[str, tuple[str, str]]:
+    """Cells and format by number, as the end of a page has them."""
+    return {number: (what, form) for number, what, form in _DEFINED.findall(text)}
+
+
+def _source(found: re.Match[str], known: Mapping[str, tuple[str, str]]) -> tuple[str, str]:
+    """Cells and format of a quotation."""
+    return known.get(found[1], (f"q{found[1]}", "g")) if found[1] else (found[2], found[3])
 
 
 def wrong(folder: Path) -> list[str]:
     """Numbers of the pages in `folder` that differ from those of its data, a line each."""
     found = []
     for page in pages(folder):
+        text = page.read_text(encoding="utf-8")
+        unused = set(_defined(text)) - {one[1] for one in _QUOTED.finditer(text)}
+        name = os.path.relpath(page, folder)
+        found += [f"{name}: no sentence has q{number}" for number in sorted(unused)]
         for one in quotations(page):
-            where = f"{os.path.relpath(page, folder)}: line {one.line}"
+            where = f"{name}: line {one.line}"
             try:
                 right = value(folder, one.what, one.form)
             except KeyError as error:
@@ -76,15 +100,17 @@ def wrong(folder: Path) -> list[str]:
 
 def rewrite(folder: Path) -> None:
     """Write the tied numbers of the pages in `folder` anew; one without a cell stays (`wrong`)."""
-
-    def anew(found: re.Match[str]) -> str:
-        try:
-            return f"<!-- q: {found[1]} {found[2]} -->{value(folder, found[1], found[2])}"
-        except KeyError:
-            return found[0]
-
     for page in pages(folder):
         text = page.read_text(encoding="utf-8")
+        known = _defined(text)
+
+        def anew(found: re.Match[str], known: Mapping[str, Any] = known) -> str:
+            try:
+                number = value(folder, *_source(found, known))
+            except KeyError:
+                return found[0]
+            return found[0].removesuffix(found[4]) + number
+
         if (made := _QUOTED.sub(anew, text)) != text:
             page.write_text(made, encoding="utf-8")
 

@@ -9,12 +9,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "benchmarks.md"
 Row = Mapping[str, Any]
+Columns = Mapping[str, str | Sequence[str]]
+"""Heading of a column by its key, or heading and format of its numbers."""
 _WORDS = {"": None, "True": True, "False": False}
 
 
@@ -62,6 +66,13 @@ class Output:
         figure.savefig(path, dpi=110)
         return path
 
+    def table(self, name: str, rows: Sequence[Row], columns: Columns) -> None:
+        """Put a table between the markers NAME of the page; without rows that one stays."""
+        if rows:
+            pairs = {k: (v, "g") if isinstance(v, str) else v for k, v in columns.items()}
+            heads = {k: head for k, (head, _) in pairs.items()}
+            self.insert(name, table(rows, heads, {k: form for k, (_, form) in pairs.items()}))
+
     def insert(self, name: str, text: str) -> None:
         """Put `text` between the markers NAME of the page.
 
@@ -78,6 +89,12 @@ class Output:
             raise KeyError(f"{self.page.name} has no place for '{name}'")
         page = pattern.sub(lambda m: f"{m[1]}{text.rstrip()}\n{m[2]}", page)
         self.page.write_text(page, encoding="utf-8")
+
+
+def power(rows: Sequence[Row], cost: str) -> float:
+    """Power of the number of cells that a cost goes with, over all rows."""
+    cells, costs = (np.log([r[k] for r in rows]) for k in ("cells", cost))
+    return float(np.polyfit(cells, costs, 1)[0])
 
 
 def front(rows: Sequence[Row], key: str) -> tuple[list[float], list[float]]:

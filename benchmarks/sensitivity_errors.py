@@ -12,9 +12,9 @@ from typing import Any
 from mpi4py import MPI
 
 from benchmarks.billet_run import CASES, QUIET
-from benchmarks.report import Output, table
+from benchmarks.report import Output
+from castfem.base.shown_quantity import from_si, unit_of_difference
 from castfem.model import Case, load_case
-from castfem.runs.output.summary import from_si, unit_of_difference
 from castfem.studies.mould_fit.follow import follow
 from castfem.studies.sensitivity.parameters import Parameter
 from castfem.studies.sensitivity.result import Sensitivity
@@ -93,12 +93,9 @@ def differences(
 
 def show(output: Output) -> None:
     """The table, from the data."""
-    rows = output.rows("sensitivity_errors")
-    if rows:
-        head = {
-            "case": "case", "result": "result", "parameter": "by", "unit": "unit",
-            "derivative": "derivative", "error": "±", "near": "runs ± 1 %", "far": "runs ± 10 %",
-            "within": "within",
-        }  # fmt: skip
-        forms = dict.fromkeys(("derivative", "near", "far"), "+.3g") | {"error": ".2g"}
-        output.insert("sensitivity errors", table(rows, head, forms))
+    head = {
+        "case": "case", "result": "result", "parameter": "by", "unit": "unit",
+        "derivative": ("derivative", "+.3g"), "error": ("±", ".2g"),
+        "near": ("runs ± 1 %", "+.3g"), "far": ("runs ± 10 %", "+.3g"), "within": "within",
+    }  # fmt: skip
+    output.table("sensitivity errors", output.rows("sensitivity_errors"), head)

@@ -21,7 +21,7 @@ import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
-from benchmarks.report import Output, table
+from benchmarks.report import Columns, Output
 from castfem import meshes
 from castfem.base.types import Array
 from castfem.fem import compat
@@ -311,13 +311,15 @@ def main(output: Output, quick: bool) -> None:
 
 def show(output: Output) -> None:
     """The table, from the data."""
-    head = {
-        "width": "width, mm", "shell": "shell, mm", "pitch": "pitch, mm", "strip": "strip, mm",
-        "sheared": "strip and shear", "plate": "thesis' plate", "slice": "slice on its bed",
-        "solid": "three dimensions", "undented": "without the dent",
-        "half_slice": "half of it, slice", "half_solid": "half of it, three dimensions",
-        "off": "slice off along the face, %",
+    lengths = {
+        "strip": "strip, mm", "sheared": "strip and shear", "plate": "thesis' plate",
+        "slice": "slice on its bed", "solid": "three dimensions", "undented": "without the dent",
     }  # fmt: skip
-    lengths = ("strip", "sheared", "plate", "slice", "solid", "undented")
-    forms = dict.fromkeys(lengths, ".3f") | {"half_slice": ".0f", "half_solid": ".0f", "off": ".0f"}
-    output.insert("shell3d", table(output.rows("shell3d"), head, forms))
+    head: Columns = {
+        "width": "width, mm", "shell": "shell, mm", "pitch": "pitch, mm",
+        **{key: (words, ".3f") for key, words in lengths.items()},
+        "half_slice": ("half of it, slice", ".0f"),
+        "half_solid": ("half of it, three dimensions", ".0f"),
+        "off": ("slice off along the face, %", ".0f"),
+    }  # fmt: skip
+    output.table("shell3d", output.rows("shell3d"), head)

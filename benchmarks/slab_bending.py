@@ -1,4 +1,4 @@
-"""The coarse slab that its rolls bend: what windows, start, effort and cells make of it.
+"""The coarse slab that its rolls bend: what its windows and its start make of it.
 
 Runs cases/slab1200/bending.toml with each change, into results/benchmarks/slab_bending (a run that
 is finished there is not repeated).  One has windows that are 1 % shorter: what it differs by is the
@@ -18,8 +18,6 @@ import numpy as np
 from benchmarks.finished_run import finished_run
 from benchmarks.report import ROOT, Output, table
 from castfem.model import Case, load_case
-from castfem.model.load import from_document
-from castfem.runs.output.history import read_history
 from castfem.runs.output.summary import Summary
 
 if TYPE_CHECKING:
@@ -30,10 +28,6 @@ FOLDER = ROOT / "results" / "benchmarks" / "slab_bending"
 QUIET = ("output.fields=[]", "output.figures=false")
 TO_ARC = "casting.length=4.2 m"
 EXIT = "casting.start.at=mould_exit"
-NO_EFFORT = ("mechanics.planes.force=0 N", "mechanics.planes.force_contains_bending=false")
-STRAIGHT = {"position": ["0.87 m", "30 m"], "diameter": ["130 mm", "130 mm"]}
-FINE = ("mesh.surface_size=2.5 mm", "mesh.corner_size=5 mm")
-SPRAYED = "a narrow face that is sprayed, no effort"
 MOULD, SHELL = 0.8, 1.0  # m: its end; where the slice has one shell
 ROLLS = {"bending": (8, 15), "straightening": (49, 57)}
 _SLACK = 1e-6  # m
@@ -57,14 +51,7 @@ FROM_EXIT = Change("from the mould's exit", (EXIT, TO_ARC))
 FROM_EXIT_SHORTER = Change(
     "from the mould's exit, 1 % shorter", (EXIT, TO_ARC, "coupling.interval=99 mm")
 )
-STRAIGHT_ROLLS = Change("straight rolls", (TO_ARC,))
-CHANGES = (
-    SHIPPED, SHORTER, FROM_EXIT, FROM_EXIT_SHORTER, HALF,
-    STRAIGHT_ROLLS,
-    Change("no effort", (TO_ARC, *NO_EFFORT)),
-    Change("cells of 2.5 mm", (TO_ARC, *FINE)),
-    Change(SPRAYED, NO_EFFORT),
-)  # fmt: skip
+CHANGES = (SHIPPED, SHORTER, FROM_EXIT, FROM_EXIT_SHORTER, HALF)
 
 
 def main(output: Output, quick: bool) -> None:
@@ -75,48 +62,20 @@ def main(output: Output, quick: bool) -> None:
         rows.append(_row(change, case, (output.folder if quick else FOLDER) / change.name))
         print(f"  {change.name}: {rows[-1]['failure'] or 'finished'}", flush=True)
         output.csv("slab_bending", rows)
-    if not quick:
-        output.csv("slab_bending_axis", _bending_alone())
     show(output)
 
 
 def changed(change: Change, further: tuple[str, ...] = ()) -> Case:
     """The case of a run."""
-    case = load_case(CASE, (*QUIET, *change.keys, *further))
-    document = case.document()
-    if change is STRAIGHT_ROLLS:
-        document["machine"] = {"rolls": STRAIGHT}
-        del document["mechanics"]["planes"]["force_contains_bending"]
-        return from_document(document)
-    if change.name == SPRAYED:
-        for zone in document["cooling"]:  # as the wide faces are
-            zone["surface"] = [one for one in zone["surface"] if one["law"] != "radiation"]
-            zone["surface"][0].pop("on", None)
-        return from_document(document)
-    return case
+    return load_case(CASE, (*QUIET, *change.keys, *further))
 
 
 def _row(change: Change, case: Case, folder: Path) -> dict[str, Any]:
     """Run a case, unless it is finished, and read what is told of it."""
-    summary, failure = finished_run(case, folder)
-    history = read_history(folder / "history.csv")
-    return {"name": change.name, "failure": failure} | found(history, summary, _places())
-
-
-def _bending_alone() -> list[dict[str, float]]:
-    """Where bending leaves the thickness of the slice, beside the same slab in straight rolls."""
-    places = _places()
-    at = np.linspace(*(places[i - 1] for i in ROLLS["bending"]), 8)
-    bent, straight = (
-        read_history(FOLDER / name / "history.csv") for name in (SHIPPED.name, STRAIGHT_ROLLS.name)
+    run = finished_run(case, folder)
+    return {"name": change.name, "failure": run.failure} | found(
+        run.history, run.summary, _places()
     )
-    strains = [np.interp(at, one["position"], one["axial_strain"]) for one in (bent, straight)]
-    turned = np.diff(np.interp(at, bent["position"], bent["curvature"]))
-    whole, alone = (np.diff(e) / turned for e in (strains[0], strains[0] - strains[1]))
-    return [
-        {"from": at[i], "to": at[i + 1], "whole": 1e3 * whole[i], "alone": 1e3 * alone[i]}
-        for i in range(len(turned))
-    ]
 
 
 def _places() -> np.ndarray:

@@ -18,10 +18,8 @@ from typing import Any
 
 from mpi4py import MPI
 
-import numpy as np
-
 from benchmarks.probe import peak
-from benchmarks.report import ROOT, Output, table
+from benchmarks.report import ROOT, Output, power
 from benchmarks.slab_error import CASES, QUIET, THICK, Setting
 from castfem.model import load_case
 from castfem.model.build.simulation import build, build_mesh
@@ -57,28 +55,23 @@ def main(output: Output, quick: bool) -> None:
         rows.append(json.loads(done.stdout.rpartition("RESULT ")[2]))
         print(f"  {rows[-1]}", flush=True)
     for one, other in pairwise(rows):
-        other["power"] = _power(one, other, "ms")
+        other["power"] = power([one, other], "ms")
     rows[0]["power"] = None
-    rows.append(rows[-1] | {"size": "from first to last", "power": _power(rows[0], rows[-1], "ms")})
+    rows.append(
+        rows[-1] | {"size": "from first to last", "power": power([rows[0], rows[-1]], "ms")}
+    )
     output.csv("slab_cells", rows)
     show(output)
-
-
-def _power(one: dict[str, Any], other: dict[str, Any], name: str) -> float:
-    """Power of the cells that a cost goes with."""
-    return float(np.log(other[name] / one[name]) / np.log(other["cells"] / one["cells"]))
 
 
 def show(output: Output) -> None:
     """The table, from the data."""
     head = {
-        "size": "cells, mm", "cells": "cells", "newton": "Newton iterations a window",
-        "ms": "a window, ms", "iteration": "an iteration, ms",
-        "power": "power of the cells", "memory": "memory, MB",
+        "size": "cells, mm", "cells": "cells", "newton": ("Newton iterations a window", ".2f"),
+        "ms": ("a window, ms", ".0f"), "iteration": ("an iteration, ms", ".0f"),
+        "power": ("power of the cells", ".2f"), "memory": ("memory, MB", ".0f"),
     }  # fmt: skip
-    forms = {"newton": ".2f", "ms": ".0f", "iteration": ".0f", "power": ".2f", "memory": ".0f"}
-    if rows := output.rows("slab_cells"):
-        output.insert("slab cells", table(rows, head, forms))
+    output.table("slab cells", output.rows("slab_cells"), head)
 
 
 if __name__ == "__main__":

@@ -17,12 +17,12 @@ from mpi4py import MPI
 
 import numpy as np
 
-from benchmarks.report import ROOT, Output, front, table
-from castfem.base.errors import RunFailure
+from benchmarks.finished_run import finished_run
+from benchmarks.plots import errors_over_time
+from benchmarks.report import ROOT, Columns, Output
 from castfem.model import Case, load_case
 from castfem.model.build.simulation import build, build_mesh
 from castfem.runs import loop
-from castfem.runs.output.history import read_history
 from castfem.runs.output.summary import Summary
 
 if TYPE_CHECKING:
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
 CASES = ROOT / "cases" / "slab1200"
 FOLDER = ROOT / "results" / "benchmarks" / "slab_error"
-CLOCK = "processor_time.txt"
 QUIET = ("output.fields=[]", "output.figures=false")
 
 
@@ -168,25 +167,14 @@ def _speed(folder: Path) -> list[dict[str, Any]]:
 def _row(one: Setting, folder: Path, length: Sequence[str]) -> dict[str, Any]:
     """Run one setting, unless it is finished, and read what is compared."""
     case = load_case(CASES / "slab.toml", (*QUIET, *one.changes, *length))
-    summary, failure = Summary.load(folder), ""
-    if summary is None or summary.status != "finished":
-        start = process_time()
-        try:
-            summary = loop.run(case, folder, comm=MPI.COMM_SELF, resume=folder.exists())
-        except RunFailure as error:
-            failure = str(error)
-            summary = Summary.load(folder)
-        (folder / CLOCK).write_text(f"{process_time() - start:.6g}\n", encoding="utf-8")
-    assert summary is not None
-    history = read_history(folder / "history.csv")
-    clock = float((folder / CLOCK).read_text(encoding="utf-8"))
+    run = finished_run(case, folder)
     given = {"name": one.name, "size": one.size, "window": one.window, "what": one.what}
     work = {
-        "cells": len(build_mesh(case).cells), "windows": summary.steps.get("coupling windows"),
-        "newton": summary.steps.get("Newton iterations, mechanics"),
-        "seconds": clock, "failure": failure,
+        "cells": len(build_mesh(case).cells), "windows": run.summary.steps.get("coupling windows"),
+        "newton": run.summary.steps.get("Newton iterations, mechanics"),
+        "seconds": run.seconds, "failure": run.failure,
     }  # fmt: skip
-    return given | work | _found(summary, history, case)
+    return given | work | _found(run.summary, run.history, case)
 
 
 def _found(summary: Summary, history: pd.DataFrame, case: Case) -> dict[str, Any]:
@@ -264,13 +252,12 @@ def _told(output: Output) -> list[dict[str, Any]]:
 
 def show(output: Output) -> None:
     """The tables, from the data."""
-    head = {
-        "what": "600 cells, windows of 5 mm", "windows": "windows", "newton": "Newton iterations a "
-        "window", "ms": "a window, ms", "whole": "to #62, min",
+    head: Columns = {
+        "what": "600 cells, windows of 5 mm", "windows": "windows",
+        "newton": ("Newton iterations a window", ".2f"), "ms": ("a window, ms", ".0f"),
+        "whole": ("to #62, min", ".1f"),
     }  # fmt: skip
-    forms = {"newton": ".2f", "ms": ".0f", "whole": ".1f"}
-    if rows := output.rows("slab_speed"):
-        output.insert("slab speed", table(rows, head, forms))
+    output.table("slab speed", output.rows("slab_speed"), head)
     told = _told(output)
     if not told:
         return
@@ -279,13 +266,13 @@ def show(output: Output) -> None:
         mark = "**" if row["name"] == DEFAULT.name else ""
         line = {name: f"{mark}{row[name]:g}{mark}" for name in ("size", "window")}
         lines.append(row | line)
-    head = {"size": "cells, mm", "window": "windows, mm", "what": "otherwise", "cells": "cells",
-            "windows": "windows", "newton": "Newton iterations", "seconds": "time, s"}  # fmt: skip
-    forms = {name: "+" + COMPARED[name][2] for name in SHORT if name not in ALONG}
-    forms |= {name: COMPARED[name][2] for name in ALONG} | {"seconds": ".0f"}
-    if not any(row["what"] for row in told):
-        head.pop("what")
-    output.insert("slab trade", table(lines, head | SHORT, forms))
+    head = {
+        "size": "cells, mm", "window": "windows, mm", "what": "otherwise", "cells": "cells",
+        "windows": "windows", "newton": "Newton iterations", "seconds": ("time, s", ".0f"),
+        **{name: (words, ("" if name in ALONG else "+") + COMPARED[name][2])
+           for name, words in SHORT.items()},
+    }  # fmt: skip
+    output.table("slab trade", lines, head)
     rows = {row["name"]: row for row in output.rows("slab_error")}
     shipped, cells, windows = (rows[one.name] for one in (DEFAULT, FINE_CELLS, FINE_WINDOWS))
     lines = []
@@ -306,7 +293,7 @@ def show(output: Output) -> None:
         "cells": f"more with cells of {FINE_CELLS.size:g} mm",
         "windows": f"more with windows of {FINE_WINDOWS.window:g} mm",
     }  # fmt: skip
-    output.insert("slab error", table(lines, head, {}))
+    output.table("slab error", lines, head)
 
 
 COLOURS = {7.5: "#d55e00", 5.0: "#0072b2", 2.5: "#009e73"}
@@ -321,33 +308,14 @@ DRAWN = {
 
 def draw(told: Sequence[Mapping[str, Any]]) -> Figure:
     """Error against processor time; the default ringed, runs that none beats joined."""
-    from castfem.post.plots.style import look, new_figure
-
-    rows = [row | {name: abs(row[name]) for name in DRAWN} for row in told]
-    with look():
-        figure = new_figure(8.6, 6.0)
-        for axis, (key, label) in zip(figure.subplots(2, 2).flat, DRAWN.items(), strict=True):
-            axis.plot(*front(rows, key), "-", color="#777777", linewidth=1.0)
-            for row in rows:
-                marker = MARKERS.get(row["window"], "s")
-                colour = COLOURS.get(row["size"], "black")
-                axis.plot(row["seconds"], row[key], marker, color=colour, markersize=7)
-                if row["name"] == DEFAULT.name:
-                    axis.plot(
-                        row["seconds"], row[key], "o", markersize=15, fillstyle="none",
-                        color="black",
-                    )  # fmt: skip
-            axis.set(xscale="log", xlabel="processor time [s]", ylabel=f"error: {label}")
-            axis.set_ylim(bottom=0.0)
-            axis.xaxis.set_major_formatter("{x:g}")
-            axis.xaxis.set_minor_formatter(lambda x, _: f"{x:g}" if f"{x:e}"[0] in "25" else "")
-        first = figure.axes[0]
-        legend = [
-            *(first.plot([], [], "s", color=c, label=f"{s:g} mm")[0] for s, c in COLOURS.items()),
-            *(
-                first.plot([], [], m, color="#777777", label=f"windows of {w:g} mm")[0]
-                for w, m in MARKERS.items()
-            ),
-        ]
-        figure.legend(handles=legend, loc="outside lower center", ncols=5, fontsize=8)
-    return figure
+    rows = [
+        {name: abs(row[name]) for name in DRAWN}
+        | {"seconds": row["seconds"], "default": row["name"] == DEFAULT.name, "size": 7.0}
+        | {"colour": COLOURS.get(row["size"], "black"), "marker": MARKERS.get(row["window"], "s")}
+        for row in told
+    ]
+    legend = [(f"{size:g} mm", "s", colour) for size, colour in COLOURS.items()]
+    legend += [(f"windows of {w:g} mm", mark, "#777777") for w, mark in MARKERS.items()]
+    panels = [[("", rows, key, label) for key, label in list(DRAWN.items())[i : i + 2]]
+              for i in (0, 2)]  # fmt: skip
+    return errors_over_time(panels, legend, logarithmic=False)

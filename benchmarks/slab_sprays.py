@@ -7,20 +7,14 @@ of docs/slab_heat.md.
 
 from __future__ import annotations
 
-from pathlib import Path
-from time import process_time
 from typing import TYPE_CHECKING, Any
-
-from mpi4py import MPI
 
 import numpy as np
 
-from benchmarks.report import ROOT, Output, table
+from benchmarks.finished_run import Finished, finished_run
+from benchmarks.report import ROOT, Output
 from castfem.model import Case, load_case
 from castfem.post.plots.secondary import faces_met
-from castfem.runs import loop
-from castfem.runs.output.history import read_history
-from castfem.runs.output.summary import Summary
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,7 +23,6 @@ if TYPE_CHECKING:
 
 CASE = ROOT / "cases" / "slab1200" / "sprays.toml"
 FOLDER = ROOT / "results" / "benchmarks" / "slab_sprays"
-CLOCK = "processor_time.txt"
 QUIET = ("output.fields=[]", "output.figures=false")
 TO = 6.0  # m, of the run with stricter steps
 RUNS: dict[str, tuple[str, ...]] = {
@@ -51,47 +44,37 @@ STRETCHES = {"mould to #15": (None, 15), "mould to #57": (None, 57), "#49 to #57
 
 def main(output: Output, quick: bool) -> None:
     """All runs; errors, heat by what takes it, what the surface of the straightener does."""
-    runs: dict[str, tuple[Summary, pd.DataFrame, float]] = {}
+    runs: dict[str, Finished] = {}
     if quick:
         case = load_case(CASE, (*QUIET, *RUNS["3 mm"], "casting.length=1.2 m"))
-        _run(case, output.folder / "sprays")
+        finished_run(case, output.folder / "sprays")
         return
     for name, keys in RUNS.items():
         case = load_case(CASE, (*QUIET, *keys))
         folder = FOLDER / "".join(c if c.isalnum() else "_" for c in name)
-        runs[name] = _run(case, folder)
-        print(f"  {name}: {runs[name][2]:.0f} s", flush=True)
+        runs[name] = finished_run(case, folder)
+        print(f"  {name}: {runs[name].seconds:.0f} s", flush=True)
     output.csv("slab_sprays", [_row(name, runs) for name in RUNS])
     shipped = load_case(CASE)
     assert shipped.machine is not None
     rolls = shipped.machine.pairs()
     assert rolls is not None
-    history = runs[SHIPPED][1]
+    history = runs[SHIPPED].history
     output.csv("slab_sprays_heat", _heat(shipped, rolls, history))
     output.csv("slab_sprays_surface", [{"case": "sprays"} | _surface(shipped, rolls, history)])
     show(output)
 
 
-def _run(case: Case, folder: Path) -> tuple[Summary, pd.DataFrame, float]:
-    """Summary, history and processor time of a case, run unless it is finished."""
-    summary = Summary.load(folder)
-    if summary is None or summary.status != "finished":
-        start = process_time()
-        summary = loop.run(case, folder, comm=MPI.COMM_SELF, resume=folder.exists())
-        (folder / CLOCK).write_text(f"{process_time() - start:.6g}\n", encoding="utf-8")
-    seconds = float((folder / CLOCK).read_text(encoding="utf-8"))
-    return summary, read_history(folder / "history.csv"), seconds
-
-
-def _row(name: str, runs: dict[str, tuple[Summary, pd.DataFrame, float]]) -> dict[str, Any]:
+def _row(name: str, runs: dict[str, Finished]) -> dict[str, Any]:
     """What a run came to, and what its surface differs by from the next finer."""
-    summary, history, seconds = runs[name]
+    run = runs[name]
+    summary, history = run.summary, run.history
     heat = summary.balances["heat"]
     row: dict[str, Any] = {
         "name": name,
         "steps": int(summary.steps["accepted"]),
         "rejected": int(summary.steps["rejected"]),
-        "seconds": seconds,
+        "seconds": run.seconds,
         "closes": summary.quantities["metallurgical_length"].value
         if "metallurgical_length" in summary.quantities
         else None,
@@ -102,7 +85,7 @@ def _row(name: str, runs: dict[str, tuple[Summary, pd.DataFrame, float]]) -> dic
     for line, column in LINES.items():
         row[f"{line}_rms"] = row[f"{line}_largest"] = None
         if against is not None:
-            other = runs[against][1]
+            other = runs[against].history
             end = min(history["position"].iloc[-1], other["position"].iloc[-1])
             off = _differences(history, other, f"{column}_intrados", end)
             row[f"{line}_rms"] = float(np.sqrt(np.mean(off**2)))
@@ -169,22 +152,15 @@ def _surface(case: Case, rolls: Rolls, history: pd.DataFrame) -> dict[str, float
 
 def show(output: Output) -> None:
     """The tables, from the data."""
-    head = {
+    head: dict[str, Any] = {
         "name": "cells at the surface", "steps": "steps", "rejected": "rejected",
-        "closes": "solid throughout, m", "heat": "heat removed to the end, MJ/m",
-        "against": "against", "mid_face_rms": "mid-face, rms, K", "mid_face_largest": "largest, K",
-        "corner_rms": "corner, rms, K", "corner_largest": "largest, K ", "seconds": "time, s",
+        "closes": ("solid throughout, m", ".2f"), "heat": ("heat removed to the end, MJ/m", ".1f"),
+        "against": "against", "mid_face_rms": ("mid-face, rms, K", ".1f"),
+        "mid_face_largest": ("largest, K", ".1f"), "corner_rms": ("corner, rms, K", ".1f"),
+        "corner_largest": ("largest, K ", ".1f"), "seconds": ("time, s", ".0f"),
     }  # fmt: skip
-    forms = {"closes": ".2f", "heat": ".1f", "seconds": ".0f"}
-    forms |= {f"{line}_{what}": ".1f" for line in LINES for what in ("rms", "largest")}
-    if rows := output.rows("slab_sprays"):
-        output.insert("slab sprays", table(rows, head, forms))
-    kinds = {
-        "contact": "rolls",
-        "spray": "sprays",
-        "run_off": "run-off water",
-        "shade": "radiation",
-    }
-    head = {"where": "heat out of the mid-faces, %", **kinds}
-    if rows := output.rows("slab_sprays_heat"):
-        output.insert("slab sprays heat", table(rows, head, dict.fromkeys(kinds, ".0f")))
+    output.table("slab sprays", output.rows("slab_sprays"), head)
+    kinds = {"contact": "rolls", "spray": "sprays", "run_off": "run-off water",
+             "shade": "radiation"}  # fmt: skip
+    head = {"where": "heat out of the mid-faces, %"} | {k: (w, ".0f") for k, w in kinds.items()}
+    output.table("slab sprays heat", output.rows("slab_sprays_heat"), head)

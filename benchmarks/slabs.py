@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.report import ROOT, Output, table
+from benchmarks.report import ROOT, Columns, Output
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.physics.machine.stations import Stations
 from castfem.runs.output.history import read_history
@@ -195,32 +195,30 @@ def show(output: Output) -> None:
         beside |= {f"{phase}_I1": f"{phase}, I1, MPa", f"{phase}_I2": f"{phase}, I2, 1e-5 1/s"}
     beside |= {"way_I1": "anywhere, I1, MPa", "way_I2": "anywhere, I2, 1e-5 1/s"}
     told = [row | {name: _beside(row, name) for name in beside} for row in rows]
-    output.insert("slab defects", table(told, head | beside, {}))
-    head = {
+    output.table("slab defects", told, head | beside)
+    places: Columns = {
         "case": "", "straightening_place": "worst place of straightening (I1)",
-        "straightening_roll": "at roll", "straightening_warm": "its temperature, °C",
-        "thicker": "slice thicker than in order, %", "effort": "largest effort, kN",
-        "effort_roll": "at roll",
+        "straightening_roll": "at roll", "straightening_warm": ("its temperature, °C", ".0f"),
+        "thicker": ("slice thicker than in order, %", "+.3f"),
+        "effort": ("largest effort, kN", ".0f"), "effort_roll": "at roll",
     }  # fmt: skip
-    forms = {"straightening_warm": ".0f", "thicker": "+.3f", "effort": ".0f"}
-    output.insert("slab places", table(rows, head, forms))
-    head = {"case": "at the stretched corner"}
+    output.table("slab places", rows, places)
     parts = {"bending": "bending, extrados", "defect": "#47 to #50, extrados",
              "straightening": "straightening, intrados"}  # fmt: skip
+    corners: dict[str, Any] = {"case": "at the stretched corner"}
     for name, words in parts.items():
-        head[f"{name}_stress"] = f"{words}, MPa"
-        head[f"{name}_stress_warm"] = "at, °C"
-    forms = {n: ".0f" if n.endswith("warm") else ".1f" for n in head}
-    output.insert("slab corners", table(rows, head, forms))
-    head = {"case": "below #47"}
+        corners[f"{name}_stress"] = f"{words}, MPa", ".1f"
+        corners[f"{name}_stress_warm"] = "at, °C", ".0f"
+    output.table("slab corners", rows, corners)
+    below: dict[str, Any] = {"case": "below #47"}
     for face in FACES:
-        head[f"defect_{face}_I1"] = f"{face}, I1 to #50, MPa"
-        head[f"defect_{face}_I2"] = f"{face}, I2 to #50, 1e-5 1/s"
-        head[f"warm_{face}"] = f"{face}, mid-face to #52, °C"
-        head[f"band_{face}"] = f"{face}, share in the band to #52, %"
-    forms = dict.fromkeys(head, ".1f") | {f"warm_{face}": ".0f" for face in FACES}
-    forms |= {f"band_{face}": ".0f" for face in FACES}
-    output.insert("slab locally", table(rows, head, forms))
+        below |= {
+            f"defect_{face}_I1": (f"{face}, I1 to #50, MPa", ".1f"),
+            f"defect_{face}_I2": (f"{face}, I2 to #50, 1e-5 1/s", ".1f"),
+            f"warm_{face}": (f"{face}, mid-face to #52, °C", ".0f"),
+            f"band_{face}": (f"{face}, share in the band to #52, %", ".0f"),
+        }
+    output.table("slab locally", rows, below)
 
 
 def _beside(row: dict[str, Any], name: str) -> str:

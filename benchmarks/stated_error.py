@@ -11,7 +11,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from benchmarks.report import PAGE, ROOT, Output, table
+from benchmarks.report import PAGE, ROOT, Columns, Output, table
 from castfem.model import Case, load_case
 from castfem.post.report.error_table import main_names, quantity_of
 from castfem.runs.output.summary import Summary
@@ -148,20 +148,19 @@ def _safe(name: str) -> str:
 
 def show(output: Output) -> None:
     """How often the stated error holds, by scene; and the numbers of which it does not."""
-    head = {
+    head: Columns = {
         "case": "case", "numbers": "numbers", "within": "within what is stated",
         "large": "stated more than 10 times too large", "seen": "of these, in the digits printed",
-        "ratio": "stated over found, median",
+        "ratio": ("stated over found, median", ".1f"),
     }  # fmt: skip
-    cases = output.rows("stated_error_cases")
-    output.insert("stated error", table(cases, head, {"ratio": ".1f"}))
+    output.table("stated error", output.rows("stated_error_cases"), head)
     wrong = [
         {"what": f"{r['scene']}: {r['what']} [{r['unit']}]",
          **{key: f"{r[key]:.4g}" for key in ("value", "stated", "found")}}
         for r in _known_rows(output) if r["stated"] < r["found"]
     ]  # fmt: skip
-    head = {"what": "number", "value": "castfem", "stated": "stated", "found": "found"}
-    output.insert("stated error missed", table(wrong, head, {}))
+    words = {"what": "number", "value": "castfem", "stated": "stated", "found": "found"}
+    output.insert("stated error missed", table(wrong, words, {}))  # there may be none
 
 
 def _known_rows(output: Output) -> list[dict[str, Any]]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 import castfem
-from benchmarks.report import ROOT, Output, table
+from benchmarks.report import ROOT, Output
 from castfem.runs.output.summary import Summary
 
 CASES = ROOT / "cases" / "verification"
@@ -64,6 +64,7 @@ def _parted(name: str) -> tuple[str, str]:
 def show(output: Output) -> None:
     """The table, from the data."""
     rows = output.rows("verification")
-    signs = dict.fromkeys(list(SHOWN)[3:], "+.2g")
     shown = [row | {"case": "`verification/{}`{}".format(*_parted(row["case"]))} for row in rows]
-    output.insert("verification", table(shown, {"case": "case", **SHOWN}, FORMS | signs))
+    forms = {key: FORMS.get(key, "+.2g") for key in SHOWN}
+    head = {"case": "case"} | {key: (text, forms[key]) for key, text in SHOWN.items()}
+    output.table("verification", shown, head)

@@ -200,29 +200,6 @@ def orders(rows: list[dict[str, Any]], **like: Any) -> list[dict[str, Any]]:
     return found
 
 
-def step_orders(quick: bool) -> list[dict[str, Any]]:
-    """Difference of the stress at 5 s from that with the shortest step, % of 20 MPa."""
-    rows: list[dict[str, Any]] = []
-    steps = (0.5, 0.2, 0.1) if quick else (0.5, 0.25, 0.1, 0.05, 0.02)
-    for scheme in ("sdirk2", "backward_euler", "exact"):
-        fields = []
-        for step in (*steps, 0.05 if quick else 0.01):
-            slice_ = strip(Settings(0.25, step, scheme=scheme)).advance(5.0, step)
-            _, stress, area = profile(slice_)
-            fields.append(stress)
-            slice_.destroy()
-        for step, stress in zip(steps, fields, strict=False):
-            squares = area @ (stress - fields[-1]) ** 2 / area.sum()
-            row: dict[str, Any] = {"scheme": scheme, "step_s": step}
-            row["difference_percent"] = float(100.0 * np.sqrt(squares) / YIELD)
-            if rows and rows[-1]["scheme"] == scheme:
-                before = rows[-1]
-                fall = np.log(before["difference_percent"] / row["difference_percent"])
-                row["order"] = float(fall / np.log(before["step_s"] / step))
-            rows.append(row)
-    return rows
-
-
 NAMES = {
     ("quadrilateral", "sdirk2", "even"): "quadrilaterals, SDIRK2",
     ("quadrilateral", "backward_euler", "even"): "quadrilaterals, backward Euler",
@@ -307,16 +284,9 @@ SIZES = {
     "range_21s": "20 to 22 s [%]",
     "order_21s": "order",
 }
-STEPPING = {
-    "temperature": "temperature",
-    "step_s": "step [s]",
-    "difference_percent": "difference [%]",
-    "order": "order",
-}
 FORMATS = {
     "newton": ".1f", "error_5s_percent": ".2f", "error_21s_percent": ".2f", "seconds": ".2f",
     "worst_5s_percent": ".2f", "worst_21s_percent": ".2f", "order_5s": ".1f", "order_21s": ".1f",
-    "difference_percent": ".3f", "order": ".1f",
 }  # fmt: skip
 WORDS = {"sdirk2": "SDIRK2", "backward_euler": "backward Euler", "exact": "exact"}
 
@@ -358,7 +328,6 @@ def main(output: Output, quick: bool = False) -> None:
     rows = [run(settings) for settings in sweep(quick)]
     output.csv("weiner_boley", rows)
     output.figure("weiner_boley", draw(rows))
-    output.csv("weiner_boley_steps", [{"order": None, **r} for r in step_orders(quick)])
     output.figure("weiner_boley_profiles", draw_profiles())
     show(output)
 
@@ -368,5 +337,3 @@ def show(output: Output) -> None:
     rows = output.rows("weiner_boley")
     output.insert("weiner boley levels", levels_table(rows))
     output.insert("weiner boley sizes", sizes_table(rows))
-    steps = [r | {"temperature": WORDS[r["scheme"]]} for r in output.rows("weiner_boley_steps")]
-    output.insert("weiner boley steps", table(steps, STEPPING, FORMATS))

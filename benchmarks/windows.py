@@ -12,7 +12,7 @@ from typing import Any
 from mpi4py import MPI
 
 from benchmarks.billet_run import CASES, COARSE, NAMES, QUIET, mesh
-from benchmarks.report import Output, table
+from benchmarks.report import Columns, Output
 from castfem.base.errors import RunFailure
 from castfem.model import load_case
 from castfem.model.build.simulation import build
@@ -59,21 +59,13 @@ def run(mould: str, window: float, allowed: float | None) -> dict[str, Any]:
     return row | {"seconds": seconds}
 
 
-HEAD = {
-    "mould": "mould",
-    "cells": "cells [mm]",
-    "window": "window [s]",
-    "control": "error controlled",
-    "windows": "windows",
-    "passes": "iterations",
-    "cut": "cut back",
-    "heat": "heat [%]",
-    "peak": "peak stress [%]",
-    "gap": "largest gap [µm]",
-    "shell": "shell, corner [%]",
-    "seconds": "time [s]",
-}
-FORMS = {"heat": "+.2f", "peak": "+.1f", "gap": "+.1f", "shell": "+.1f", "seconds": ".1f"}
+HEAD: Columns = {
+    "mould": "mould", "cells": "cells [mm]", "window": "window [s]",
+    "control": "error controlled", "windows": "windows", "passes": "iterations", "cut": "cut back",
+    "heat": ("heat [%]", "+.2f"), "peak": ("peak stress [%]", "+.1f"),
+    "gap": ("largest gap [µm]", "+.1f"), "shell": ("shell, corner [%]", "+.1f"),
+    "seconds": ("time [s]", ".1f"),
+}  # fmt: skip
 
 
 def main(output: Output, quick: bool) -> None:
@@ -96,4 +88,4 @@ def main(output: Output, quick: bool) -> None:
 
 def show(output: Output) -> None:
     """The table, from the data."""
-    output.insert("windows", table(output.rows("windows"), HEAD, FORMS))
+    output.table("windows", output.rows("windows"), HEAD)

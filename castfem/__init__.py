@@ -8,6 +8,7 @@ For scripts (docs/scripting.md); imported at first use, so that `import castfem`
     error_table                     the error of each result of a case
     optimise                        the best values of a case's keys
     find_section                    the outline at the meniscus for a wanted section
+    quantity                        declares a result of one's own
     mould_at_work                   how heat distorts the copper tube of a mould
     InputError, RunFailure          what goes wrong; both are a CastfemError
 
@@ -36,6 +37,7 @@ from castfem.base import dolfinx_import
 if TYPE_CHECKING:
     from castfem.api import Result, Snapshot, load, run, sensitivities
     from castfem.base.errors import CastfemError, InputError, RunFailure
+    from castfem.base.result_registry import quantity
     from castfem.several_runs import (
         comparison,
         error_table,
@@ -57,6 +59,7 @@ __all__ = [
     "load",
     "mould_at_work",
     "optimise",
+    "quantity",
     "run",
     "sensitivities",
 ]
@@ -70,8 +73,9 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
 
-    module = "errors" if name.endswith(("Error", "Failure")) else "api"
+    module = "base.errors" if name.endswith(("Error", "Failure")) else "api"
     module = "several_runs" if name in _STUDIES else module
+    module = "base.result_registry" if name == "quantity" else module
     found = getattr(import_module(f"castfem.{module}"), name)
     globals()[name] = found
     return found

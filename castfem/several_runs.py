@@ -114,8 +114,8 @@ def _compared(runs: Sequence[Run], found: Sequence[Line]) -> pandas.DataFrame:
     """The lines of a comparison as a table in SI."""
     import pandas
 
+    from castfem.base.shown_quantity import Quantity, to_si, unit_of_difference
     from castfem.post.compare.table import SHARE
-    from castfem.runs.output.summary import Quantity, to_si, unit_of_difference
 
     rows: list[dict[str, Any]] = []
     for line in found:
@@ -272,7 +272,7 @@ def _errors(found: ErrorTable) -> pandas.DataFrame:
     """The errors of a case as a table in SI."""
     import pandas
 
-    from castfem.runs.output.summary import Quantity, to_si, unit_of_difference
+    from castfem.base.shown_quantity import Quantity, to_si, unit_of_difference
 
     rows = []
     for name, entry in found.quantities.items():

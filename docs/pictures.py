@@ -9,6 +9,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+import numpy as np
 from PIL import Image
 
 from castfem.api import sensitivities
@@ -17,6 +18,7 @@ from castfem.model import load_any, load_case
 from castfem.model.build_extraction import known_resistance
 from castfem.model.build_mould import build_mould
 from castfem.model.tensile import TensileCase
+from castfem.physics.constitutive.curves import Austenite
 from castfem.physics.constitutive.uniaxial import pull
 from castfem.post.plots.extraction import draw as draw_extraction
 from castfem.post.plots.figures import draw_figures
@@ -26,6 +28,9 @@ from castfem.post.plots.style import new_figure
 from castfem.post.plots.tornado import draw_tornado
 from castfem.runs import loop
 from castfem.runs.tensile.tensile_test import TensileTest
+from castfem.runs.tensile.thesis_tests import plot_tensile_tests
+from castfem.studies.identification.fit import identify
+from castfem.studies.identification.measured import TensileData
 
 HERE = Path(__file__).parent
 WIDTH, COLOURS = 900, 256  # pixels in all, and a palette that keeps the file small
@@ -166,6 +171,16 @@ def sensitivity() -> None:
         shrink(Image.open(path).convert("RGB"), "sensitivity")
 
 
+def laws() -> None:
+    """Draw the tensile tests of the thesis, and a law fitted to curves at four temperatures."""
+    plot_tensile_tests(HERE / "figures" / "tensile_tests.png")
+    celsius, rates, strains = [900.0, 1050.0, 1200.0, 1350.0], [1e-4, 1e-3, 5e-3], (2e-3, 5e-2, 20)
+    grid = np.meshgrid(np.array(celsius) + 273.15, rates, np.geomspace(*strains), indexing="ij")
+    t, r, e = (values.ravel() for values in grid)
+    data = TensileData(t, r, e, Austenite.at(t, 0.10).stress(e, r), "Kozlowski III, 0.10 %C")
+    identify(data).plot(HERE / "figures" / "identify.png")
+
+
 def shrink(picture: Image.Image, name: str) -> None:
     """Save a picture at its final size and with few colours."""
     size = (WIDTH, round(picture.height * WIDTH / picture.width))
@@ -187,6 +202,7 @@ def main() -> None:
         "slab": slab,
         "cycles": cycles,
         "sensitivity": sensitivity,
+        "laws": laws,
     }
     for name in sys.argv[1:] or pictures:
         pictures[name]()

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 from scipy.special import erf
 
+from castfem.base.shown_quantity import Quantity
 from castfem.runs.output.folder import OutputFolder
 from castfem.runs.output.history import History
-from castfem.runs.output.summary import Quantity, Reference, Summary, Zone, compare
+from castfem.runs.output.summary import Reference, Summary, Zone, compare
 from castfem.runs.output.xdmf import FieldWriter
 
 SOLIDUS, LIQUIDUS = 1725.15, 1775.65

@@ -37,20 +37,16 @@ def test_dependence_has_one_direction(packages: ModuleType) -> None:
 
 def test_every_package_has_its_place(packages: ModuleType) -> None:
     there = {unit for unit, _ in packages.files()}
-    assert there - set(packages.ORDER) == set()
+    assert there - set(packages.ORDER) == {"physics", "studies", "post"}  # their words alone
     assert there - {unit for unit, _ in packages.arrows()} <= {
-        "errors",
-        "values",
-        "meshes",
-        "forms",
-        "machine",
-        "mould",
-    }
+        "base", "meshes", "forms", "physics", "studies", "post"
+    }  # fmt: skip
 
 
 def test_every_package_is_named_by_help(packages: ModuleType) -> None:
     listed = (castfem.__doc__ or "").partition("What there is")[2]
-    assert set(re.findall(r"[a-z_]+", listed)) >= set(packages.ORDER)
+    parts = {part for name in packages.ORDER for part in name.split(".")}
+    assert set(re.findall(r"[a-z_]+", listed)) >= parts
 
 
 def test_picture_shows_the_imports_of_today(packages: ModuleType) -> None:
@@ -67,4 +63,8 @@ def test_types_count(packages: ModuleType, tmp_path: Path) -> None:
         "if TYPE_CHECKING:\n    from castfem.physics.coupling.staggered import Coupler\n"
         "def f():\n    import castfem.cli\n    from castfem import forms\n"
     )
-    assert {name for _, name in packages.imported(path)} == {"coupling", "cli", "forms"}
+    assert {name for _, name in packages.imported(path)} == {
+        "physics.coupling",
+        "cli",
+        "forms",
+    }

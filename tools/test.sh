@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# Checks castfem inside the environment HOME: lint, types, the parallel tests on two ranks, then all
-# others on one rank each, spread over the cores, last, so that pytest's count closes the output.
-# Status 0 only if all passed.
+# Checks castfem inside the environment HOME: lint, types, the parallel tests on two ranks, those that
+# depend on the version of DOLFINx on that of PyPI (if its environment, .castfem/wheel, is there and
+# no tests are chosen), then all others on one rank each, spread over the cores, last, so that
+# pytest's count closes the output. Status 0 only if all passed.
 #
 #   tools/test.sh HOME all [PYTEST ARGUMENT ...]
 #   tools/test.sh HOME lint
@@ -23,6 +24,9 @@ unset PYTHONDONTWRITEBYTECODE # hundreds of processes would each translate all m
 
 inside() { tools/enter.sh "$home" "$@"; }
 
+# What can differ between versions of DOLFINx, PETSc, HDF5 and MPI: forms, files, ranks, commands.
+OTHER_VERSION=(tests/fem tests/output tests/cli/test_cli_run.py tests/runs/test_run_on_ranks.py)
+
 # Runs the step named $1 and notes how it went.
 step() {
   local name=$1 start=$SECONDS verdict=passed
@@ -32,7 +36,7 @@ step() {
     verdict="FAILED (status $?)"
     failed+=("$name")
   }
-  summary+=("$(printf '   %-22s %s in %d s' "$name" "$verdict" $((SECONDS - start)))")
+  summary+=("$(printf '   %-23s %s in %d s' "$name" "$verdict" $((SECONDS - start)))")
 }
 
 # The tests marked mpi on two ranks. Rank 0 speaks; the other is heard if something fails. The limit
@@ -65,6 +69,14 @@ told_by_mypy() {
   return "$status"
 }
 
+# Whether there is another environment with the DOLFINx of PyPI.
+has_other_version() { [[ $home != */.castfem/wheel && -f $PWD/.castfem/wheel/ready ]]; }
+
+pytest_on_other_version() {
+  tools/enter.sh "$PWD/.castfem/wheel" python -m pytest -q -n "$(env -u OMP_NUM_THREADS nproc)" \
+    -p no:cacheprovider "${OTHER_VERSION[@]}"
+}
+
 # All others, spread over the cores.
 pytest_on_one_rank() {
   local cores status=0
@@ -86,12 +98,19 @@ if [[ $dolfinx == 0.9.* ]]; then
   inside python -m mypy >"$home/mypy.log" 2>&1 & # on the core that is free
   types=$!
 else
-  summary+=("   mypy                   left out: the types are those of DOLFINx 0.9, not $dolfinx")
+  summary+=("   mypy                    left out: the types are those of DOLFINx 0.9, not $dolfinx")
 fi
 if [[ $what == all ]]; then
   step 'pytest, 2 ranks' pytest_on_two_ranks "$@"
 fi
 [[ -z $types ]] || step 'mypy' told_by_mypy
+if [[ $what == all && $# -eq 0 && $home == */.castfem ]]; then
+  if has_other_version; then
+    step 'pytest, DOLFINx of PyPI' pytest_on_other_version
+  else
+    summary+=("   pytest, DOLFINx of PyPI left out: there is no Python for it")
+  fi
+fi
 printf '== summary so far\n'
 printf '%s\n' "${summary[@]}"
 if [[ $what == all ]]; then

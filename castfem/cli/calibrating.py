@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.base.errors import InputError
+from castfem.base.shown_quantity import from_si, unit_of_difference
 from castfem.base.shown_units import scale_of, shown_in
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import chosen
@@ -19,7 +20,6 @@ from castfem.model.shown_units import units_of
 from castfem.model.varied_keys import faults_of_key
 from castfem.post.plots.calibration import Compared, draw_calibration
 from castfem.post.plots.style import save
-from castfem.runs.output.summary import from_si, unit_of_difference
 from castfem.runs.results.numbers import error_shown, shown, unit_shown
 from castfem.runs.results.of_case import faults_of
 from castfem.studies.optimisation.calibrate import Free, read_free

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, field_validator
 
-from castfem.base import units
-from castfem.model import result_names
+from castfem.base import result_registry, units
 from castfem.model.base import TableModel
 from castfem.model.problems import Problem
 
@@ -299,8 +298,8 @@ def _objectives(table: Optimise) -> Iterator[Problem]:
 
 
 def _unknown(name: str, path: tuple[str, ...]) -> Iterator[Problem]:
-    if result_names.unit_of(name) is None:
-        near = units.nearest(name, result_names.all_names())
+    if result_registry.unit_of(name) is None:
+        near = units.nearest(name, result_registry.result_names())
         yield Problem(path, f'("{name}") is no result of a run{near}')
 
 
@@ -353,17 +352,17 @@ def _front(table: Optimise) -> Iterator[Problem]:
 def _constraint_faults(case: Case, number: int, found: Bound) -> Iterator[Problem]:
     path = ("optimise", "constraints", number)
     if found.relative:
-        fault = result_names.fault(found.quantity, f"1 {_of(found.quantity)}")
+        fault = result_registry.fault(found.quantity, f"1 {_of(found.quantity)}")
         if case.mould is None:
             yield Problem(path, f'("{found.text}"): the case has no [mould], it is idealised')
         elif found.value <= 0.0:
             yield Problem(path, f'("{found.text}"): a share above 0 % is needed')
     else:
-        fault = result_names.fault(found.quantity, found.right)
+        fault = result_registry.fault(found.quantity, found.right)
     if fault is not None:
         yield Problem(path, fault[1])
 
 
 def _of(name: str) -> str:
-    unit = result_names.unit_of(name) or "1"
+    unit = result_registry.unit_of(name) or "1"
     return "" if unit == "1" else unit

@@ -13,6 +13,9 @@ from castfem.base.units import nearest
 if TYPE_CHECKING:
     from castfem.model.case import Case
 
+CASE_NAME = "case.toml"
+"""The case in the folder of a run, as resolved."""
+
 
 def shipped() -> dict[str, Path]:
     """Return the shipped cases by name ("billet125/idealised"), without the files they extend."""
@@ -36,8 +39,6 @@ def find(name: str, beside: Path | None = None) -> Path:
     Raises:
         InputError: There is no such case; it names the nearest one.
     """
-    from castfem.runs.output.folder import CASE_NAME
-
     path = Path(name) if beside is None else beside.parent / name
     for candidate in (path, path.with_name(path.name + ".toml") if path.name else path):
         if candidate.is_file():

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from castfem.base import units
 from castfem.base.errors import InputError
+from castfem.base.result_registry import declared, result_names, usual_unit
 from castfem.base.shown_units import (
     KINDS,
     SYSTEMS,
@@ -16,7 +17,6 @@ from castfem.base.shown_units import (
     is_chosen,
     scale_of,
 )
-from castfem.model.result_names import AT_PROBES, COLUMNS, all_names, unit_of
 
 if TYPE_CHECKING:
     from castfem.model.case import Case
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 def faults(choice: ShownUnits) -> Iterator[tuple[str, str]]:
     """Yield the names that are no quantity, or have a unit that measures something else."""
     for name in choice.names:
-        usual = AT_PROBES.get(name) or COLUMNS.get(name) or unit_of(name)
+        usual = usual_unit(name)
         if usual is None:
-            known = (*KINDS, "system", *AT_PROBES, *COLUMNS, *all_names())
+            known = (*KINDS, "system", *(d.name for d in declared()), *result_names())
             near = units.nearest(name, known) or f"; what is measured is {', '.join(KINDS)}"
             yield name, f"is neither what is measured nor a quantity of a run{near}"
             continue

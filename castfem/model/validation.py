@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from castfem.base import result_registry
 from castfem.base.tables import Table
 from castfem.base.units import in_mm
-from castfem.model import bounds, effort, result_names
+from castfem.model import bounds, effort
 from castfem.model.bending import check_bending
 from castfem.model.build_mould import check_mould
 from castfem.model.bulging import check_bulging
@@ -229,7 +230,7 @@ def _references(case: Case) -> Iterator[Problem]:
     for index, reference in enumerate(case.reference or ()):
         if reference is None or None in (reference.quantity, reference.value):
             continue
-        fault = result_names.fault(reference.quantity, reference.value)
+        fault = result_registry.fault(reference.quantity, reference.value)
         if fault is not None:
             yield Problem(("reference", index, fault[0]), fault[1])
 

@@ -13,6 +13,7 @@ from mpi4py import MPI
 from castfem.base import log
 from castfem.base.errors import CastfemError, RunFailure
 from castfem.base.one_at_a_time import one_at_a_time
+from castfem.base.shown_quantity import Quantity
 from castfem.base.shown_units import below_meniscus
 from castfem.base.signals import reason_of
 from castfem.base.stopwatch import peak_memory, profile_table
@@ -26,7 +27,6 @@ from castfem.physics.coupling.subcycling import SubSteps
 from castfem.runs import restart
 from castfem.runs.interrupt import Interrupt, Stopped
 from castfem.runs.output.folder import PROPERTIES_NAME, OutputFolder
-from castfem.runs.output.summary import Quantity
 from castfem.runs.recorder import Recorder
 from castfem.runs.results.run_state import RunState
 from castfem.runs.results.run_warnings import run_warnings

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from castfem.base.shown_quantity import Quantity
 from castfem.base.types import Array
 from castfem.physics.coupling.staggered import StrandState
-from castfem.runs.output.summary import Quantity
 from castfem.runs.results.run_state import Counts, RunState
 from castfem.runs.results.summary import last_results
 

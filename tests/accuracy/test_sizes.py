@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 from small_case import small
 
+from castfem.base.shown_quantity import Quantity
 from castfem.model import load_case
-from castfem.runs.output.summary import Quantity, Summary
+from castfem.runs.output.summary import Summary
 from castfem.studies.accuracy import sizes
 from castfem.studies.accuracy.estimate import SAFETY
 from castfem.studies.accuracy.ladder import Level, levels

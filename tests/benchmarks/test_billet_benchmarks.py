@@ -1,4 +1,4 @@
-"""The benchmarks of the billet run, fill their page, and agree with an independent script."""
+"""The benchmarks of the billet run and fill their page."""
 
 from __future__ import annotations
 
@@ -20,11 +20,6 @@ from benchmarks.accuracy import GRADED, cheapest, default_settings, errors, swee
 from benchmarks.billet import CASE, INSTANTS, Settings, billet_case, refined, run
 from benchmarks.report import Output
 from castfem.model import load_case
-from castfem.model.build.simulation import build_mesh
-
-COARSE = Settings(
-    cell="triangle", surface_size=1.5, corner_size=1.5, face_size=6.0, core_size=8.0, step=0.25
-)
 
 
 def between(output: Output, name: str) -> list[str]:
@@ -52,39 +47,6 @@ def test_coarse_run_is_near_the_reference_at_every_instant() -> None:
     assert max(off["mid_face_late_K"], off["corner_late_K"]) < 3.0
     assert off["heat_late_percent"] < 0.2
     assert abs(off["mid_face_exit_K"]) <= off["mid_face_late_K"]
-
-
-@pytest.mark.parametrize("corner", ["rounded", "sharp"])
-def test_independent_script_gives_the_same_on_the_same_triangles(corner: str) -> None:
-    """Lumped storage on triangles is the vertex rule: what is left is Newton's tolerance."""
-    pytest.importorskip("skfem", reason="scikit-fem is an extra: pip install 'castfem[benchmark]'")
-    from benchmarks import duel, opponent, plain_heat
-
-    settings = replace(COARSE, corner=corner)
-    ours = run(settings)
-    mesh = build_mesh(billet_case(settings))
-    problem = opponent.Billet(
-        plain_heat.mesh_from(mesh.points, mesh.cells), "lumped", "splu", duel._outer(corner)
-    )
-    theirs = opponent.advance(problem, "sdirk2", settings.step or 0.0)
-    assert theirs.vertices == ours.vertices
-    np.testing.assert_allclose(ours.mid_face, theirs.mid_face, rtol=0, atol=1e-3)
-    np.testing.assert_allclose(ours.corner, theirs.corner, rtol=0, atol=1e-3)
-    np.testing.assert_allclose(ours.heat, theirs.heat, rtol=1e-6)
-
-
-def test_script_on_its_own_mesh_is_near_castfem() -> None:
-    pytest.importorskip("skfem", reason="scikit-fem is an extra: pip install 'castfem[benchmark]'")
-    from benchmarks import duel, opponent
-
-    settings = duel.grid("sharp", 1.2)
-    ours = run(replace(settings, step=0.25))
-    for form in ("lumped", "consistent"):
-        problem = opponent.Billet(duel.script_mesh(settings, "quadrilateral"), form)
-        theirs = opponent.advance(problem, "bdf2", 0.25)
-        late = INSTANTS >= 5.0
-        assert np.abs(ours.mid_face - theirs.mid_face)[late].max() < 5.0
-        assert np.abs(ours.heat / theirs.heat - 1.0)[late].max() < 2e-3
 
 
 @pytest.fixture
@@ -118,19 +80,6 @@ def test_section_fills_its_tables(monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
     assert {row["variant"] for row in rows} == {"rounded", "sharp"}
     assert all(0.0 < float(row["mid_face_late_K"]) < 10.0 for row in rows)
     assert (tmp_path / "figures" / "accuracy.png").stat().st_size > 10_000
-
-
-def test_duel_without_the_extra_says_what_to_install(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    from benchmarks import duel
-
-    monkeypatch.setitem(sys.modules, "skfem", None)
-    monkeypatch.delitem(sys.modules, "benchmarks.opponent", raising=False)
-    monkeypatch.delattr("benchmarks.opponent", raising=False)
-    duel.main(Output(tmp_path), quick=True)
-    assert "castfem[benchmark]" in capsys.readouterr().out
-    assert not list(tmp_path.iterdir())
 
 
 def test_unknown_section_is_refused(

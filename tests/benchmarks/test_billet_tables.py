@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import billet_cost, billet_error, billet_moved, billet_trade, liquid
+from benchmarks import billet_cost, billet_error, billet_trade
 from benchmarks.billet_run import Found, every, mesh
-from benchmarks.report import Output
-from castfem.physics.mechanics import material_points
+from benchmarks.report import Output, power
 
 
 def found(**values: float) -> Found:
@@ -33,7 +32,7 @@ def test_times_of_a_march_are_all_accounted_for() -> None:
 
 def test_growth_is_the_power_of_the_cells() -> None:
     rows = [{"cells": n, "seconds": 3.0 * n**1.2} for n in (400, 900, 3600)]
-    assert billet_cost.exponent(rows, "seconds") == pytest.approx(1.2)
+    assert power(rows, "seconds") == pytest.approx(1.2)
 
 
 def test_errors_stand_behind_the_values(tmp_path: Path) -> None:
@@ -82,27 +81,3 @@ def test_figure_rings_the_default() -> None:
     figure = billet_trade.draw({"0 %/m": rows})
     rings = [line for line in figure.axes[0].lines if line.get_fillstyle() == "none"]
     assert [float(line.get_xdata()[0]) for line in rings] == [1.25]
-
-
-def test_moved_number_is_told_by_what_moved_it() -> None:
-    assert billet_moved.moved(136.519, 136.509, 136.507, ".2f") == "136.52 -0.01 +0 = 136.51"
-    assert billet_moved.moved(1.0, 1.5, 1.001, ".2f") == ""  # back where it was
-    assert billet_moved.moved(None, float("nan"), 46.6, ".0f") == "none → 47"
-    assert billet_moved.moved(None, None, None, ".0f") == ""
-
-
-def test_moved_table_keeps_what_no_later_version_can_make() -> None:
-    rows = Output().rows("billet_moved")
-    assert {"then", "elastic", "now"} < {r["version"] for r in rows}
-    now = {r["mould"]: r for r in Output().rows("billet_moulds")}
-    for row in (r for r in rows if r["version"] == "now"):
-        assert row["heat_removed_slice"] == now[row["mould"]]["heat_removed_slice"]
-
-
-def test_stand_in_is_put_back() -> None:
-    shipped = material_points.STAND_IN
-    with liquid.standing_in(10.0):
-        assert material_points.STAND_IN == 10.0
-    assert shipped == material_points.STAND_IN
-    factors = {(one.mould, one.factor) for one in liquid.liquids() if one.model == "fed"}
-    assert {("taper_0", 10.0), ("taper_0", shipped), ("taper_0", 300.0)} <= factors

@@ -10,15 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks import (
-    slab_bending,
-    slab_downstream,
-    slab_error,
-    slab_mould,
-    slab_ranks,
-    slab_sprays,
-    slabs,
-)
+from benchmarks import slab_bending, slab_error, slab_sprays, slabs
 from benchmarks.report import Output
 from castfem.model import load_case
 from castfem.physics.machine.rolls import Rolls
@@ -206,61 +198,6 @@ def test_what_is_read_of_a_slab_that_is_bent() -> None:
     assert (row["bending_I1"], row["straightening_I1"]) == (pytest.approx(20.0), None)
     assert row["bending_I1_place"] == "extrados, corner, 4.50 m (roll 15)"
     assert row["strain_bender"] - row["strain_shell"] == pytest.approx(-0.01 * (places[7] - 1.0))
-
-
-def test_changed_slabs_differ_by_what_they_are_called_after() -> None:
-    straight = slab_bending.changed(slab_bending.STRAIGHT_ROLLS)
-    assert straight.machine is not None and straight.machine.extraction is None
-    assert not straight.bends
-    sprayed = slab_bending.changed(slab_bending.CHANGES[-1])
-    below = [zone.surface for zone in sprayed.cooling[1:]]
-    assert all([one.law for one in zone] == ["convection"] for zone in below)
-    assert {one.on for zone in below for one in zone} == {None}
-
-
-def test_ways_through_the_mould_differ_by_the_mould_alone() -> None:
-    """The same steel, cells and coefficient; a wall, a gap and stresses in one of them."""
-    mean, own, *_ = (slab_mould.case_of(way) for way in slab_mould.WAYS)
-    assert mean.mould is None and mean.mechanics is None
-    assert own.mould is not None and own.mould.length == own.casting.length == 0.8
-    assert own.mechanics is not None and own.mechanics.liquid == "fed"
-    contacts: list[Any] = [case.cooling[0].surface[0] for case in (mean, own)]
-    assert contacts[0].coefficient == contacts[1].coefficient == 1200.0
-    assert contacts[0].gap_conductivity is None and contacts[1].gap_conductivity == 0.15
-    assert mean.mesh == own.mesh and len(own.cooling) == 1
-
-
-def test_ways_to_the_rolls_differ_by_their_start_alone() -> None:
-    """One caster, steel and mesh; a mould with stresses, or none, below which no roll pulls."""
-    own, _, mean, pulled, _ = slab_downstream.WAYS
-    cases = [slab_downstream.case_of(way) for way in (own, mean, pulled)]
-    assert [case.mould is not None for case in cases] == [True, False, False]
-    assert [case.casting.start is None for case in cases] == [True, False, False]
-    assert len({case.casting.length for case in cases}) == 1
-    assert cases[0].mesh == cases[1].mesh and cases[0].machine == cases[1].machine
-    assert cases[0].cooling[1:] == cases[1].cooling[1:]
-    bulging: list[Any] = [case.mechanics.bulging for case in cases if case.mechanics is not None]
-    assert [one.pull for one in bulging] == [None, False, None]
-    assert {one.model for one in bulging} == {"creep"}
-
-
-def test_gain_of_two_ranks_is_that_of_the_quickest_of_each_window() -> None:
-    """Two windows of 4 and 6 iterations; a quick one of each turn, disturbed in the other."""
-
-    def run(*seconds: float) -> dict[str, Any]:
-        parts = [0.2, 0.1, 0.1, 0.1]
-        rows = [[n, s, 0.9 * s, *(0.1 * n * p for p in parts)]
-                for n, s in zip((4.0, 6.0), seconds, strict=True)]  # fmt: skip
-        return {"windows": rows, "uneven": 0.0}
-
-    alone, both = [run(0.8, 2.0), run(1.6, 1.2)], [run(0.5, 3.0), run(2.5, 0.75)]
-    row = slab_ranks._row("thin", "2", both, alone)
-    assert row["iteration"] == pytest.approx(125.0)
-    assert row["gain"] == pytest.approx(1.6)
-    assert row["core"] == pytest.approx(90.0)
-    assert row["factor"] == pytest.approx(20.0) and row["other"] == pytest.approx(75.0)
-    assert 100.0 / row["gain"] == pytest.approx(row["alone"] + 0.5 * (100.0 - row["alone"]))
-    assert slab_ranks._row("thin", "1", alone, alone)["alone"] is None
 
 
 def test_what_the_page_concludes_of_the_thesis_is_in_the_data() -> None:

@@ -71,7 +71,7 @@ def engine(monkeypatch):
     def show(folder, console, *, figures=True):
         console.print(f"table of {folder}, figures {figures}")
 
-    for name, function in (("time_loop.loop", run), ("report.show", show)):
+    for name, function in (("runs.loop", run), ("post.report.show", show)):
         module = types.ModuleType(f"castfem.{name}")
         setattr(module, function.__name__, function)
         monkeypatch.setitem(sys.modules, module.__name__, module)

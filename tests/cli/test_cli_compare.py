@@ -14,13 +14,14 @@ from small_case import write_small
 from synthetic_maps import write_maps
 
 import castfem as package
+from castfem.base.shown_quantity import Quantity
 from castfem.post.compare import drawing
 from castfem.post.compare.figures import figures, parts
 from castfem.post.compare.remarks import remarks
 from castfem.post.compare.runs import Run
 from castfem.post.compare.table import SHARE, lines, printed, write_csv
 from castfem.runs.output.history import History, read_history
-from castfem.runs.output.summary import Comparison, Quantity, Reference, Summary, Zone
+from castfem.runs.output.summary import Comparison, Reference, Summary, Zone
 
 
 @pytest.fixture(scope="module")

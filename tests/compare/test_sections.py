@@ -8,9 +8,10 @@ import pytest
 from strained_run import write_strained
 from synthetic_run import write_run
 
+from castfem.base.shown_quantity import Quantity
 from castfem.post.compare.runs import Run, read_runs
 from castfem.post.compare.sections import draw_sections
-from castfem.runs.output.summary import Quantity, Summary
+from castfem.runs.output.summary import Summary
 
 
 @pytest.mark.parametrize("names", [("thermal", "strained"), ("strained", "thermal")])

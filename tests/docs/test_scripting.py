@@ -10,8 +10,8 @@ import matplotlib.pyplot as plt
 import pytest
 
 import castfem
+from castfem.base.shown_quantity import Quantity
 from castfem.model import Case
-from castfem.runs.output.summary import Quantity
 from castfem.studies.optimisation import Evaluation
 
 pytestmark = pytest.mark.slow

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from castfem.base.errors import InputError, RunFailure
+from castfem.base.shown_quantity import Quantity
 from castfem.cli.machine import draw_machine
 from castfem.model import Case, load_case
 from castfem.physics.machine.extraction.effort import Passing
-from castfem.runs.output.summary import Quantity, Summary
+from castfem.runs.output.summary import Summary
 
 CASES = Path(__file__).parents[2] / "cases"
 

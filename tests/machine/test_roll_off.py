@@ -13,10 +13,11 @@ from castfem.cli.machine import machine_rows
 from castfem.model import Case
 from castfem.physics.machine.phases import off_stretches, phases
 from castfem.physics.machine.rolls import Rolls
-from castfem.physics.machine.stations import BENDS, Stations
+from castfem.physics.machine.stations import Stations
 from castfem.post.plots.secondary import close_by
 from castfem.post.report.places import places_of
 from castfem.runs.output.folder import CASE_NAME
+from castfem.runs.results.crack_index import BENDS
 
 THICKNESS = 0.220
 

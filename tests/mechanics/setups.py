@@ -10,12 +10,6 @@ from mpi4py import MPI
 
 import numpy as np
 
-from benchmarks.mapped import RING_GROUPS as RING_GROUPS
-from benchmarks.mapped import Map as Map
-from benchmarks.mapped import box as box
-from benchmarks.mapped import mapped as mapped
-from benchmarks.mapped import ring as ring
-from benchmarks.mapped import skewed as skewed
 from castfem import meshes
 from castfem.base.types import Array
 from castfem.fem.section import Section
@@ -25,6 +19,13 @@ from castfem.physics.mechanics.definition import Slice
 from castfem.physics.mechanics.problem import MechanicalProblem
 from castfem.physics.mechanics.state import MechanicalResult, MechanicalState
 from castfem.physics.mechanics.stepper import MechanicalStepper
+
+from .mapped import RING_GROUPS as RING_GROUPS
+from .mapped import Map as Map
+from .mapped import box as box
+from .mapped import mapped as mapped
+from .mapped import ring as ring
+from .mapped import skewed as skewed
 
 
 def elastic(young: float = 200e9, poisson: float = 0.3) -> ThermoElastic:

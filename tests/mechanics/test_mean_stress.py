@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.mean_stress import (
+from mechanics.mean_stress_blocks import (
     FOUR_TERMS,
     MESHES,
     SIDES,

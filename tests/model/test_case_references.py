@@ -6,8 +6,9 @@ import pytest
 from runs.billet_runs import FED, billet, run_in_memory
 
 from castfem.base.errors import InputError
-from castfem.model import load_case, result_names
-from castfem.runs.output.summary import si_unit
+from castfem.base.result_registry import unit_of
+from castfem.base.shown_quantity import si_unit
+from castfem.model import load_case
 
 REFERENCE = '\n[[reference]]\nquantity = "{}"\nvalue = "{}"\nsource = "a book"\n'
 
@@ -45,7 +46,7 @@ def test_the_list_has_the_results_of_a_run():
     summary = run_in_memory(case).summary
     assert summary is not None
     for name, quantity in summary.quantities.items():
-        unit = result_names.unit_of(name)
+        unit = unit_of(name)
         assert unit is not None, name
         assert si_unit(unit) == si_unit(quantity.shown_unit), name
     assert len(summary.quantities) > 40

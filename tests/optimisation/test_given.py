@@ -12,7 +12,7 @@ from known_results import HEAT, SPEED, STRESS
 from small_case import small, write_small
 
 from castfem.base.errors import InputError
-from castfem.runs.output.summary import Quantity
+from castfem.base.shown_quantity import Quantity
 from castfem.studies.optimisation import Evaluation, Evaluator, Study, Wanted
 
 SHORT = {"casting.length": "6 mm"}

@@ -11,7 +11,7 @@ from known_results import HEAT, SPEED, STRESS, Given, bowl, covered, solve, stud
 
 from castfem.base.atomic_files import plain
 from castfem.base.errors import InputError
-from castfem.runs.output.summary import Quantity
+from castfem.base.shown_quantity import Quantity
 from castfem.studies.accuracy.estimate import SAFETY
 from castfem.studies.accuracy.levels import LEVELS
 from castfem.studies.optimisation import Evaluation, Wanted

@@ -14,8 +14,9 @@ from synthetic_run import summary
 import castfem
 from castfem.base.atomic_files import plain, write_json
 from castfem.base.errors import InputError
+from castfem.base.shown_quantity import Quantity, from_si, to_si
 from castfem.model import load_case
-from castfem.runs.output.summary import Quantity, Reference, Summary, compare, from_si, to_si
+from castfem.runs.output.summary import Reference, Summary, compare
 
 
 def test_values_are_in_the_unit_beside_them():

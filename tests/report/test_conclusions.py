@@ -13,12 +13,13 @@ from synthetic_maps import write_maps
 from synthetic_run import summary, write_run
 
 from castfem.api import load
+from castfem.base.shown_quantity import Quantity
 from castfem.post.html.page import write
 from castfem.post.html.sections import sections
 from castfem.post.report.conclusions import conclusions
 from castfem.runs.output.folder import CASE_NAME
 from castfem.runs.output.history import HISTORY_NAME
-from castfem.runs.output.summary import Quantity, Summary
+from castfem.runs.output.summary import Summary
 
 
 def test_the_page_begins_with_them_and_ends_with_its_origin(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from rich.console import Console
 from synthetic_maps import THICK, WIDE, rolls, write_maps
 
 from castfem.api import load
+from castfem.base.shown_quantity import Quantity
 from castfem.fem.reductions import peak
 from castfem.physics.machine.stations import Stations
 from castfem.post.report.crack_places import crack_places, defects_of
@@ -21,7 +22,7 @@ from castfem.post.report.roll_load import heaviest_roll
 from castfem.post.report.show import show
 from castfem.runs.output.folder import OutputFolder
 from castfem.runs.output.history import HISTORY_NAME
-from castfem.runs.output.summary import Quantity, Summary
+from castfem.runs.output.summary import Summary
 from castfem.runs.output.surface_maps import SurfaceMaps
 
 

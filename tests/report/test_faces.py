@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from castfem.base.shown_quantity import Quantity
 from castfem.post.report.places import table_names
-from castfem.runs.output.summary import Quantity
 from castfem.runs.results.headline import headline
 
 NAMES = ("narrow_face", "mid_face_intrados", "corner_intrados", "mid_face_extrados",

@@ -12,12 +12,13 @@ from synthetic_run import write_run
 
 from castfem.api import Result
 from castfem.base.errors import InputError
+from castfem.base.shown_quantity import Quantity
 from castfem.post.compare.runs import read_runs
 from castfem.post.compare.table import lines
 from castfem.post.report.show import show
 from castfem.runs.output.folder import OutputFolder
 from castfem.runs.output.history import read_history
-from castfem.runs.output.summary import Quantity, Summary
+from castfem.runs.output.summary import Summary
 from castfem.runs.results.places import quantities_at, read_positions
 from castfem.studies.sweep.results import Row, printed
 

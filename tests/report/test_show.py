@@ -14,10 +14,11 @@ from rich.console import Console
 from synthetic_run import write_run
 
 from castfem.base.errors import InputError
+from castfem.base.shown_quantity import Quantity
 from castfem.post.report.results_table import result_rows
 from castfem.post.report.show import show
 from castfem.runs.output.folder import FIGURES, OutputFolder
-from castfem.runs.output.summary import Comparison, Quantity, Reference, Summary
+from castfem.runs.output.summary import Comparison, Reference, Summary
 from castfem.runs.results.numbers import shown, with_error
 
 

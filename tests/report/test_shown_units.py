@@ -12,6 +12,7 @@ import pytest
 from rich.console import Console
 from synthetic_run import write_run
 
+from castfem.base.result_registry import declared, usual_unit
 from castfem.base.shown_units import (
     ShownUnits,
     coherent,
@@ -22,7 +23,6 @@ from castfem.base.shown_units import (
     shown_in,
 )
 from castfem.cli import execute
-from castfem.model.result_names import AT_PROBES, COLUMNS, WHOLE
 from castfem.post.compare.places import places
 from castfem.post.html.page import write
 from castfem.post.plots.chosen_units import in_chosen_units
@@ -30,7 +30,6 @@ from castfem.post.plots.figures import draw_figures
 from castfem.post.plots.style import new_figure
 from castfem.post.report.show import show
 from castfem.runs.output.summary import Summary
-from castfem.runs.results.registry import declared
 
 OWN = ShownUnits.read({"temperature": "degF", "length": "inch", "shell": "cm", "shell_corner": "m"})
 
@@ -89,9 +88,7 @@ def test_every_quantity_has_a_si_unit_and_a_name_that_may_be_chosen() -> None:
         assert documented(plain_unit(unit)) == unit
         if coherent(unit) == "1":
             continue
-        known = AT_PROBES if definition.each else WHOLE
-        named = COLUMNS.get(definition.name) or known[definition.name]
-        assert coherent(named) == coherent(unit), definition.name
+        assert usual_unit(definition.name) == unit
         with shown_in(ShownUnits("si")):
             assert scale_of(unit, definition.name).unit == coherent(unit)
 

@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 
 from castfem.api import load
+from castfem.base.shown_quantity import Quantity
 from castfem.post.report.wide_gap import radiated, wide_gap
 from castfem.runs.output.folder import CASE_NAME
-from castfem.runs.output.summary import Quantity, Summary
+from castfem.runs.output.summary import Summary
 
 
 def folder(path: Path, *laws: dict[str, Any]) -> Path:

@@ -12,12 +12,12 @@ from small_case import small
 
 import castfem
 from castfem.base.errors import InputError
+from castfem.base.result_registry import declared, find, unit_of
 from castfem.fem.line_probes import Profile
-from castfem.model import result_names
 from castfem.model.build.simulation import build, case_steel
 from castfem.runs.results.fraction_depths import temperature_at
 from castfem.runs.results.headline import headline
-from castfem.runs.results.registry import declared, find
+from castfem.runs.results.registry import columns_of
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def test_they_are_results_with_words(result: castfem.Result) -> None:
     assert names[start : start + 2] == ["fs30_mid_face", "fs70_mid_face"]
     found = find("fs70_mid_face")
     assert found is not None and found[0].name == "fs70" and found[1] == "mid_face"
-    assert result_names.unit_of("fs70_mid_face") == "mm"
+    assert unit_of("fs70_mid_face") == "mm"
 
 
 def test_the_depth_is_that_of_the_fraction_on_the_line() -> None:
@@ -60,7 +60,7 @@ def test_the_depth_is_that_of_the_fraction_on_the_line() -> None:
 def test_a_run_that_asks_for_none_has_none() -> None:
     assert not any(definition.name.startswith("fs") for definition in declared())
     simulation = build(small(), MPI.COMM_SELF)
-    assert not any(d.name.startswith("fs") for d in declared(simulation))
+    assert not any(d.name.startswith("fs") for d, _ in columns_of(simulation))
     simulation.destroy()
 
 

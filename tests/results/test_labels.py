@@ -10,11 +10,11 @@ from rich.console import Console
 from strained_run import write_strained
 
 import castfem
+from castfem.base.shown_quantity import Quantity
 from castfem.model import load_case
 from castfem.model.shipped_cases import find
 from castfem.post.report.show import show
 from castfem.runs.output.run_record import RunRecord
-from castfem.runs.output.summary import Quantity
 from castfem.runs.results.headline import plain_label
 from castfem.runs.results.labels import last_quantities
 

@@ -12,8 +12,8 @@ import pytest
 from small_case import small
 
 from castfem.api import load
+from castfem.base.result_registry import result_names
 from castfem.model.build.simulation import Simulation, build
-from castfem.model.result_names import all_names
 from castfem.physics.mechanics.planes import PlainPlanes
 from castfem.runs.results.of_case import fault_of, faults_of
 from castfem.runs.results.registry import columns_of, results_of
@@ -35,9 +35,8 @@ def test_results_of_a_thermal_run(thermal: Simulation) -> None:
     case, having = thermal.case, sorted(names_of(thermal))
     assert len(having) > 20 and "fs70_corner" in having
     assert faults_of(case, having) == [""] * len(having)
-    others = [name for name in all_names() if name not in having]
+    others = [name for name in result_names() if name not in having]
     refused = {name for name, fault in zip(others, faults_of(case, others), strict=True) if fault}
-    # What is left may be of the summary alone, which no registry has.
     assert {"von_mises_max", "way_von_mises_max", "gap_corner", "mould_gap_max"} <= refused
     assert {"surface_temperature_tip", "size_mid_face", "negative_strip_time"} <= refused
 

@@ -13,8 +13,10 @@ import h5py
 import numpy as np
 import pytest
 from bent_case import HALF, bent
+from named_result import assert_named_everywhere
 from small_case import small, write_small
 
+from castfem.base import result_registry as quantities
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.errors import InputError, RunFailure
 from castfem.base.types import Array
@@ -24,7 +26,6 @@ from castfem.runs.output.folder import MAPS_NAME, ROWS_NAME
 from castfem.runs.output.history import read_history
 from castfem.runs.output.surface_maps import SurfaceMaps
 from castfem.runs.results import crack_index as registry
-from castfem.runs.results import registry as quantities
 from castfem.runs.results.crack_index import SliceStep, crack_index
 from castfem.runs.results.quality import QualitySampler
 
@@ -347,6 +348,7 @@ def test_a_new_index_is_one_function(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert table.columns[-1] == "swing_max" and table.attrs["units"]["swing_max"] == "K"
     assert summary.quantities["way_swing_max"].value == pytest.approx(change.max(), abs=1e-3)
     assert "corner, 0.0" in summary.quantities["way_swing_max"].label
+    assert_named_everywhere("way_swing_max", "2 K")
 
 
 def test_a_case_without_it_writes_nothing_of_it(tmp_path: Path) -> None:

@@ -15,14 +15,25 @@ from mpi4py import MPI
 import numpy as np
 import pandas
 import pytest
+from named_result import assert_named_everywhere
 from ranks import needs_mpirun, python_on
-from small_case import write_small
+from small_case import small, write_small
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "time_loop"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "runs"))
 from billet_runs import billet
 from test_bulging_slab import slab
 from test_drawn_cases import drawn
 
+import castfem
+from castfem.base import result_registry as registry
+from castfem.base.result_registry import (
+    QuantityDefinition,
+    declared,
+    find,
+    in_summary_order,
+    quantity,
+)
+from castfem.base.shown_quantity import si_unit
 from castfem.fem import reductions
 from castfem.model import load_case
 from castfem.model.build.simulation import build
@@ -30,27 +41,22 @@ from castfem.post.plots.history import axis_label, probes_with
 from castfem.runs import loop
 from castfem.runs.loop import TimeLoop
 from castfem.runs.output.history import read_history
-from castfem.runs.output.summary import Summary, si_unit
-from castfem.runs.results import registry
+from castfem.runs.output.summary import Summary
+from castfem.runs.results import registry as of_simulation
 from castfem.runs.results.headline import HEADLINE
 from castfem.runs.results.labels import last_quantities
 from castfem.runs.results.mechanical import smooth_peak
 from castfem.runs.results.mould_extremes import SmoothPeak, SmoothStress
+from castfem.runs.results.needs import are_met
 from castfem.runs.results.reference_table import written
-from castfem.runs.results.registry import (
-    QuantityDefinition,
-    declared,
-    find,
-    in_summary_order,
-    quantity,
-)
 from castfem.runs.results.sample import Sample
 
 ROOT = Path(__file__).parents[2]
+HALF_SPACE = ROOT / "cases" / "verification" / "weiner_boley_coarse.toml"
 OSCILLATION = ("mould.oscillation.stroke=6 mm", "mould.oscillation.frequency=150 1/min")
 SMOOTH = "output.smooth=true"
 # What a quarter of a billet in its mould has not.
-OTHERS = {"bending", "quality", "extraction", "bulging", "tilt_x", "tilt_y"}
+OTHERS = {"bending", "quality", "extraction", "bulging", "tilt_x", "tilt_y", "closed_form"}
 FRICTION = ("mould.friction.law=coulomb", "mould.friction.coefficient=0.2", "casting.length=150 mm")
 THIN = (
     "section.width=20 mm", "section.height=20 mm", "section.corner_radius=2 mm",
@@ -73,9 +79,10 @@ def declare_mean() -> Callable[[Sample], float]:
 
 @pytest.fixture(scope="module")
 def samples(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Sample, ...]]:
-    """The last sample of a billet with friction, and of four strands.
+    """The last sample of a billet with friction, and of five strands.
 
-    One has frozen, one is bent and drawn, one bulges between its rolls, one is free to tilt.
+    One has frozen, one is bent and drawn, one bulges between its rolls, one is free to tilt, one
+    has a closed form.
     """
     thin = write_small(tmp_path_factory.mktemp("thin"))
     curved = drawn(quality={"critical_strain": 0.01}, casting__length="0.7 m")
@@ -86,6 +93,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Sample, 
         curved,
         rolled,
         billet("idealised", "section.symmetry=whole", "casting.length=15 mm"),
+        load_case(HALF_SPACE, ["casting.length=10 mm"]),
     )
     simulations = [build(case, MPI.COMM_SELF) for case in cases]
     yield tuple(TimeLoop(simulation).run() for simulation in simulations)
@@ -102,12 +110,13 @@ def test_a_quantity_is_whole(definition: QuantityDefinition, samples: tuple[Samp
     assert d.label and ("{}" in d.label) == bool(d.each)
     assert d.about.endswith((".", ")")) and len(d.about) > 10
     assert [e.name for e in declared() if e.label == d.label] == [d.name]
-    strained, frozen, curved, rolled, free = samples
+    strained, frozen, curved, rolled, free, exact = samples
     sample = frozen if d.name in ("metallurgical_length", "liquid_end") else strained
     sample = curved if {"bending", "quality", "extraction"} & set(d.needs) else sample
     sample = rolled if "bulging" in d.needs else sample
     sample = free if {"tilt_x", "tilt_y"} & set(d.needs) else sample
-    assert d.is_of(sample.simulation)
+    sample = exact if "closed_form" in d.needs else sample
+    assert are_met(d.needs, sample.simulation)
     probes = {"": ("",), "probe": sample.profiles, "centred_probe": ("mid_face", "corner")}[d.each]
     for probe in probes:
         assert find(d.named(probe)) == (d, probe)
@@ -121,7 +130,7 @@ def test_a_quantity_is_whole(definition: QuantityDefinition, samples: tuple[Samp
 
 def test_the_smooth_twin_of_the_largest_stress(samples: tuple[Sample, ...]) -> None:
     """Below the maximum and near to it; exact where all is even; no kink where two peaks swap."""
-    strained, *_, rolled, _ = samples
+    strained, _, _, rolled, *_ = samples
     twin, way = strained.strained.smooth, strained.smooth_stress
     assert twin is not None and way is not None
     assert 0.85 * strained.strained.peak < twin.stress < strained.strained.peak
@@ -160,12 +169,12 @@ def test_the_smooth_twin_on_the_way() -> None:
 
 def test_a_sample_has_what_its_simulation_has(samples: tuple[Sample, ...]) -> None:
     strained, frozen, *_ = samples
-    thermal = {d.name for d, _ in registry.columns_of(frozen.simulation)}
+    thermal = {d.name for d, _ in of_simulation.columns_of(frozen.simulation)}
     assert "shell" in thermal and not thermal & {"von_mises", "gap_max", "mould_pull"}
-    assert {d.name for d, _ in registry.columns_of(strained.simulation)} == {
+    assert {d.name for d, _ in of_simulation.columns_of(strained.simulation)} == {
         d.name for d in declared() if d.column and not OTHERS & set(d.needs)
     }
-    assert {d.name for d, _ in registry.results_of(strained.simulation)} == {
+    assert {d.name for d, _ in of_simulation.results_of(strained.simulation)} == {
         d.name for d in in_summary_order() if not OTHERS & set(d.needs)
     }
 
@@ -209,6 +218,32 @@ def test_a_new_quantity_is_one_function(tmp_path: Path, declaring: None) -> None
     row = {str(k): float(v) for k, v in history.iloc[-1].items()}
     assert last_quantities(row, history.attrs["units"])["temperature_mean"].label == result.label
     assert axis_label(history, "temperature_mean") == "mean temperature [°C]"
+    assert_named_everywhere("temperature_mean", "1400 degC")
+
+
+def test_the_column_of_the_manual_is_compared_with_its_reference(declaring: None) -> None:
+    """`corner_lag` of docs/output.md, without its run: declared once, known to a case's tables."""
+    page = (ROOT / "docs" / "output.md").read_text(encoding="utf-8")
+    code = page.partition("### A column of your own")[2].partition("```python\n")[2]
+    exec(code.partition("\nresult = ")[0], {})
+    assert_named_everywhere("corner_lag", "2 mm")
+    reference = {"quantity": "corner_lag", "value": "2 mm", "source": "a test"}
+    found = castfem.run(small({"reference": [reference]})).summary
+    (compared,) = found.references
+    shell = {place: found.quantities[f"shell_{place}"].value for place in ("mid_face", "corner")}
+    assert compared.ours == pytest.approx(shell["mid_face"] - shell["corner"], abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["effort", "bulge_pitch", "roll_force", "shell_mid_face"])
+def test_results_of_a_run_are_named_everywhere(name: str) -> None:
+    assert_named_everywhere(name, f"2 {registry.unit_of(name)}")
+
+
+def test_columns_have_units_and_are_no_results() -> None:
+    assert registry.usual_unit("solidus_cell") == registry.usual_unit("solidus_cell_tip") == "mm"
+    assert registry.unit_of("solidus_cell_tip") is registry.unit_of("temperature_core") is None
+    assert registry.unit_of("shell") is None and registry.usual_unit("shell") == "mm"
+    assert registry.unit_of("axial_strain") == "1" and registry.unit_of("gap_tips") is None
 
 
 def test_a_quantity_of_the_slice_is_no_probe(declaring: None) -> None:
@@ -218,6 +253,15 @@ def test_a_quantity_of_the_slice_is_no_probe(declaring: None) -> None:
     quantity("shell_lag", unit="mm", label="shell, corner behind mid-face")(lambda sample: 0.0)
     assert set(probes_with(table, "shell")) == {"mid_face"}
     assert find("shell_lag") == (declared()[-1], "")
+    assert_named_everywhere("shell_lag", "2 mm")
+
+
+def test_the_longer_name_goes_before_the_shorter(declaring: None) -> None:
+    """At the probes, too."""
+    one = quantity("shell_growth", unit="mm/s", label="growth of the shell, {}", each="probe")
+    one(lambda sample, probe: 0.0)
+    assert find("shell_growth_corner") == (declared()[-1], "corner")
+    assert_named_everywhere("shell_growth_corner", "2 mm/s")
 
 
 @needs_mpirun
@@ -225,7 +269,7 @@ def test_a_new_quantity_may_add_up_over_the_ranks(tmp_path: Path) -> None:
     imports = (
         "import sys; from collections.abc import Callable; from mpi4py import MPI; "
         "from castfem.model import load_case; "
-        "from castfem.fem import reductions; from castfem.runs.results.registry import quantity; "
+        "from castfem.fem import reductions; from castfem.base.result_registry import quantity; "
         "from castfem.runs.results.sample import Sample; from castfem.runs import loop\n"
     )
     ran = "declare_mean()\nloop.run(load_case(sys.argv[1]), sys.argv[2], comm=MPI.COMM_WORLD)\n"

@@ -6,7 +6,8 @@ import math
 
 import pytest
 
-from castfem.runs.output.summary import Quantity, Summary
+from castfem.base.shown_quantity import Quantity
+from castfem.runs.output.summary import Summary
 from castfem.runs.results.labels import last_quantities
 from castfem.runs.results.numbers import cells, finely, shown
 from castfem.runs.results.resolution import resolved

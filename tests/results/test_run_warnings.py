@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 from small_case import small
 
-from castfem.runs.output.summary import Quantity, Summary
+from castfem.base.shown_quantity import Quantity
+from castfem.runs.output.summary import Summary
 from castfem.runs.results.run_warnings import run_warnings
 
 

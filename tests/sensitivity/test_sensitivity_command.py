@@ -15,11 +15,11 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from small_case import write_small
 
+from castfem.base.shown_quantity import Quantity
 from castfem.base.shown_units import ShownUnits, shown_in
 from castfem.cli.app import app
 from castfem.cli.sensitivity import head_of, remarks, table_of
 from castfem.post.plots.tornado import draw_tornado
-from castfem.runs.output.summary import Quantity
 from castfem.studies.sensitivity.chosen_units import ShownRow
 from castfem.studies.sensitivity.parameters import Parameter
 from castfem.studies.sensitivity.result import Derivative, Sensitivity

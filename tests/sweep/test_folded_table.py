@@ -7,7 +7,7 @@ import io
 import pytest
 from rich.console import Console
 
-from castfem.runs.output.summary import Quantity
+from castfem.base.shown_quantity import Quantity
 from castfem.studies.sweep.results import Row, printed
 
 GIVEN = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,9 @@ import small_case
 import castfem
 from castfem import meshes
 from castfem.base.errors import RunFailure
+from castfem.base.types import Array
 from castfem.physics.thermal.branch import Branch
-from castfem.physics.thermal.flux_laws import Convection, Radiation
+from castfem.physics.thermal.flux_laws import Convection, Radiation, SurfaceLaw
 from castfem.physics.thermal.sprays import wendelstorf
 
 from .setups import ThermalSetup, constant_steel
@@ -120,15 +122,58 @@ def test_more_water_never_heats() -> None:
     assert most.min() > 0.0
 
 
-def test_a_stage_of_steel_that_fills_less_is_shorter() -> None:
-    """Tau w (-dq/dT) < M dH/dT, with M the volume that the vertex' steel fills."""
-    law = Convection(lambda t: np.interp(t, [823.15, 873.15], [9000.0, 600.0]), 298.15)
+@dataclass(frozen=True)
+class BoilingPeak(SurfaceLaw):
+    """q = q0 exp(-((T - T0)/w)^2), without a coefficient; its slope is least at T0 + w/sqrt(2)."""
+
+    peak: float = 5e6
+    at: float = 873.15
+    width: float = 200.0
+
+    def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
+        off = (temperature - self.at) / self.width
+        flux = self.peak * np.exp(-(off**2))
+        return flux, -2.0 * off / self.width * flux
+
+    def least_rise(self, temperatures: Array, time: float) -> float:
+        return float(self.flux(temperatures, time)[1].min())
+
+    def ambient_range(self, time: float) -> tuple[float, float]:
+        return 298.15, 298.15
+
+
+def test_a_law_of_any_form_is_kept_to_its_branch() -> None:
+    """Tau w (-dq/dT) < M dH/dT at the steepest fall, -sqrt(2/e) q0/w = -21 444 W/(m2 K)."""
+    law = BoilingPeak()
+    problem = boiling_strip(law).problem
+    steepest = np.sqrt(2.0 / np.e) * law.peak / law.width
+    assert steepest == pytest.approx(21444.0, rel=1e-4)
+    hot, cold = (
+        problem.curve.at(problem.curve.enthalpy(np.full_like(problem.area, law.at + off)))
+        for off in (200.0, 100.0)
+    )
+    (patch,) = (one for one, _ in problem.cooling.laws)
+    storage = problem.volume[patch.dofs] / hot.temperature_slope[patch.dofs]
+    exact = (storage / (patch.weights * steepest)).min()
+    branch = Branch(problem)
+    assert branch.longest_stage(hot, cold, 0.0, np.inf) == pytest.approx(exact, rel=1e-3)
+    rising = problem.curve.at(problem.curve.enthalpy(np.full_like(problem.area, law.at - 100.0)))
+    assert branch.longest_stage(rising, rising, 0.0, np.inf) == np.inf
+
+
+def boiling_strip(law: SurfaceLaw) -> ThermalSetup:
+    """A strip of 10 mm of constant properties, cooled by a law at its end."""
     mesh = meshes.build(
         shape="strip", length=0.01, width=0.002, surface_size=1e-3, core_size=2e-3,
         cell="quadrilateral", order=1,
     )  # fmt: skip
-    setup = ThermalSetup(mesh, constant_steel(1723.15, 1773.15), 1273.15).cool(("surface", law))
-    problem = setup.problem
+    return ThermalSetup(mesh, constant_steel(1723.15, 1773.15), 1273.15).cool(("surface", law))
+
+
+def test_a_stage_of_steel_that_fills_less_is_shorter() -> None:
+    """Tau w (-dq/dT) < M dH/dT, with M the volume that the vertex' steel fills."""
+    law = Convection(lambda t: np.interp(t, [823.15, 873.15], [9000.0, 600.0]), 298.15)
+    problem = boiling_strip(law).problem
     hot, cold = (
         problem.curve.at(problem.curve.enthalpy(np.full_like(problem.area, t)))
         for t in (870.0, 830.0)

@@ -92,10 +92,10 @@ def test_a_curve_that_is_constant_is_the_constant_law(gap: float) -> None:
 def test_a_flux_that_falls_while_the_surface_warms_is_told() -> None:
     grid = np.arange(500.0, 1700.0)
     falls = contact(FluxCurve(over_temperature=falling()), gap=np.full(7, 1e-4))
-    assert flux_laws.least_rise(falls, grid, 0.0) == pytest.approx(-1.5e6 / 400.0, rel=1e-6)
+    assert falls.least_rise(grid, 0.0) == pytest.approx(-1.5e6 / 400.0, rel=1e-6)
     rises = CoefficientCurve(over_temperature=celsius([200, 1400], [900, 3000]))
-    assert flux_laws.least_rise(contact(rises), grid, 0.0) == 0.0
-    assert flux_laws.least_rise(contact(FluxCurve(2e6)), grid, 0.0) == 0.0
+    assert contact(rises).least_rise(grid, 0.0) == 0.0
+    assert contact(FluxCurve(2e6)).least_rise(grid, 0.0) == 0.0
 
 
 def test_contact_with_a_flux_is_that_flux() -> None:

@@ -23,13 +23,14 @@ from castfem.physics.machine import Machine
 from castfem.physics.machine.travel import Steady
 from castfem.physics.materials import load_steel
 from castfem.physics.thermal import sprays
+from castfem.physics.thermal.flux_laws import SurfaceLaw
 
 HEAT = "cooling.mould.surface"
 RATED = {"law": "rated", "flux": "4 MW/m^2", "at": "1200 degC", "ambient": "25 degC"}
 
 
 @dataclass(frozen=True)
-class RatedFlux:
+class RatedFlux(SurfaceLaw):
     """A flux q at a temperature, in proportion to the excess over the ambient, K."""
 
     per_kelvin: float
@@ -39,6 +40,9 @@ class RatedFlux:
         return self.per_kelvin * (temperature - self.ambient), np.full_like(
             temperature, self.per_kelvin
         )
+
+    def least_rise(self, temperatures: Array, time: float) -> float:
+        return self.per_kelvin
 
     def ambient_range(self, time: float) -> tuple[float, float]:
         return self.ambient, self.ambient
@@ -118,6 +122,25 @@ def test_a_law_without_build_is_refused_where_it_is_defined() -> None:
             law: Literal["unbuilt"]
 
     assert "unbuilt" not in HeatLaw.kinds
+
+
+def test_a_law_without_a_bound_of_its_slope_cannot_be_made(
+    case: castfem.Case, rated: type[HeatLaw], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whether it derives from SurfaceLaw or not."""
+
+    class Falling(SurfaceLaw):
+        def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
+            return temperature, temperature
+
+        def ambient_range(self, time: float) -> tuple[float, float]:
+            return 0.0, 0.0
+
+    with pytest.raises(TypeError, match=r"Falling .*least_rise"):
+        Falling()
+    monkeypatch.setattr(rated, "build", lambda *_: object())
+    with pytest.raises(TypeError, match="object is no flux law; derive it from SurfaceLaw"):
+        castfem.run(case.with_({HEAT: [RATED]}))
 
 
 def test_a_new_spray_runs(case: castfem.Case) -> None:

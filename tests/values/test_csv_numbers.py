@@ -9,9 +9,9 @@ import pytest
 from castfem.base import units
 from castfem.base.csv_files import UnreadableError, read_csv
 from castfem.base.quantities import Kind
+from castfem.base.result_registry import declared
 from castfem.base.table_notation import Curve
 from castfem.physics.machine.rolls import read_rolls
-from castfem.runs.results.registry import declared
 from castfem.studies.optimisation.measured import read_measured
 
 FLUX = Curve(Kind("W/m^2", "MW/m^2"), over="position")

@@ -193,6 +193,8 @@ class Zones:
             made = law.build(self._seen(index, law, tags))
             if isinstance(made, flux_laws.PrescribedTemperature):
                 cooling.prescribed.append((self._surface.patch(tags), made))
+            elif not isinstance(made, flux_laws.SurfaceLaw):
+                raise TypeError(f"{type(made).__name__} is no flux law; derive it from SurfaceLaw")
             else:
                 crossing |= {len(rows)} if law.crosses_gap else set()
                 rows.append((tags, made))

@@ -23,7 +23,6 @@ from castfem.fem.root import on_root
 from castfem.fem.section import Section
 from castfem.physics.machine.machine import STANDING
 from castfem.physics.materials.curve import ThermalCurve
-from castfem.model.build import closed_form
 from castfem.model.build.cooling import Zones
 from castfem.model.build.start import given_profile
 from castfem.base.stopwatch import Stopwatch
@@ -115,7 +114,7 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
         machine = build_machine(case)
         steel = case_steel(case)
         start = starting_temperature(case, steel)
-        exact = closed_form.of_case(case, steel, start)
+        exact = _closed_form(case, steel, start)
     with watch.section("setup: mesh"):
         section = Section(comm, on_root(comm, lambda: build_mesh(case)))
         probes = LineProbes(section, _probe_lines(case, section))
@@ -181,6 +180,18 @@ def _windows(case: Case, machine: Machine, milestones: list[float]) -> StepContr
         unit=machine.window_time(length),
         most=most,
     )
+
+
+def _closed_form(case: Case, steel: Steel, start: float) -> ClosedForm | None:
+    """The closed form that a case is held against; None if it names none."""
+    if case.verification is None:
+        return None
+    from castfem.model.cooling import PrescribedTemperature
+    from castfem.physics.closed_forms import closed_form
+
+    (law,) = case.cooling[0].surface
+    assert isinstance(law, PrescribedTemperature), "the case has been checked"
+    return closed_form(case.verification.closed_form, steel, law.value, start)
 
 
 def _coupling(

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from castfem.physics.machine.rolls import Rolls
 
 MOULD, BELOW = "mould", "below the mould"
-BENDS = ("bending", "straightening")
 _OFF, _DESIGNED = "offset", "radius_designed"  # columns of rolls that are off, m
 
 

@@ -19,7 +19,6 @@ from castfem.base.types import Array
 from castfem.fem import reductions
 from castfem.physics.materials.curve import CurvePoint
 from castfem.physics.thermal.boundary import Cooling
-from castfem.physics.thermal.flux_laws import least_rise
 from castfem.physics.thermal.problem import ThermalProblem
 
 SAMPLES = 33  # temperatures of each vertex on its way
@@ -61,7 +60,7 @@ class Branch:
         return self._bound(warming, self._on_the_way(old.temperature, new.temperature, time))
 
     def _look_at(self, cooling: Cooling, time: float) -> None:
-        """Find whether and where a flux may fall; only one without a constant coefficient does.
+        """Find whether and where a flux may fall.
 
         Water may fall on the vertices of some ranks alone: all must come to the same answer.
         """
@@ -69,7 +68,7 @@ class Branch:
         grid = np.arange(knots[0], knots[-1], SPACING)
         sharpest, falls = np.zeros_like(self._problem.area), False
         for patch, law in cooling.laws:
-            least = np.minimum(least_rise(law, grid, time), 0.0)
+            least = np.minimum(law.least_rise(grid, time), 0.0)
             sharpest[patch.dofs] += patch.weights * least
             falls = falls or bool(np.any(least < 0.0))
         falls = reductions.any_of(self._problem.section.comm, falls)

@@ -1,16 +1,16 @@
 """Heat flux through the strand's surface: plain arrays in, flux and its slope out (thesis II.4).
 
 Every law gives q (W/m2, positive when heat leaves the strand) and dq/dT at the surface temperatures
-handed in, and the range of ambient temperatures it can drive the surface to.
+handed in, a lower bound of dq/dT, and the range of temperatures that it can drive the surface to.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -23,35 +23,37 @@ _FLAT = 1e-9  # of the steepest slope: less is what rounding makes of a flux tha
 _DT = 1e-3  # K, half width of the difference quotient of tabulated coefficients
 
 
-class SurfaceLaw(Protocol):
-    """What the thermal problem asks of a law."""
+class SurfaceLaw(ABC):
+    """What the thermal problem asks of a law; one that lacks any of it cannot be made."""
 
+    __slots__ = ()
+
+    @abstractmethod
     def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
         """Q and dq/dT (n,) at surface temperatures (n,), K, `time` seconds after the meniscus."""
-        ...
 
+    @abstractmethod
+    def least_rise(self, temperatures: Array, time: float) -> float | Array:
+        """Least dq/dT, or a lower bound of it.
+
+        A law whose flux falls anywhere as the surface warms must return a number below 0: steps
+        are kept to one root of the heat balance by it (`castfem.physics.thermal.branch`).
+
+        Args:
+            temperatures: At which it is asked for, close to each other (g,), K.
+            time: At which the zone begins, s; what changes in the zone is bounded for all of it.
+
+        Returns:
+            One number, or one a vertex (n,) of a law that differs between them, W/m2K.
+        """
+
+    @abstractmethod
     def ambient_range(self, time: float) -> tuple[float, float]:
         """Lowest and highest temperature the law pulls the surface to, K."""
-        ...
-
-
-def least_rise(law: SurfaceLaw, temperatures: Array, time: float) -> float | Array:
-    """Least dq/dT that a law has at any of some temperatures (g,), K; 0 of one that never falls.
-
-    It is one number, or one a vertex (n,) of a law that differs between them, which then has a
-    method of this name.
-    """
-    own = getattr(law, "least_rise", None)
-    if own is not None:
-        found: Array = own(temperatures, time)
-        return found
-    if any(callable(getattr(law, name, None)) for name in ("coefficient", "emissivity")):
-        return float(law.flux(temperatures, time)[1].min())
-    return 0.0
 
 
 @dataclass(frozen=True)
-class Convection:
+class Convection(SurfaceLaw):
     """h(T) (T - Ta): convection (35), (30); `coefficient` is a number or a function of T (K)."""
 
     coefficient: float | Callable[[Array], Array]
@@ -66,6 +68,12 @@ class Convection:
         rise = self.coefficient(temperature + _DT) - self.coefficient(temperature - _DT)
         return h * excess, h + rise / (2 * _DT) * excess
 
+    def least_rise(self, temperatures: Array, time: float) -> float:
+        """See `SurfaceLaw.least_rise`."""
+        if not callable(self.coefficient):
+            return self.coefficient
+        return float(self.flux(temperatures, time)[1].min())
+
     def ambient_range(self, time: float) -> tuple[float, float]:
         """See `SurfaceLaw.ambient_range`."""
         return self.ambient, self.ambient
@@ -76,7 +84,7 @@ class Convection:
 
 
 @dataclass
-class Contact:
+class Contact(SurfaceLaw):
     """Contact with the mould through a gap d (301): h = h_c k_g / (k_g + h_c d).
 
     Radiation and convection beside it cross the gap in parallel with its conduction, and with it
@@ -154,7 +162,7 @@ class Contact:
         return flux, (its_rise - fall) / below
 
     def least_rise(self, temperatures: Array, time: float) -> float:
-        """See `least_rise`, without a gap, in which a flux that falls does so the most."""
+        """See `SurfaceLaw.least_rise`, without a gap, in which a flux that falls does so most."""
         curve = self.coefficient
         if isinstance(curve, float | int) or curve.over_temperature is None:
             return 0.0
@@ -177,7 +185,7 @@ def _conductance(flux: Array, slope: Array, excess: Array) -> tuple[Array, Array
 
 
 @dataclass(frozen=True)
-class Radiation:
+class Radiation(SurfaceLaw):
     """gamma (T^4 - Ta^4), (32), with the gap factor (33).
 
     gamma = m^2 sigma / (0.75 a d + 1/eps_strand + 1/eps_wall - 1); eps_wall = 1 and d = 0 (the
@@ -231,13 +239,19 @@ class Radiation:
             slope = slope + rise / (2 * _DT) * excess
         return gamma * excess, slope
 
+    def least_rise(self, temperatures: Array, time: float) -> float:
+        """See `SurfaceLaw.least_rise`, without a gap, in which a flux that falls does so most."""
+        if not callable(self.emissivity):
+            return 0.0
+        return float(replace(self, gap=None).flux(temperatures, time)[1].min())
+
     def ambient_range(self, time: float) -> tuple[float, float]:
         """See `SurfaceLaw.ambient_range`."""
         return self.ambient, self.ambient
 
 
 @dataclass(frozen=True)
-class Sprayed:
+class Sprayed(SurfaceLaw):
     """Convection to a spray whose water changes in time.
 
     Attributes:
@@ -266,7 +280,7 @@ class Sprayed:
         return self._at(self.water(time)).flux(temperature, time)
 
     def least_rise(self, temperatures: Array, time: float) -> float:
-        """See `least_rise`, at the most water."""
+        """See `SurfaceLaw.least_rise`, at the most water."""
         return float(self._at(self.most).flux(temperatures, time)[1].min())
 
     def ambient_range(self, time: float) -> tuple[float, float]:
@@ -275,7 +289,7 @@ class Sprayed:
 
 
 @dataclass(frozen=True)
-class PrescribedFlux:
+class PrescribedFlux(SurfaceLaw):
     """A given flux q(t), W/m2; a number or a function of the time since the meniscus."""
 
     value: float | Callable[[float], float]
@@ -284,6 +298,10 @@ class PrescribedFlux:
         """See `SurfaceLaw.flux`."""
         q = self.value(time) if callable(self.value) else self.value
         return np.full_like(temperature, q), np.zeros_like(temperature)
+
+    def least_rise(self, temperatures: Array, time: float) -> float:
+        """See `SurfaceLaw.least_rise`."""
+        return 0.0
 
     def ambient_range(self, time: float) -> tuple[float, float]:
         """Without bounds but absolute zero: a flux does not know where it leads."""

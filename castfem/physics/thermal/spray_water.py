@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from castfem.base.types import Array, Indices
-from castfem.physics.thermal.flux_laws import SurfaceLaw, least_rise
+from castfem.physics.thermal.flux_laws import SurfaceLaw
 from castfem.physics.thermal.sprays import Correlation
 
 _DT = 1e-3  # K, half width of the difference quotient of a coefficient
@@ -134,7 +134,7 @@ class Share:
 
 
 @dataclass(frozen=True, slots=True)
-class SprayWater:
+class SprayWater(SurfaceLaw):
     """Heat to the water of all rows that spray a face at one place along the strand.
 
     Nozzles of several models: h is the mean of theirs, each at the sum of the water, weighted with
@@ -176,7 +176,7 @@ class SprayWater:
         return h * excess, h + rise / (2 * _DT) * excess
 
     def least_rise(self, temperatures: Array, time: float) -> Array:
-        """See `flux_laws.least_rise` (n,), at the largest flows."""
+        """See `SurfaceLaw.least_rise` (n,), at the largest flows."""
         grid = temperatures[::_COARSER]
         shape = (len(self.rows[0].water), len(grid))
         flows = [np.broadcast_to((row.water * row.most)[:, None], shape) for row in self.rows]
@@ -189,7 +189,7 @@ class SprayWater:
 
 
 @dataclass(frozen=True, slots=True)
-class RollShare:
+class RollShare(SurfaceLaw):
     """Heat to a roll as a share of what its pitch loses in all ([Meng2003]).
 
     Attributes:
@@ -215,10 +215,10 @@ class RollShare:
         return self.share / (1.0 - self.share) / self.length
 
     def least_rise(self, temperatures: Array, time: float) -> float | Array:
-        """See `flux_laws.least_rise`: no less than that of all laws together."""
+        """See `SurfaceLaw.least_rise`: no less than that of all laws together."""
         total: float | Array = 0.0
         for length, law in self.beside:
-            total = total + length * np.minimum(least_rise(law, temperatures, time), 0.0)
+            total = total + length * np.minimum(law.least_rise(temperatures, time), 0.0)
         return self._factor * total
 
     def ambient_range(self, time: float) -> tuple[float, float]:

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from castfem.base.result_registry import probe_label
 from castfem.base.shown_units import plain_unit
 from castfem.post.compare.figures import Definition, Panel, figures
 from castfem.post.compare.runs import Run
 from castfem.post.compare.sections import draw_sections
 from castfem.post.plots.history import prefix_for
 from castfem.post.plots.style import Abscissa, dress, look, new_panels, save
-from castfem.runs.results.registry import probe_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import pandas
 
+from castfem.base.result_registry import AT_FRACTION
 from castfem.post.compare.runs import Run
 from castfem.post.plots.fronts import open_front
 from castfem.post.plots.mechanics import CLOSED
-from castfem.runs.results.registry import AT_FRACTION
 
 _PLACES = ("mid_face", "narrow_face", "corner", "max", "min", "mean", "core")
 _LAST = ("max", "min", "mean")  # places that are none: their panels come after the others

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.base.atomic_files import write_text
+from castfem.base.shown_quantity import Quantity, from_si, unit_of_difference
 from castfem.base.shown_units import Scale, label_shown, scale_of
 from castfem.post.compare.runs import Run
 from castfem.post.report.remarks import mould_exit
-from castfem.runs.output.summary import SIGNS, Kind, Quantity, from_si, met, unit_of_difference
+from castfem.runs.output.summary import SIGNS, Kind, met
 from castfem.runs.results.headline import headline, plain_label
 from castfem.runs.results.labels import last_quantities
 from castfem.runs.results.numbers import is_gap, shown, small_gap, unit_shown, with_error

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from castfem.base.own_style import own_matplotlib
+from castfem.base.result_registry import probe_label
 from castfem.base.shown_units import documented, plain_unit, scale_of
 from castfem.post.compare.drawing import engineering
 from castfem.post.compare.figures import Curve, Panel, figures
 from castfem.post.compare.runs import Run
 from castfem.post.plots.style import probe_colours
-from castfem.runs.results.registry import probe_label
 
 WIDTH, HEIGHT = 720, 260
 LEFT, RIGHT, TOP, BOTTOM = 64, 12, 10, 40

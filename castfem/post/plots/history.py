@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.result_registry import AT_FRACTION, find, probe_label
 from castfem.base.shown_units import plain_unit, said
 from castfem.base.types import Array
 from castfem.post.plots.fronts import open_front
@@ -22,7 +23,6 @@ from castfem.post.plots.style import (
     probe_colours,
 )
 from castfem.post.plots.tensile import draw_tensile
-from castfem.runs.results.registry import AT_FRACTION, find, probe_label
 from castfem.runs.results.resolution import STAIR
 
 if TYPE_CHECKING:

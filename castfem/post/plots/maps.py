@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.shown_quantity import from_si
 from castfem.base.shown_units import plain_unit, scale_of
 from castfem.base.types import Array, Indices
 from castfem.physics.machine.stations import Stations
 from castfem.post.plots.style import Abscissa, dress, new_panels
-from castfem.runs.output.summary import from_si
 from castfem.runs.output.surface_line import SurfaceLine
 from castfem.runs.output.surface_maps import IN_BAND, SurfaceMap, SurfaceMaps
 
@@ -210,7 +210,7 @@ def _mark_phases(axes: list[Axes], stations: Stations, abscissa: Abscissa) -> No
     if stations.rolls is None:
         return
     from castfem.physics.machine.phases import off_stretches, phases
-    from castfem.physics.machine.stations import BENDS
+    from castfem.runs.results.crack_index import BENDS
 
     pairs, high = stations.rolls.pairs, float(abscissa.values[-1])
     bends = [(p.kind, p.first, p.last, 0.97) for p in phases(stations.rolls) if p.kind in BENDS]

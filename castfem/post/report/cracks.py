@@ -8,9 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
+from castfem.base.shown_quantity import from_si
 from castfem.base.types import Array
 from castfem.physics.machine.stations import Stations
-from castfem.runs.output.summary import Summary, from_si
+from castfem.runs.output.summary import Summary
 from castfem.runs.output.surface_maps import SurfaceMaps
 from castfem.runs.results.numbers import small_rate
 

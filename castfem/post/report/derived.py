@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from castfem.base.errors import InputError
+from castfem.base.shown_quantity import Quantity
 from castfem.base.tolerances import ROUNDING
 from castfem.post.plots.history import curves
 from castfem.post.report.remarks import OPEN, mould_exit, spells
 from castfem.post.report.roll_load import RollLoads
 from castfem.runs.output.history import HISTORY_NAME, read_history
-from castfem.runs.output.summary import Quantity, Summary
+from castfem.runs.output.summary import Summary
 from castfem.runs.results.labels import last_quantities
 
 

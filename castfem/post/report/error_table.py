@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from castfem.base.shown_quantity import Quantity, to_si
 from castfem.base.shown_units import Scale, place_said, scale_of
-from castfem.runs.output.summary import Quantity, to_si
 from castfem.runs.results.headline import headline, plain_label
 from castfem.runs.results.numbers import error_shown, shown, unit_shown
 from castfem.studies.accuracy.table import Entry, ErrorTable, Part

@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.base.errors import InputError
+from castfem.base.shown_quantity import Quantity
 from castfem.base.shown_units import Scale, place_said, scale_of
 from castfem.post.report.places import Place, places_of, table_names
 from castfem.runs.output.history import HISTORY_NAME, read_history
-from castfem.runs.output.summary import Quantity, Summary
+from castfem.runs.output.summary import Summary
 from castfem.runs.results.numbers import resolution_in, shown, unit_shown, with_error
 from castfem.runs.results.places import quantities_at
 

@@ -7,11 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from castfem.base.result_registry import AT_FRACTION
+from castfem.base.shown_quantity import Quantity
 from castfem.post.report.run_case import case_with
-from castfem.runs.output.summary import Quantity, Summary
+from castfem.runs.output.summary import Summary
 from castfem.runs.results.faces import at_places, repeats
 from castfem.runs.results.headline import AT_PROBES, HEADLINE
-from castfem.runs.results.registry import AT_FRACTION
 
 _MOST = 8  # places in the table of a run that was asked for none
 _NAMES = (
@@ -68,7 +69,7 @@ def _bends(folder: Path) -> list[Place]:
     if rolls is None:
         return []
     from castfem.physics.machine.phases import phases
-    from castfem.physics.machine.stations import BENDS
+    from castfem.runs.results.crack_index import BENDS
 
     off = [i for i, pair in enumerate(rolls.pairs) if pair.offset]
     return [

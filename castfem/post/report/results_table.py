@@ -6,16 +6,10 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from castfem.base.shown_quantity import Quantity, from_si, unit_of_difference
 from castfem.base.shown_units import Scale, difference_of, label_shown, plain_unit, scale_of
 from castfem.post.report.printing import empty_table, print_line, wrapped
-from castfem.runs.output.summary import (
-    SIGNS,
-    Comparison,
-    Quantity,
-    Summary,
-    from_si,
-    unit_of_difference,
-)
+from castfem.runs.output.summary import SIGNS, Comparison, Summary
 from castfem.runs.results.headline import ENDS
 from castfem.runs.results.numbers import (
     cells,

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from castfem.base.errors import InputError
+from castfem.base.shown_quantity import Quantity, to_si
 from castfem.base.shown_units import documented, said
 from castfem.base.tolerances import ROUNDING
 from castfem.model.machine import thickness_of
@@ -18,7 +19,6 @@ from castfem.post.plots.history import has_values, unit_of
 from castfem.post.report.remark import Remark
 from castfem.post.report.run_case import case_with
 from castfem.runs.output.history import HISTORY_NAME, read_history
-from castfem.runs.output.summary import Quantity, to_si
 
 _FORCE, _BULGE = "roll_force", "bulge_pitch"
 _LITTLE = 0.05  # of the larger one; a change that is less is not told

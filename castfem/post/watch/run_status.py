@@ -12,11 +12,11 @@ from pathlib import Path
 
 from castfem.base.errors import InputError
 from castfem.base.progress import time_left
+from castfem.base.shown_quantity import Quantity
 from castfem.model import Case, read_case
 from castfem.runs.output.folder import CASE_NAME, LOG_NAME, OutputFolder
 from castfem.runs.output.history import HISTORY_NAME, last_row
 from castfem.runs.output.run_record import RUN_NAME, RunRecord
-from castfem.runs.output.summary import Quantity
 from castfem.runs.results.labels import last_quantities
 
 RUNNING, KILLED, FINISHED, FAILED = "running", "killed", "finished", "failed"

@@ -44,6 +44,7 @@ from castfem.base.closing import Closing
 from castfem.base.errors import CastfemError, FolderInUse, InputError
 from castfem.base.file_lock import taken
 from castfem.base.signals import reason_of
+from castfem.model.shipped_cases import CASE_NAME
 from castfem.runs.output.checkpoint import CHECKPOINT_NAME
 from castfem.runs.output.field_files import HDF5_NAME, remove_singles, singles
 from castfem.runs.output.history import HISTORY_NAME
@@ -55,7 +56,6 @@ from castfem.runs.output.xdmf import XDMF_NAME
 if TYPE_CHECKING:
     from filelock import FileLock
 
-CASE_NAME = "case.toml"
 LOG_NAME = "run.log"
 FIGURES_NAME = "figures"
 PROPERTIES_NAME = "properties"

@@ -31,16 +31,14 @@ import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
 from castfem.base import units
 from castfem.base.errors import InputError
-from castfem.base.shown_units import coherent
+from castfem.base.shown_quantity import Quantity, from_si, si_shown, to_si, unit_of_difference
 
 SUMMARY_NAME = "summary.json"
-_NONE = "-"  # how "no unit" is written
 _NEAR = 1e-6  # relative; positions that differ by less are one
 _ROUNDING = 1e-9  # of a bound; what misses it by less has met it
 
@@ -65,57 +63,6 @@ CUT = "coupling windows cut for their error"
 def renamed(entries: Mapping[str, Any]) -> dict[str, Any]:
     """Counts or stages of a file, by the names of today."""
     return {RENAMED.get(name, name): value for name, value in entries.items()}
-
-
-@dataclass(frozen=True, slots=True)
-class Quantity:
-    """One result.
-
-    Attributes:
-        value: In SI; NaN when it does not exist.
-        shown_unit: In which it is shown, "-" for none.
-        label: What it is, for tables.
-        error: Of the value, in SI, of temperatures in K; None where `castfem error` has not
-            been asked.
-        resolution: How exactly the cells of the run resolve the value, likewise; None where that
-            is not known. It tells how many digits are printed, and is no error.
-    """
-
-    value: float
-    shown_unit: str
-    label: str
-    error: float | None = None
-    resolution: float | None = None
-
-    @property
-    def unit(self) -> str:
-        """The unit of `value`, in SI; "-" for none."""
-        return _si_shown(self.shown_unit)
-
-    @property
-    def shown(self) -> float:
-        """The value in `shown_unit`."""
-        return from_si(self.value, self.shown_unit)
-
-    @property
-    def shown_error(self) -> float | None:
-        """The error in `unit_of_difference(shown_unit)`."""
-        return self._difference_shown(self.error)
-
-    @property
-    def shown_resolution(self) -> float | None:
-        """The resolution, likewise."""
-        return self._difference_shown(self.resolution)
-
-    def _difference_shown(self, part: float | None) -> float | None:
-        return None if part is None else from_si(part, unit_of_difference(self.shown_unit))
-
-    def __repr__(self) -> str:
-        shown = f"{self.shown:.6g} {self.shown_unit}"
-        return (
-            f"Quantity(value={self.value!r}, unit={self.unit!r}, label={self.label!r}, "
-            f"shown={shown!r})"
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +92,7 @@ class Reference:
     @property
     def unit(self) -> str:
         """The unit of `value`, in SI; "-" for none."""
-        return _si_shown(self.shown_unit)
+        return si_shown(self.shown_unit)
 
 
 @dataclass(frozen=True, slots=True)
@@ -335,39 +282,6 @@ def met(ours: float, theirs: float, kind: Kind) -> bool | None:
         return None
     excess = ours - theirs if kind == "at_most" else theirs - ours
     return excess <= _ROUNDING * abs(theirs)
-
-
-@lru_cache(maxsize=256)
-def si_unit(unit: str) -> str:
-    """The SI unit that measures the same as `unit`, "1" for none."""
-    return "1" if unit in (_NONE, "", "1") else units.parse_any(f"1 {unit}")[1]
-
-
-def _si_shown(unit: str) -> str:
-    """The SI unit by its usual name, "-" for none."""
-    found = coherent(unit)
-    return _NONE if found == "1" else found
-
-
-def from_si(value: float, unit: str) -> float:
-    """An SI value in a unit; what is not finite stays."""
-    if not math.isfinite(value):
-        return value
-    return units.convert(value, si_unit(unit), "1" if unit in (_NONE, "") else unit)
-
-
-def to_si(value: float | None, unit: str) -> float:
-    """A value in a unit brought to SI; None becomes NaN."""
-    if value is None or not math.isfinite(value):
-        return math.nan
-    return (
-        value if si_unit(unit) == unit or unit == _NONE else units.parse_any(f"{value!r} {unit}")[0]
-    )
-
-
-def unit_of_difference(unit: str) -> str:
-    """The unit in which two values in `unit` differ: K for temperatures."""
-    return "K" if si_unit(unit) == "K" else unit
 
 
 def _quantity_json(quantity: Quantity) -> dict[str, Any]:

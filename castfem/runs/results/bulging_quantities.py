@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from castfem.runs.results.registry import quantity
+from castfem.base.result_registry import quantity
 
 if TYPE_CHECKING:
     from castfem.physics.contact.roll_support import RollSupportState

@@ -17,14 +17,13 @@ An index that accumulates finds its own value before the step in `step.value`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from castfem.base.result_registry import quantity
 from castfem.base.types import Array, Flags
-from castfem.physics.machine.stations import BENDS
-from castfem.runs.results.registry import quantity
 
 if TYPE_CHECKING:
     from castfem.model.quality import Quality
@@ -32,6 +31,8 @@ if TYPE_CHECKING:
     from castfem.runs.results.sample import Sample
 
 Where = Literal["surface", "section"]
+BENDS = ("bending", "straightening")
+"""Phases of the strand's way in which the largest values of the indexes are results."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,52 +105,47 @@ class SliceStep:
         return np.where(span > 0.0, moving, still)
 
 
-@dataclass(frozen=True, slots=True)
+Computed = Callable[[SliceStep], Array]
+
+
+def _nothing(step: SliceStep) -> Array:
+    """Stand for what is not declared yet."""
+    return np.zeros_like(step.value)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CrackIndex:
     """What a crack index is called, and how it is computed.
+
+    As a decorator, `crack_index`, it declares a function: a map, columns and results.
 
     Attributes:
         name: Of the index and its map.
         unit: In which it is shown.
         label: In tables.
-        compute: Its values after a step (n,), in SI.
-        needs: What a simulation must have, of `castfem.runs.results.registry.NEEDS`.
+        needs: What a simulation must have, of `castfem.runs.results.needs.NEEDS`.
         on: Where it counts: at the surface, or in the whole section; then it has no map.
         accumulates: Whether it continues from its own values before the step.
+        compute: The function: its value in SI after a step for each vertex of the surface, or each
+            point of the section (n,).
     """
 
-    name: str
+    name: str = field(kw_only=False)
     unit: str
     label: str
-    compute: Callable[[SliceStep], Array]
     needs: tuple[str, ...] = ()
     on: Where = "surface"
     accumulates: bool = False
+    compute: Computed = _nothing
 
+    def __call__(self, compute: Computed) -> Computed:
+        """Declare a function.
 
-_declared: dict[str, CrackIndex] = {}
-Computed = Callable[[SliceStep], Array]
+        Raises:
+            ValueError: There is a quantity of that name, or something it needs is not known.
+        """
+        name, unit, label = self.name, self.unit, self.label
 
-
-def crack_index(
-    name: str,
-    *,
-    unit: str,
-    label: str,
-    needs: tuple[str, ...] = (),
-    on: Where = "surface",
-    accumulates: bool = False,
-) -> Callable[[Computed], Computed]:
-    """Declare the decorated function as a crack index: a map, columns and results.
-
-    The function takes the step of the slice and returns a value in SI for each vertex of the
-    surface, or each point of the section. The arguments are those of `CrackIndex`.
-
-    Raises:
-        ValueError: There is a quantity of that name, or something it needs is not known.
-    """
-
-    def declare(compute: Computed) -> Computed:
         def largest(sample: Sample) -> float:
             return sample.judged.largest[name].value
 
@@ -160,23 +156,25 @@ def crack_index(
             return sample.judged.words(sample.judged.worst[name])
 
         about = (compute.__doc__ or "").strip()
-        where = "of the surface" if on == "surface" else "of the section"
+        where = "of the surface" if self.on == "surface" else "of the section"
         largest.__doc__ = f"{about} The largest {where} here."
         on_the_way.__doc__ = f"{about} The largest {where} from the meniscus to here."
         # Where they stand in files and tables is that of the module that declares the index.
         largest.__module__ = on_the_way.__module__ = compute.__module__
-        together = (*needs, "quality")
+        together = (*self.needs, "quality")
         quantity(f"{name}_max", unit=unit, label=label, row=False, needs=together)(largest)
         quantity(
             f"way_{name}_max", unit=unit, label=f"largest {label} on the way", column=False,
             place=place, needs=together,
         )(on_the_way)  # fmt: skip
-        for phase in () if accumulates else BENDS:
+        for phase in () if self.accumulates else BENDS:
             _declare_within(phase, name, unit, label, about, compute, together)
-        _declared[name] = CrackIndex(name, unit, label, compute, needs, on, accumulates)
+        _declared[name] = replace(self, compute=compute)
         return compute
 
-    return declare
+
+crack_index = CrackIndex
+_declared: dict[str, CrackIndex] = {}
 
 
 def _declare_within(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from castfem.runs.output.summary import Quantity
+from castfem.base.shown_quantity import Quantity
 
 _SAME = 1e-6  # relative; faces that are cooled alike differ by less
 _TWINS = (

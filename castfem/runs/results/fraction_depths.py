@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from castfem.runs.results.registry import QuantityDefinition
+from castfem.base.result_registry import AT_FRACTION, QuantityDefinition, quantity_family
 
 if TYPE_CHECKING:
     from castfem.physics.materials import Steel
@@ -28,9 +28,12 @@ def depth_of(percent: int) -> QuantityDefinition:
         return sample.profiles[probe].isotherm_depth(levels[id(steel)][1])
 
     return QuantityDefinition(
-        f"fs{percent}", "mm", f"shell to fs = {percent / 100:g}, {{}}", depth, each="probe",
-        axis="depth below the surface",
+        f"fs{percent}", unit="mm", label=f"shell to fs = {percent / 100:g}, {{}}", each="probe",
+        axis="depth below the surface", compute=depth,
     )  # fmt: skip
+
+
+quantity_family(AT_FRACTION, depth_of)
 
 
 def temperature_at(steel: Steel, fraction: float) -> float:

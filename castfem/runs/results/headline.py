@@ -6,9 +6,9 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 
-from castfem.runs.output.summary import Quantity
+from castfem.base.result_registry import AT_FRACTION
+from castfem.base.shown_quantity import Quantity
 from castfem.runs.results.faces import at_places, repeats
-from castfem.runs.results.registry import AT_FRACTION
 
 AT_PROBES = (*at_places("shell"), *at_places("surface_temperature"))
 # In the order in which they are shown; what a run does not have is left out.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from castfem.runs.output.summary import Quantity, to_si
-from castfem.runs.results.registry import find
+from castfem.base.result_registry import find
+from castfem.base.shown_quantity import Quantity, to_si
 from castfem.runs.results.resolution import resolved
 
 

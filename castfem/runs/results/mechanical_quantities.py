@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
+from castfem.base.result_registry import quantity
 from castfem.base.shown_units import below_meniscus
 from castfem.model.machine import thickness_of
-from castfem.runs.results.registry import quantity
 
 if TYPE_CHECKING:
     from castfem.runs.results.sample import Sample
@@ -73,6 +73,7 @@ def way_von_mises_max(sample: Sample) -> float:
     label="smooth twin of the largest von Mises stress",
     column=False,
     needs=("smooth",),
+    smooth_twin_of="von_mises_max",
 )
 def von_mises_smooth(sample: Sample) -> float:
     """Mean over the section weighted by the stress to the power of 31; below `von_mises_max`.
@@ -91,6 +92,7 @@ def von_mises_smooth(sample: Sample) -> float:
     column=False,
     needs=("smooth",),
     of_way=True,
+    smooth_twin_of="way_von_mises_max",
 )
 def way_von_mises_smooth(sample: Sample) -> float:
     """The same mean over section and way from the meniscus to here; below `way_von_mises_max`."""
@@ -105,11 +107,7 @@ def von_mises(sample: Sample, probe: str) -> float:
 
 
 @quantity(
-    "displacement",
-    unit="mm",
-    label="outward displacement, {}",
-    each="probe",
-    needs=("mechanics",),
+    "displacement", unit="mm", label="outward displacement, {}", each="probe", needs=("mechanics",)
 )
 def displacement(sample: Sample, probe: str) -> float:
     """Displacement of the surface, outwards."""

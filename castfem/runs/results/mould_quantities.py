@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from castfem.base.result_registry import quantity
 from castfem.runs.results.mechanical_quantities import place
-from castfem.runs.results.registry import quantity
 
 if TYPE_CHECKING:
     from castfem.model.mould import Oscillation
@@ -27,12 +27,7 @@ def _at(find: Callable[[ContactSummary], Iterable[float] | None]) -> Callable[[S
 
 
 @quantity(
-    "gap",
-    unit="mm",
-    label="gap to the mould, {}",
-    each="probe",
-    axis="gap",
-    needs=("mould",),
+    "gap", unit="mm", label="gap to the mould, {}", each="probe", axis="gap", needs=("mould",)
 )
 def gap(sample: Sample, probe: str) -> float:
     """Gap between the surface and the wall; below 0 the surface lies in the wall.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
+from castfem.base.shown_quantity import Quantity
 from castfem.base.shown_units import Scale, documented, plain_unit, scale_of
-from castfem.runs.output.summary import Quantity
 
 _FINEST = 1e-4  # an error below is printed with its power of ten
 _SMALL_GAP, _NO_GAP = 0.01, 5e-5  # mm; between them a gap is told in micrometres

@@ -2,41 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from castfem.base.messages import choices
+from castfem.base.result_registry import AT_FRACTION, declared, find
 from castfem.base.units import nearest
 from castfem.model.section_mesh import meshing
-from castfem.runs.results.registry import AT_FRACTION, declared, find
+from castfem.runs.results.needs import NEEDS
 
 if TYPE_CHECKING:
     from castfem.model.case import Case
 
 _EVERYWHERE = "mid_face"  # a place that every section has
-_STRAINED = ("[mechanics]", lambda case: case.mechanics is not None)
-_IN_MOULD = ("[mould]", lambda case: case.mould is not None)
-_OSCILLATES = (
-    "[mould.oscillation]",
-    lambda case: case.mould is not None and case.mould.oscillation is not None,
-)
-_ON_ROLLS = ("[machine]", lambda case: case.machine is not None)
-_TABLES: Mapping[str, tuple[tuple[str, Callable[[Case], bool]], ...]] = {
-    "mechanics": (_STRAINED,),
-    "smooth": (_STRAINED,),
-    "law_data": (_STRAINED,),
-    "tilt_x": (_STRAINED,),
-    "tilt_y": (_STRAINED,),
-    "mould": (_STRAINED, _IN_MOULD),
-    "oscillation": (_OSCILLATES,),
-    "friction": (_STRAINED,),
-    "bulging": (_STRAINED, _ON_ROLLS),
-    "machine": (_ON_ROLLS,),
-    "quality": (("[quality]", lambda case: case.quality is not None),),
-    "bending": (_STRAINED, _ON_ROLLS),
-    "extraction": (_STRAINED, _ON_ROLLS),
-}  # fmt: skip
-"""Tables of the case without which nothing of `castfem.runs.results.registry.NEEDS` can be met."""
 
 
 def faults_of(case: Case, names: Sequence[str]) -> list[str]:
@@ -71,10 +49,8 @@ def _fault(case: Case, name: str, places: Callable[[], list[str]]) -> str:
     if found is None:
         return ""
     definition, probe = found
-    needed = [table for need in definition.needs for table in _TABLES[need]]
-    missing = dict.fromkeys(table for table, has in needed if not has(case))
-    if missing:
-        tables = " and ".join(missing)
+    missing = (table for need in definition.needs for table in NEEDS[need].missing(case))
+    if tables := " and ".join(f"[{table}]" for table in dict.fromkeys(missing)):
         return f"is none of this case, for it has no {tables}; add it, or name another result"
     fraction = AT_FRACTION.fullmatch(name)
     if fraction is not None and int(fraction[1]) not in _percents(case):

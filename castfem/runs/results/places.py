@@ -12,9 +12,10 @@ import numpy as np
 
 from castfem.base import units
 from castfem.base.errors import InputError
+from castfem.base.shown_quantity import Quantity
 from castfem.base.shown_units import place_said
 from castfem.base.tolerances import ROUNDING
-from castfem.runs.output.summary import Quantity, Summary
+from castfem.runs.output.summary import Summary
 from castfem.runs.results.labels import last_quantities
 
 if TYPE_CHECKING:

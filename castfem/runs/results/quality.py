@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from castfem.base.shown_quantity import si_unit
 from castfem.base.types import Array
 from castfem.fem import reductions
 from castfem.model.machine import thickness_of
-from castfem.physics.machine.stations import BENDS, Stations
-from castfem.runs.output.summary import si_unit
+from castfem.physics.machine.stations import Stations
 from castfem.runs.output.surface_line import SurfaceLine
 from castfem.runs.output.surface_maps import Heading, SurfaceMap
-from castfem.runs.results.crack_index import CrackIndex, SliceStep, declared_indexes
+from castfem.runs.results.crack_index import BENDS, CrackIndex, SliceStep, declared_indexes
 from castfem.runs.results.fraction_depths import temperature_at
+from castfem.runs.results.needs import are_met
 from castfem.runs.results.quality_quantities import POOL
-from castfem.runs.results.registry import NEEDS
 
 if TYPE_CHECKING:
     from castfem.model.build.simulation import Simulation
@@ -120,7 +120,7 @@ class QualitySampler:
         rolls = None if case.machine is None else case.machine.pairs()
         caster = Stations(rolls, thickness_of(case.section) or 0.0, case.mould_exit())
         self.indexes = tuple(
-            index for index in declared_indexes() if all(NEEDS[n](simulation) for n in index.needs)
+            index for index in declared_indexes() if are_met(index.needs, simulation)
         )
         self.place = section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2].copy()
         self._on_surface = np.isin(section.node_of_owned, line.nodes)

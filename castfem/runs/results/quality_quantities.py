@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from castfem.base.result_registry import quantity
 from castfem.base.types import Array
 from castfem.runs.results.crack_index import SliceStep, crack_index
-from castfem.runs.results.registry import quantity
 
 if TYPE_CHECKING:
     from castfem.runs.results.sample import Sample

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from castfem.runs.results.registry import QuantityDefinition, declared, in_summary_order
+from castfem.base.result_registry import QuantityDefinition, declared, in_summary_order
 
 _BLOCK = re.compile(r"(<!-- quantities: (.+?) -->\n).*?(<!-- end of quantities -->)", re.DOTALL)
 

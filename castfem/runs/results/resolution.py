@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 from dataclasses import replace
 
-from castfem.runs.output.summary import Quantity
+from castfem.base.shown_quantity import Quantity
 
 STAIR = 1.0 / 6.0
 """Of the cell in which the solidus lies: how far the curve of the shell is off."""

@@ -14,11 +14,11 @@ from castfem.runs.results.sample import Sample
 from castfem.runs.results.thermal import Sampler
 
 if TYPE_CHECKING:
+    from castfem.base.shown_quantity import Quantity
     from castfem.model.build.simulation import Simulation
     from castfem.physics.coupling.subcycling import SubSteps
     from castfem.physics.mechanics.checkpoint import MechanicalCheckpoint
     from castfem.physics.mechanics.state import MechanicalResult
-    from castfem.runs.output.summary import Quantity
     from castfem.runs.results.quality import QualityState
 
 

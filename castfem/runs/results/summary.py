@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from castfem.base.shown_quantity import Quantity
 from castfem.base.tolerances import same_instant
-from castfem.model.build import closed_form
 from castfem.physics.thermal.mould_flux import MOULD_FLUXES
-from castfem.runs.output.summary import CUT, Comparison, Quantity, Reference, Summary, Zone, compare
+from castfem.runs.output.summary import CUT, Comparison, Reference, Summary, Zone, compare
 from castfem.runs.results.registry import results_of
 from castfem.runs.results.resolution import resolved
 
 if TYPE_CHECKING:
     from castfem.model.build.simulation import Simulation
+    from castfem.physics.closed_forms import ClosedForm
     from castfem.physics.contact.state import ContactSummary
     from castfem.runs.results.run_state import RunState
     from castfem.runs.results.sample import MechanicalSample, Sample
@@ -112,8 +113,16 @@ def _comparisons(run: RunState, final: dict[str, Quantity]) -> tuple[Comparison,
             found += compare([reference], here)
     exact, time = run.simulation.exact, run.state.thermal.time
     if exact is not None and time > 0.0:
-        found += compare(closed_form.references(exact, time), final)
+        found += compare(_of_closed_form(exact, time), final)
     return tuple(found)
+
+
+def _of_closed_form(exact: ClosedForm, time: float) -> list[Reference]:
+    """What a closed form has for the results of the summary at a time, s."""
+    return [
+        Reference(name, e.value, e.unit, exact.source, note=e.note)
+        for name, e in exact.results(time).items()
+    ]
 
 
 def quantities(sample: Sample) -> dict[str, Quantity]:
@@ -125,10 +134,7 @@ def quantities(sample: Sample) -> dict[str, Quantity]:
         if value is not None:
             place = "" if definition.place is None else definition.place(sample)
             found[definition.named(probe)] = definition.result(value, probe, place)
-    found = resolved(found, sample.cell.get)
-    if simulation.exact is not None:
-        found |= closed_form.errors(simulation.exact, simulation, sample.state)
-    return found
+    return resolved(found, sample.cell.get)
 
 
 def _heat_balance(run: RunState) -> dict[str, Quantity]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from castfem.runs.results.registry import quantity
+from castfem.base.result_registry import quantity
 
 if TYPE_CHECKING:
     from castfem.runs.results.sample import Sample

@@ -12,6 +12,7 @@ import numpy as np
 from castfem.base import log
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.errors import InputError, RunFailure
+from castfem.base.shown_quantity import Quantity
 from castfem.base.tables import as_function
 from castfem.base.types import Array
 from castfem.model.portable import portable
@@ -24,7 +25,7 @@ from castfem.physics.constitutive.parameters import law_from, problems_at
 from castfem.physics.constitutive.uniaxial import Tension, pull
 from castfem.runs.output.folder import PROPERTIES_NAME, OutputFolder
 from castfem.runs.output.history import HISTORY_NAME, History
-from castfem.runs.output.summary import Quantity, Reference, Summary, compare
+from castfem.runs.output.summary import Reference, Summary, compare
 
 if TYPE_CHECKING:
     from mpi4py import MPI

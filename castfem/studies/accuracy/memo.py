@@ -8,9 +8,10 @@ from pathlib import Path
 
 from castfem.base.atomic_files import folder_refused
 from castfem.base.errors import InputError, RunFailure
+from castfem.base.shown_quantity import Quantity
 from castfem.base.tolerances import ROUNDING
 from castfem.runs.output.history import HISTORY_NAME, read_history
-from castfem.runs.output.summary import Quantity, Summary
+from castfem.runs.output.summary import Summary
 from castfem.runs.results.places import quantities_at
 from castfem.studies.accuracy.ladder import Level
 from castfem.studies.accuracy.table import ErrorTable, Ran, gather

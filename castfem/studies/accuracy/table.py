@@ -26,16 +26,11 @@ from typing import Any
 
 from castfem.base.atomic_files import write_json
 from castfem.base.errors import InputError
+from castfem.base.shown_quantity import Quantity, to_si, unit_of_difference
 from castfem.model import Case, read_case
 from castfem.runs.output.folder import CASE_NAME, ERROR_NAME
 from castfem.runs.output.run_record import RunRecord
-from castfem.runs.output.summary import (
-    SUMMARY_NAME,
-    Quantity,
-    Summary,
-    to_si,
-    unit_of_difference,
-)
+from castfem.runs.output.summary import SUMMARY_NAME, Summary
 from castfem.studies.accuracy import sizes
 from castfem.studies.accuracy.estimate import Estimate, estimate
 from castfem.studies.accuracy.ladder import Level

@@ -15,12 +15,12 @@ import numpy as np
 from castfem.base import units
 from castfem.base.atomic_files import write_json, write_text
 from castfem.base.errors import InputError, RunFailure
+from castfem.base.shown_quantity import Quantity, from_si
 from castfem.base.tolerances import ROUNDING
 from castfem.base.types import Array
 from castfem.base.units import nearest
 from castfem.model.load import value_of
 from castfem.runs.output.history import HISTORY_NAME, read_history
-from castfem.runs.output.summary import Quantity, from_si
 from castfem.runs.results.places import quantities_at
 from castfem.studies.optimisation.calibrate import Fit, Fitted, Free, fit
 from castfem.studies.optimisation.evaluator import Evaluator, variant

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.base.errors import InputError
+from castfem.base.shown_quantity import from_si, to_si, unit_of_difference
 from castfem.base.types import Array
-from castfem.runs.output.summary import from_si, to_si, unit_of_difference
 from castfem.studies.optimisation.inputs import Uncertain
 from castfem.studies.optimisation.question import Axis, Question, Wanted
 from castfem.studies.sweep.work import Derivatives

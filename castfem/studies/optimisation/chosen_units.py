@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from castfem.base.shown_quantity import unit_of_difference
 from castfem.base.shown_units import Scale, scale_of
-from castfem.runs.output.summary import unit_of_difference
 from castfem.studies.optimisation.front import Front, Weighed
 from castfem.studies.optimisation.optimum import Known, Optimum
 

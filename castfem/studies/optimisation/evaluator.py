@@ -11,8 +11,8 @@ from castfem.base.atomic_files import folder_refused
 from castfem.base.closing import Closing
 from castfem.base.errors import InputError, RunFailure
 from castfem.base.messages import shown
+from castfem.base.result_registry import smooth_twins
 from castfem.model.load import changed, from_document
-from castfem.model.result_names import SMOOTH
 from castfem.studies.accuracy.levels import DEFAULT
 from castfem.studies.optimisation.fidelity import at_level, idealised
 from castfem.studies.optimisation.given import case_of, changes_of, fidelity_of, folder_of, whole
@@ -264,7 +264,7 @@ def lean(case: Case) -> Case:
     tables.pop("optimise", None)
     tables.pop("reference", None)
     tables.setdefault("output", {}).update(_LEAN)
-    if case.optimise is not None and case.optimise.names & set(SMOOTH):
+    if case.optimise is not None and case.optimise.names & smooth_twins().keys():
         tables["output"]["smooth"] = True
     return from_document(tables, case.title)
 

@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 
 from castfem.base.atomic_files import write_text
+from castfem.base.result_registry import general_label
+from castfem.base.shown_quantity import from_si, unit_of_difference
 from castfem.base.types import Array
 from castfem.model.optimise import Bound
-from castfem.runs.output.summary import from_si, unit_of_difference
-from castfem.runs.results.registry import general_label
 from castfem.studies.optimisation.outputs import Outputs
 from castfem.studies.optimisation.question import Wanted
 from castfem.studies.optimisation.search import FIRST, Done, Search

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 from castfem.base import units
 from castfem.base.errors import InputError
+from castfem.base.result_registry import unit_of
+from castfem.base.shown_quantity import Quantity
 from castfem.model.key_names import full_key
-from castfem.model.result_names import unit_of
 from castfem.model.shipped_cases import load
 from castfem.runs.output.run_record import RUN_NAME
-from castfem.runs.output.summary import Quantity
 from castfem.studies.optimisation.fidelity import WORDS
 from castfem.studies.optimisation.question import Axis, Question, Wanted
 

@@ -12,9 +12,9 @@ import numpy as np
 from castfem.base import units
 from castfem.base.csv_files import DECIMAL_COMMAS, Heading, UnreadableError, read_csv
 from castfem.base.errors import InputError
+from castfem.base.result_registry import fault, unit_of
+from castfem.base.shown_quantity import Quantity
 from castfem.base.units import nearest
-from castfem.model.result_names import fault, unit_of
-from castfem.runs.output.summary import Quantity
 from castfem.studies.optimisation.probe_data import is_of_probe, misfit, unit_at_probe
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-from castfem.runs.output.summary import from_si, unit_of_difference
+from castfem.base.shown_quantity import from_si, unit_of_difference
 from castfem.studies.optimisation.front import Front
 
 Status = Literal["found", "not converged", "independent", "impossible", "failed"]

@@ -10,9 +10,9 @@ import numpy as np
 
 from castfem.base import units
 from castfem.base.errors import InputError
+from castfem.base.shown_quantity import Quantity
 from castfem.base.types import Array
 from castfem.model.optimise import Bound
-from castfem.runs.output.summary import Quantity
 from castfem.studies.optimisation.carried import by_shares, of_run
 from castfem.studies.optimisation.question import Question, Wanted
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from castfem.base.errors import InputError
 from castfem.base.messages import choices
+from castfem.base.shown_quantity import Quantity, to_si
 from castfem.base.units import nearest, parse_any
 from castfem.model import Case
 from castfem.runs.output.folder import PROBES_NAME
 from castfem.runs.output.history import read_history
-from castfem.runs.output.summary import Quantity, to_si
 from castfem.runs.results.probes import HEAT, MECHANICS, PHASES
 
 _UNITS = dict((*HEAT, *PHASES, *MECHANICS))

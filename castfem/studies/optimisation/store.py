@@ -19,10 +19,11 @@ from castfem.base import units
 from castfem.base.atomic_files import UNWRITTEN
 from castfem.base.errors import CastfemError, InputError
 from castfem.base.messages import differences
+from castfem.base.shown_quantity import Quantity
 from castfem.model.key_names import full_key
 from castfem.model.portable import portable
 from castfem.runs.output.folder import CASE_NAME, PROPERTIES_NAME, RunRecord
-from castfem.runs.output.summary import CUT, Quantity, Summary
+from castfem.runs.output.summary import CUT, Summary
 from castfem.studies.sensitivity.slopes import Slopes, read_slopes
 from castfem.studies.sweep.plan import Variant, run_name
 from castfem.studies.sweep.record import Record, check_own

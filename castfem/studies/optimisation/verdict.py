@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from castfem.base.result_registry import general_label, smooth_twins
+from castfem.base.shown_quantity import unit_of_difference
 from castfem.base.types import Array
-from castfem.model.result_names import SMOOTH
-from castfem.runs.output.summary import unit_of_difference
-from castfem.runs.results.registry import general_label
 from castfem.studies.accuracy.levels import LEVELS
 from castfem.studies.optimisation import vicinity
 from castfem.studies.optimisation.as_good import AsGood
@@ -265,7 +264,7 @@ def _known(found: Findings, name: str, place: int) -> Known:
     values = {w: e[name] for w, e in levels.items() if e is not None and name in e.quantities}
     numerical = error(values, best.fidelity)
     noise = float(found.noise[place])
-    of = SMOOTH.get(name)
+    of = smooth_twins().get(name)
     twin = None if of is None else (of, outputs.seen[best][of])
     measured = found.search.noise is not None and found.search.noise.runs > 0
     label = general_label(name, quantity.label)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from castfem.base.shown_quantity import unit_of_difference
 from castfem.base.shown_units import Scale, scale_of
-from castfem.runs.output.summary import unit_of_difference
 from castfem.studies.sensitivity.parameters import LEVELS, Parameter
 from castfem.studies.sensitivity.result import Row, per
 

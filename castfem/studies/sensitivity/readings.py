@@ -15,14 +15,15 @@ import numpy as np
 
 from castfem.base import units
 from castfem.base.errors import InputError
+from castfem.base.result_registry import QuantityDefinition
+from castfem.base.shown_quantity import Quantity
 from castfem.base.tolerances import EXACT
 from castfem.base.types import Array
 from castfem.model.build.simulation import Simulation
 from castfem.physics.coupling.staggered import StrandState
 from castfem.physics.thermal.stepper import ThermalState
-from castfem.runs.output.summary import Quantity
 from castfem.runs.results.of_case import fault_of
-from castfem.runs.results.registry import QuantityDefinition, columns_of, results_of
+from castfem.runs.results.registry import columns_of, results_of
 from castfem.runs.results.resolution import STAIR
 from castfem.runs.results.sample import Sample
 from castfem.runs.results.thermal import Sampler
@@ -35,6 +36,7 @@ from castfem.studies.sensitivity.thermal import ThermalDerivatives
 _OF_STEPS = (
     "step", "newton", "newton_mechanics", "energy_error", "force_error", "solidus_cell",
     "colder_than_data", "hotter_than_data", "faster_than_data",
+    "error_temperature", "error_temperature_max", "error_stress",
 )  # fmt: skip
 """Results that tell of steps, cells and points, which are held."""
 _OF_POINTS = ("contact_share", "contact_sticking", "mould_contact_least")

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from castfem.base.atomic_files import plain, saving, write_json, write_text
-from castfem.runs.output.summary import Quantity, from_si, si_unit, unit_of_difference
+from castfem.base.shown_quantity import Quantity, from_si, si_unit, unit_of_difference
 from castfem.studies.sensitivity.parameters import LEVELS, Parameter
 
 JSON_NAME, CSV_NAME = "sensitivity.json", "sensitivity.csv"

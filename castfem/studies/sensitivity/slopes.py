@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from castfem.base.shown_quantity import to_si, unit_of_difference
 from castfem.runs.output.folder import DERIVATIVES_NAME
-from castfem.runs.output.summary import to_si, unit_of_difference
 
 REFUSED = "refused"
 

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Protocol
 from castfem.base import units
 from castfem.base.atomic_files import write_text
 from castfem.base.errors import CastfemError
+from castfem.base.shown_quantity import Quantity
 from castfem.base.shown_units import plain_unit, scale_of
 from castfem.post.report.derived import derived
 from castfem.runs.output.history import HISTORY_NAME, read_history
-from castfem.runs.output.summary import Quantity, Summary
+from castfem.runs.output.summary import Summary
 from castfem.runs.results.headline import headline, plain_label
 from castfem.runs.results.places import quantities_at
 from castfem.studies.sweep.plan import shortened

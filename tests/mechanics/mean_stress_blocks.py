@@ -1,7 +1,4 @@
-"""The mean stress: how stable it is, and what locking and a poor choice of its terms would do.
-
-Writes the tables of docs/mechanics.md on the quadrature rules and the terms of the mean stress.
-"""
+"""Blocks and a punch, by which the stability of the mean stress is judged."""
 
 from __future__ import annotations
 
@@ -16,27 +13,26 @@ import scipy.linalg
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from benchmarks.mapped import RING_GROUPS, box, mapped, ring, skewed
-from benchmarks.report import Output, table
 from castfem import meshes
 from castfem.base.types import Array
 from castfem.fem import dof_values
 from castfem.fem.section import Section
 from castfem.physics.constitutive.elasticity import Elasticity
-from castfem.physics.constitutive.flow_laws import NortonCreep, ThermoElastic
+from castfem.physics.constitutive.flow_laws import ThermoElastic
 from castfem.physics.mechanics.definition import Slice
 from castfem.physics.mechanics.planes import PlainPlanes
 from castfem.physics.mechanics.problem import MechanicalProblem
 from castfem.physics.mechanics.quadrature_rules import Integration
 from castfem.physics.mechanics.state import MechanicalState
 from castfem.physics.mechanics.stepper import MechanicalStepper
-from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
+from castfem.physics.mechanics.supports import PrescribedDisplacement
+
+from .mapped import box, mapped, ring, skewed
 
 Field = Callable[[Array, float], Array]
 
 SIDES = ("left", "bottom", "right", "top")
 FOUR_TERMS = Integration(4, 3, linear=False)
-ONE_RULE = Integration(4, 4, linear=False)
 YOUNG, POISSON = 200e9, 0.499999
 SHEAR = 0.5 * YOUNG / (1.0 + POISSON)
 NO_MODE = 1e-13  # square of a constant that counts as none
@@ -192,85 +188,6 @@ def punch_error(block: Block, fine: Block, cells: int) -> tuple[float, float]:
     return rms(found - better) / rms(better), rms(mixed) / rms(better)
 
 
-INNER, OUTER, PRESSURE = 0.02, 0.04, 1e7  # of the tube, m and Pa
-SPEED = 1.037924e-5  # of its bore in stationary creep, m/s
-
-
-def tube(cells: int, cell: str, rules: Integration | None, law: Any) -> Block:
-    """A quarter of a thick tube under inner pressure."""
-    mesh = mapped(cells, cells, ring(INNER, OUTER), cell, 2, RING_GROUPS)
-    return Block.of(mesh, law, rules, loads=(SurfacePressure(("inner",), lambda t: PRESSURE),))
-
-
-def bore(block: Block, nodal_values: Array) -> float:
-    """Radial part of a nodal field at the bore."""
-    places = block.problem.space.tabulate_dof_coordinates()[:, :2]
-    at = int(np.argmin(np.abs(places - [INNER, 0.0]).sum(axis=1)))
-    return float(nodal_values[2 * at])
-
-
-def lame(cells: int, cell: str, rules: Integration | None) -> tuple[float, float]:
-    """Elastic tube: error of the bore's displacement; of the mean stress, rms over the pressure."""
-    block = tube(cells, cell, rules, elastic()).step(1.0)
-    share = PRESSURE * INNER**2 / (OUTER**2 - INNER**2)
-    ratio = (1.0 - 2.0 * POISSON) * INNER + OUTER**2 / INNER
-    exact = share * (1.0 + POISSON) / YOUNG * ratio
-    stress = block.problem.points.recovered(block.state.stress)
-    wrong = stress[:, :3].mean(axis=1) - 2.0 * (1.0 + POISSON) / 3.0 * share
-    moved = bore(block, block.state.displacement) / exact - 1.0
-    return moved, float(np.sqrt(np.mean(wrong**2))) / PRESSURE
-
-
-def creeping(cells: int, cell: str, rules: Integration | None) -> tuple[float, float]:
-    """Norton's tube, stationary: error of the bore's speed; of the axial stress, rms likewise."""
-    law = NortonCreep.constant(Elasticity.constant(20e9, 0.3), 1e-9, 1e6, 5.0)
-    block = tube(cells, cell, rules, law)
-    for time in np.cumsum(2.0 ** np.arange(20)):
-        block.step(float(time))
-    points = block.problem.points
-    radius = np.hypot(*points.deviator.position.T)
-    # sigma_zz is the mean of radial and hoop stress.
-    spread, here = (OUTER / INNER) ** 0.4 - 1.0, (OUTER / radius) ** 0.4
-    exact = 0.5 * PRESSURE * (1.0 - here - 0.6 * here + 1.0) / spread
-    wrong = points.recovered(block.state.stress)[:, 2] - exact
-    speed = bore(block, block.state.rate) / SPEED - 1.0
-    return speed, float(np.sqrt(np.mean(wrong**2))) / PRESSURE
-
-
-def percent(share: float) -> float:
-    """Two digits of it."""
-    return float(f"{100.0 * share:.2g}")
-
-
-def locking(output: Output, quick: bool) -> None:
-    """Two rules and one."""
-    names = {
-        lame: ("elastic: displacement of the bore", "elastic: mean stress, rms over the pressure"),
-        creeping: ("creep: speed of the bore", "creep: sigma_zz, rms over the pressure"),
-    }
-    runs = [(c, n) for c in ("quadrilateral", "triangle") for n in ((2,) if quick else (2, 4, 8))]
-    rows: list[dict[str, Any]] = []
-    for kind, words in names.items():
-        for cell, cells in runs:
-            both = zip(kind(cells, cell, None), kind(cells, cell, ONE_RULE), strict=True)
-            for word, (two, one) in zip(words, both, strict=True):
-                errors = {"two": percent(two), "one": percent(one)}
-                rows.append({"tube": word, "cell": cell, "cells": cells, **errors})
-    rows.sort(key=lambda row: [w for pair in names.values() for w in pair].index(row["tube"]))
-    output.csv("locking", rows)
-
-
-def show_locking(output: Output) -> None:
-    """Two rules and one, from the data."""
-    rows = output.rows("locking")
-    columns = {
-        "tube": "tube", "cell": "cells", "cells": "n", "two": "error, two rules, %",
-        "one": "error, one rule, %",
-    }  # fmt: skip
-    output.insert("locking", table(rows, columns, {}))
-
-
-TERMS = {"1, x, y": None, "a value at each of four points": FOUR_TERMS}
 MESHES: dict[str, tuple[str, Any, int]] = {
     "square": ("quadrilateral", box(1.0, 1.0), 1),
     "square, distorted": ("quadrilateral", skewed(1.0, 1.0), 1),
@@ -279,66 +196,3 @@ MESHES: dict[str, tuple[str, Any, int]] = {
     "ring, triangles": ("triangle", ring(1.0, 2.0), 2),
     "1 : 3.14, triangles of the ring's rule": ("triangle", box(1.0, 3.14), 2),
 }
-
-
-def stability(output: Output, quick: bool) -> None:
-    """The inf-sup constants."""
-    counts = (2, 4) if quick else (2, 4, 8, 16)
-    rows: list[dict[str, Any]] = []
-    for name, (cell, shape, order) in MESHES.items():
-        for terms, rules in TERMS.items():
-            if rules is not None and cell == "triangle":
-                continue
-            found = [inf_sup(mapped(n, n, shape, cell, order, SIDES), rules) for n in counts]
-            row: dict[str, Any] = {"mesh": name, "terms": terms, "unfelt": found[0][0]}
-            rows.append(row | {f"n{n}": one[1] for n, one in zip(counts, found, strict=True)})
-    output.csv("inf_sup", rows)
-
-
-def show_stability(output: Output) -> None:
-    """The inf-sup constants, from the data."""
-    rows = output.rows("inf_sup")
-    counts = [int(key[1:]) for key in rows[0] if key[0] == "n" and key[1:].isdigit()]
-    columns = {"mesh": "section", "terms": "mean stress on a cell", "unfelt": "not felt at all"}
-    columns |= {f"n{n}": f"n = {n}" for n in counts}
-    output.insert("inf_sup", table(rows, columns, {f"n{n}": ".2g" for n in counts}))
-
-
-def errors(output: Output, quick: bool) -> None:
-    """Of the mean stress under a punch and in colliding flows."""
-    fine = punch(16 if quick else 64, None)
-    rows: list[dict[str, Any]] = []
-    for cells in (4, 8) if quick else (4, 8, 16):
-        for terms, rules in TERMS.items():
-            wrong, mixed = punch_error(punch(cells, rules), fine, cells)
-            flow = colliding(cells, rules)
-            rows.append(
-                {"cells": cells, "terms": terms, "punch": 100 * wrong, "mixed": 100 * mixed,
-                 "flow": 100 * flow}
-            )  # fmt: skip
-    output.csv("mean_stress", rows)
-
-
-def show_errors(output: Output) -> None:
-    """Under a punch and in colliding flows, from the data."""
-    rows = output.rows("mean_stress")
-    columns = {
-        "cells": "n", "terms": "mean stress on a cell", "punch": "punch: error, %",
-        "mixed": "of it the mixed term, %", "flow": "colliding flows: error, %",
-    }  # fmt: skip
-    output.insert("punch", table(rows, columns, dict.fromkeys(("punch", "mixed", "flow"), ".2g")))
-
-
-def main(output: Output, quick: bool = False) -> None:
-    """All tables."""
-    locking(output, quick)
-    stability(output, quick)
-    errors(output, quick)
-    show(output)
-
-
-def show(output: Output) -> None:
-    """The tables, from the data."""
-    show_locking(output)
-    show_stability(output)
-    show_errors(output)

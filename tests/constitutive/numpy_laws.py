@@ -1,30 +1,14 @@
-"""What the constitutive laws cost, and whether compiling them pays: numba against vectorised numpy.
-
-    python -m benchmarks.laws [--figures FOLDER]
-
-integrates 8100 points (900 quadrilaterals with 9 points each) and prints a table: milliseconds of
-the compiled kernel, of the same implicit scheme in vectorised numpy (written for this comparison,
-so that it is an independent check of the kernel, too; tests/constitutive use it so), and of the
-coefficients, which are computed once a step.  Then the time to the first answer of a new process,
-without and with compiled code on disk.  With `--figures` the pictures of docs/laws.md are drawn.
+"""The flow laws once more, by vectorised numpy: an independent check of the compiled kernel.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-import tempfile
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from time import perf_counter
 
 import numpy as np
 
-from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.tables import Constant
 from castfem.base.tables import celsius as rows
 from castfem.base.types import Array
@@ -39,16 +23,11 @@ from castfem.physics.constitutive import (
     load_elasticity,
     load_law,
 )
-from castfem.physics.constitutive.curves import Austenite
 from castfem.physics.constitutive.flow_laws import RadialReturn
 from castfem.physics.constitutive.kernel import constants as k
-from castfem.runs.tensile.thesis_tests import plot_tensile_tests
-from castfem.studies.identification.fit import identify
-from castfem.studies.identification.measured import TensileData
 
-POINTS = 8100
+POINTS = 1000
 DT = 0.1  # s
-REPEATS = 15
 NEWTON = 60
 
 
@@ -68,7 +47,7 @@ def laws() -> dict[str, RadialReturn]:
 
 
 def material_points(law: RadialReturn) -> tuple[MaterialStep, Array, Array]:
-    """A step of 8100 points after some history: step, stress, state.
+    """A step of some points after some history: step, stress, state.
 
     From 900 to 1550 degC, cooling by 2 K; every other point goes on as before, at 2e-4 to 2e-3 1/s,
     the others are unloaded at half their rate.
@@ -87,9 +66,6 @@ def material_points(law: RadialReturn) -> tuple[MaterialStep, Array, Array]:
         stress, state = found.stress, found.state
     strain[::2] *= -0.5
     return MaterialStep(strain, none, temperature + 2.0, temperature, DT), stress, state
-
-
-# -- the same scheme in numpy ------------------------------------------------------------------
 
 
 def numpy_response(law: RadialReturn, step: MaterialStep, stress: Array, state: Array) -> Response:
@@ -248,105 +224,3 @@ def _automatic(
     new[:, 1] = np.exp(np.where(flows, y, elastic_rate))
     kept = 1.0 - shear3 * (1.0 - by_trial) / (shear3 + by_dp)
     return trial - shear3 * dp, np.where(flows, kept, 1.0)
-
-
-# -- measurement -------------------------------------------------------------------------------
-
-
-def best(action: Callable[[], object], repeats: int = REPEATS) -> float:
-    """Shortest wall time of an action, s."""
-    times = []
-    for _ in range(repeats):
-        start = perf_counter()
-        action()
-        times.append(perf_counter() - start)
-    return min(times)
-
-
-def table() -> str:
-    """Measure all laws; a Markdown table."""
-    lines = [
-        "| law | points that flow | coefficients, once a step | compiled | numpy | ratio |"
-        " largest difference |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    for name, law in laws().items():
-        step, stress, state = material_points(law)
-        table_of_step = law.coefficients(step.temperature_old, step.temperature)
-        out = Response.empty(POINTS, len(law.state_names))
-
-        def run(law=law, step=step, stress=stress, state=state, c=table_of_step, out=out):  # type: ignore[no-untyped-def]
-            return law.integrate(step, stress, state, coefficients=c, out=out)
-
-        def by_numpy(law=law, step=step, stress=stress, state=state):  # type: ignore[no-untyped-def]
-            return numpy_response(law, step, stress, state)
-
-        def prepare(law=law, step=step):  # type: ignore[no-untyped-def]
-            return law.coefficients(step.temperature_old, step.temperature)
-
-        other = by_numpy()
-        run()
-        size = np.abs(out.stress).max(axis=1)
-        difference = max(
-            np.max(np.abs(out.stress - other.stress).max(axis=1) / np.maximum(size, 1.0)),
-            np.max(
-                np.abs(out.tangent - other.tangent)
-                / np.abs(out.tangent).max(axis=(1, 2))[:, None, None]
-            ),
-        )
-        compiled, plain, once = best(run), best(by_numpy, 5), best(prepare, 5)
-        plain -= once
-        lines.append(
-            f"| {name} | {out.flows.mean():.0%} | {1e3 * once:.1f} ms | {1e3 * compiled:.2f} ms |"
-            f" {1e3 * plain:.0f} ms | {plain / compiled:.0f} | {difference:.0e} |"
-        )
-    return "\n".join(lines)
-
-
-def start_times() -> tuple[float, float]:
-    """Seconds from import to the first answer of a new process: nothing on disk, then from disk."""
-    code = (
-        "from time import perf_counter; t = perf_counter()\n"
-        "import numpy as np\n"
-        "from castfem.physics.constitutive import Elasticity, MaterialStep, ThermoElastic\n"
-        "law = ThermoElastic(Elasticity.constant(1e9, 0.3)); one = np.full(1, 300.0)\n"
-        "law.integrate(MaterialStep(np.zeros((1, 4)), np.zeros(1), one, one, 1.0),"
-        " np.zeros((1, 4)), law.initial_state(1))\n"
-        "print(perf_counter() - t)"
-    )
-    with tempfile.TemporaryDirectory() as folder:
-        environment = {**os.environ, "NUMBA_CACHE_DIR": folder}
-        times = [
-            float(subprocess.check_output([sys.executable, "-c", code], env=environment))
-            for _ in range(2)
-        ]
-    return times[0], times[1]
-
-
-def figures(folder: Path) -> None:
-    """Draw the five tensile tests and the fit to Kozlowski III into a folder."""
-    celsius = np.array([900.0, 1050.0, 1200.0, 1350.0])
-    t, r, e = (
-        a.ravel()
-        for a in np.meshgrid(
-            celsius + ZERO_CELSIUS, [1e-4, 1e-3, 5e-3], np.geomspace(2e-3, 5e-2, 20), indexing="ij"
-        )
-    )
-    data = TensileData(t, r, e, Austenite.at(t, 0.10).stress(e, r), "Kozlowski III, 0.10 %C")
-    plot_tensile_tests(folder / "tensile_tests.png")
-    identify(data).plot(folder / "identify.png")
-
-
-def main() -> None:
-    """Print what has been measured, or draw."""
-    if len(sys.argv) == 3 and sys.argv[1] == "--figures":
-        figures(Path(sys.argv[2]))
-        return
-    print(f"{POINTS} points, one thread, best of {REPEATS}\n")
-    print(table())
-    first, later = start_times()
-    print(f"\nimport to first answer: {first:.1f} s compiling, {later:.2f} s from disk")
-
-
-if __name__ == "__main__":
-    main()
