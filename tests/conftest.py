@@ -25,7 +25,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 importlib.metadata.entry_points = lru_cache(importlib.metadata.entry_points)
 
 # The same examples every time, and no clock: a slow machine is no failure.
-settings.register_profile("castfem", deadline=None, derandomize=True, database=None)
+settings.register_profile(
+    "castfem", deadline=None, derandomize=True, database=None, max_examples=30
+)
 settings.register_profile("search", deadline=None, max_examples=3000, database=None)
 settings.load_profile("castfem")
 

@@ -35,7 +35,7 @@ ROLLED = {
     },
     "cooling.0.to": "250 mm",
     "secondary": SECONDARY,
-    "thermal.time": {"step": "100 ms"},
+    "thermal.time": {"step": "250 ms"},
     "output": {"figures": False, "fields": []},
     "reference": [],
 }

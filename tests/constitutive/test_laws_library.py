@@ -140,22 +140,16 @@ def test_laws_from_data() -> None:
     ("data", "texts"),
     [
         ({"law": "norton_hof"}, ["law: ", "did you mean norton_hoff?"]),
-        ({}, ["law: is missing"]),
         ({"law": "norton_hoff", "p3": 0.1}, ["strength: is missing"]),
         ({"law": "norton_hoff", "strength": "30 K", "p3": 2.0}, ["strength: 'K' is", "p3: must"]),
         ({"law": "perfectly_plastic", "yeld_stress": "3 MPa"}, ["did you mean yield_stress?"]),
-        ({"law": "norton_hoff", "strength": "3 MPa", "p3": 0.1, "p4": 1.5}, ["p4: must not be"]),
         ({"law": "unified_steel"}, ["carbon: is missing"]),
-        ({"law": "norton_hoff", "strength": "3 MPa", "p3": 0.1, "hardening": "sined"}, ["signed?"]),
         ({"law": "unified_steel", "carbon": 0.1, "recovery_time": "-3 s"}, ["recovery_time: must"]),
         (
             {"law": "thermo_elastic", "data": {"temperature": ["9 degC", "2 degC"], "rate": [1]}},
             ["data.temperature: the lowest must be below", "data.rate: must be lowest and highest"],
         ),
-        ({"law": "thermo_elastic", "data": {"rate": 3}}, ["data: must be a table with"]),
-        ({"law": "weiner", "hardening": "signed"}, ["law: "]),
         ({"law": "thermo_elastic", "hardening": "signed"}, ["hardening: unknown key"]),
-        ({"law": "unified_steel", "carbon": 5.0}, ["carbon: must not be above 2.11 (5.0)"]),
     ],
 )
 def test_faulty_parameters_are_told(data: dict[str, object], texts: list[str]) -> None:

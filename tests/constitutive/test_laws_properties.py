@@ -32,7 +32,7 @@ ONE = np.array([1.0, 1.0, 1.0, 0.0])
 
 
 def parts(law: RadialReturn, seed: int) -> list[tuple[MaterialStep, Array, Array]]:
-    return random_states(law, 3000, 20, seed).parts()
+    return random_states(law, 1500, 10, seed).parts()
 
 
 def step_of(step: MaterialStep, strain: Array, thermal: Array, dt: float) -> MaterialStep:

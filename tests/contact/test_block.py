@@ -18,8 +18,7 @@ FORCE = 40e9 / (1 - 0.3**2) * 0.03e-3  # E/(1 - nu^2) times the mean closure, pe
 STEPS = np.linspace(0.1, 1.0, 10)
 
 
-@pytest.mark.parametrize("cell", CELLS)
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("method", "cell"), zip(METHODS, CELLS, strict=True))
 def test_resultant(method: str, cell: str) -> None:
     setup = tapered_block(method, cell=cell, factor=FACTORS[method])
     for time in STEPS:
@@ -35,8 +34,7 @@ def test_resultant(method: str, cell: str) -> None:
 UNITS = ((1e-3, 1.0), (1.0, 1e6), (1e-3, 1e6), (1e3, 1e-6))  # m, Pa
 
 
-@pytest.mark.parametrize("cell", CELLS)
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("method", "cell"), zip(METHODS, CELLS, strict=True))
 def test_units_do_not_matter(method: str, cell: str) -> None:
     """Units of length and stress, apart and together: the same iterations, the same numbers."""
     setups = [tapered_block(method, *unit, cell=cell) for unit in ((1.0, 1.0), *UNITS)]
@@ -52,7 +50,7 @@ def test_units_do_not_matter(method: str, cell: str) -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("factor", [300.0, 3e3, 3e4, 3e5])
+@pytest.mark.parametrize("factor", [300.0, 3e5])
 def test_three_decades_of_stiffness(method: str, factor: float) -> None:
     setup = tapered_block(method, factor=factor / 100 if method == "nitsche" else factor)
     for time in STEPS:

@@ -117,8 +117,7 @@ def pulled_block(
     )
 
 
-@pytest.mark.parametrize("cell", CELLS)
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("method", "cell"), zip(METHODS, CELLS, strict=True))
 @pytest.mark.parametrize("free", [("a0",), ("a0", "a2")])
 def test_axial_friction_pulls(method: str, cell: str, free: tuple[str, ...]) -> None:
     """The strand carries what friction has held back so far (38): N = mu p W z."""
@@ -208,12 +207,8 @@ def test_viscous_return(law: Any) -> None:
 
 @pytest.mark.parametrize(
     "law",
-    [Lubricant(1e5, n) for n in (0.0, 0.02, 0.3, 1.0, 2.0, 8.0)]
-    + [
-        Viscous(Coulomb(0.3), share, P0, 0.06, n)
-        for share in (0.01, 3.0)
-        for n in (0.1, 0.5, 1.0, 4.0)
-    ],
+    [Lubricant(1e5, n) for n in (0.0, 0.02, 8.0)]
+    + [Viscous(Coulomb(0.3), share, P0, 0.06, n) for share in (0.01, 3.0) for n in (0.1, 4.0)],
 )
 def test_the_root_of_viscous_friction_is_found_in_a_few_steps(
     law: Any, monkeypatch: pytest.MonkeyPatch

@@ -102,9 +102,8 @@ def test_factor_of_the_page(shape: str, poisson: float, least: float) -> None:
     assert least_factor(shape, "quadrilateral", poisson) == pytest.approx(least, abs=6e-3)
 
 
-@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.4])
-@pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
-@pytest.mark.parametrize("shape", ["square", "skewed"])
+@pytest.mark.parametrize("poisson", [0.0, 0.4])
+@pytest.mark.parametrize(("cell", "shape"), [("quadrilateral", "skewed"), ("triangle", "square")])
 def test_usual_factor_is_enough(shape: str, cell: str, poisson: float) -> None:
     least = least_factor(shape, cell, poisson)
     assert 1.0 < least < LEAST_NITSCHE < FACTOR

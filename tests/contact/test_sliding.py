@@ -81,8 +81,7 @@ VISCOUS: dict[str, Any] = {
 }
 
 
-@pytest.mark.parametrize("name", list(VISCOUS))
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("method", "name"), zip(METHODS * 2, VISCOUS, strict=True))
 def test_dragged_and_left_alone(method: str, name: str) -> None:
     """The friction of the closed form after every step: it rises, slides, and relaxes."""
     spring = Dashpot(VISCOUS[name])

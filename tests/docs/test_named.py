@@ -6,8 +6,6 @@ import re
 from functools import cache
 from pathlib import Path
 
-import pytest
-
 from benchmarks.__main__ import BENCHMARKS
 
 ROOT = Path(__file__).parents[2]
@@ -50,9 +48,9 @@ def missing(text: str) -> list[str]:
     return found + [name for name in names if name not in BENCHMARKS and name not in more]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
-def test_what_a_page_names_is_there(page: Path) -> None:
-    assert not missing(page.read_text(encoding="utf-8"))
+def test_what_a_page_names_is_there() -> None:
+    texts = {page: page.read_text(encoding="utf-8") for page in PAGES}
+    assert not {page: found for page, text in texts.items() if (found := missing(text))}
 
 
 def test_what_is_not_there_is_found() -> None:

@@ -44,12 +44,8 @@ def choice(folder: Path, pythons: dict[str, tuple[str, str]], **given: str) -> t
         ({"bin/python3": (WITH, LATER)}, {}, "system /bin/python3"),
         ({"bin/python3": (WITHOUT, LATER)}, {}, "wheel /bin/python3"),
         ({}, {}, "debian /usr/bin/python3"),
-        ({"bin/python3": (WITH, LATER)}, {"SOLVER": "debian"}, "debian /usr/bin/python3"),
-        ({"bin/python3": (WITH, OLD)}, {"DEBIAN": "sid"}, "debian /usr/bin/python3"),
         ({"bin/python3": (WITH, LATER)}, {"SOLVER": "wheel"}, "wheel /bin/python3"),
-        ({"bin/python3.13": (WITHOUT, LATER)}, {}, "wheel /bin/python3.13"),
         ({PYENV: (WITHOUT, LATER)}, {"SOLVER": "wheel"}, f"wheel /{PYENV}"),
-        ({PYENV: (WITHOUT, LATER)}, {}, "debian /usr/bin/python3"),
     ],
 )
 def test_the_first_that_there_is(

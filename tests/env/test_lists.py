@@ -99,11 +99,6 @@ def test_apptainer_takes_the_steps_of_the_dockerfile() -> None:
     }
 
 
-def test_no_name_stands_twice() -> None:
-    for names in (debian_names(), conda_names()):
-        assert len(names) == len(set(names))
-
-
 def test_list_covers_the_projects_requirements() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     wanted = [*project["dependencies"], *project["optional-dependencies"]["test"]]
@@ -139,9 +134,9 @@ def test_ruff_is_pinned() -> None:
     assert re.search(r'"ruff==\d+\.\d+\.\d+"', (ROOT / "pyproject.toml").read_text())
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
-def test_no_host_is_named(path: Path) -> None:
-    assert not re.search(r"://|\b[\w-]+\.(org|com|net|io)\b", path.read_text())
+def test_no_host_is_named() -> None:
+    for path in FILES:
+        assert not re.search(r"://|\b[\w-]+\.(org|com|net|io)\b", path.read_text()), path
 
 
 @pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.name)

@@ -1,23 +1,23 @@
-"""A tube on two ranks is the tube on one."""
+"""A tube on several ranks is the tube on one."""
 
 from __future__ import annotations
 
-import numpy as np
-from ranks import needs_mpirun, python_on
-
-SCRIPT = """
-import sys
 from mpi4py import MPI
+
 import numpy as np
-sys.path.insert(0, {tests!r})
-from hot_mould.tubes import SQUARE, tube_mesh
+import pytest
+
+from castfem.base.types import Array
 from castfem.physics.mould.hot.conduction import Conduction, FaceLoad
 from castfem.physics.mould.hot.copper import Copper
 from castfem.physics.mould.hot.distortion import Distortion
 from castfem.physics.mould.hot.tube import Tube
-comm = MPI.COMM_WORLD
-mesh = tube_mesh(SQUARE, (1, 2, 6), 0.01, 0.3) if comm.rank == 0 else None
-for method, support in (("direct", "hung"), ("multigrid", "free")):
+from hot_mould.tubes import SQUARE, tube_mesh
+
+
+def solved(comm: MPI.Comm, method: str, support: str) -> list[Array] | None:
+    """Heat, stress, temperature and displacement of a tube; on the first rank."""
+    mesh = tube_mesh(SQUARE, (1, 2, 6), 0.01, 0.3) if comm.rank == 0 else None
     tube = Tube(comm, mesh)
     nodes = comm.bcast(None if mesh is None else mesh.points)
     flux = 2e6 * np.exp(-5.0 * nodes[:, 2])
@@ -25,26 +25,18 @@ for method, support in (("direct", "hung"), ("multigrid", "free")):
     found = Distortion(tube, Copper(), support, method).solve(heated.temperature)
     kelvin = tube.gather(heated.temperature.x.array[: tube.owned])
     moved = tube.gather(found.displacement.x.array[: 3 * tube.owned].reshape(-1, 3))
-    if comm.rank == 0:
-        print("heat", heated.supplied, heated.removed, heated.hottest)
-        print("stress", found.largest_stress, *found.largest_at)
-        for values in (kelvin, *moved.T):
-            print("values", *values)
-"""
+    if comm.rank > 0:
+        return None
+    heat = np.array([heated.supplied, heated.removed, heated.hottest])
+    stress = np.array([found.largest_stress, *found.largest_at])
+    return [heat, stress, kelvin, *moved.T]
 
 
-@needs_mpirun
-def test_two_ranks_are_one() -> None:
-    from pathlib import Path
-
-    script = SCRIPT.format(tests=str(Path(__file__).parents[1]))
-    found = []
-    for ranks in (1, 2):
-        ended = python_on(ranks, "-c", script)
-        assert ended.returncode == 0, ended.stderr
-        found.append([line.split() for line in ended.stdout.splitlines() if line])
-    assert [len(lines) for lines in found] == [12, 12]
-    for one, two in zip(*found, strict=True):
-        first, second = (np.array(words[1:], float) for words in (one, two))
-        assert one[0] == two[0] and np.isfinite(first).all()
-        assert np.abs(first - second).max() <= 1e-7 * np.abs(first).max(), one[0]
+@pytest.mark.mpi
+@pytest.mark.parametrize(("method", "support"), [("direct", "hung"), ("multigrid", "free")])
+def test_many_ranks_are_one(method: str, support: str) -> None:
+    one, many = (solved(comm, method, support) for comm in (MPI.COMM_SELF, MPI.COMM_WORLD))
+    assert one is not None
+    for first, second in zip(one, many or one, strict=True):
+        assert np.isfinite(first).all()
+        assert np.abs(first - second).max() <= 1e-7 * np.abs(first).max()

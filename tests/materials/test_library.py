@@ -85,34 +85,6 @@ def test_every_shipped_set_loads_and_makes_a_curve(name):
     assert curve.knots[0] == 200.0 and curve.knots[-1] == 2300.0
 
 
-def test_carbon_042():
-    steel = load_steel("carbon_042")
-    assert (steel.solidus, steel.liquidus) == (1725.15, 1775.65)
-    assert steel.latent_heat == 270e3
-    for name, value in {"density": 7400, "specific_heat": 700, "conductivity": 30}.items():
-        assert float(getattr(steel, name)(1500.0)) == value
-    assert float(steel.thermal_expansion(1300.0)) == pytest.approx(13.5e-6, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("name", "limits", "values"),
-    [
-        ("alloy_similarity", (1723.15, 1773.15), (7200, 700, 30)),
-        ("neumann_steel", (1767.55, 1767.55), (7500, 661, 33)),
-        ("weiner_boley", (1767.5, 1767.6), (7500, 661, 33)),
-        ("weiner_boley_5k", (1765.05, 1770.05), (7500, 661, 33)),
-    ],
-)
-def test_verification_sets(name, limits, values):
-    steel = load_steel(name)
-    assert (steel.solidus, steel.liquidus) == limits
-    assert steel.latent_heat == 272e3
-    got = tuple(
-        float(law(1500.0)) for law in (steel.density, steel.specific_heat, steel.conductivity)
-    )
-    assert got == values
-
-
 def test_plain_carbon_takes_alloying_elements():
     plain = load_steel("plain_carbon", composition={"C": 0.2})
     steel = load_steel("plain_carbon", composition={"C": 0.2, "Si": 0.3, "Mn": 1.0})
@@ -187,12 +159,6 @@ def test_override_of_a_value_and_of_a_parameter():
     assert (origin.law, origin.source) == ("formula harste_conductivity", "ours")
 
 
-def test_override_of_the_freezing_range():
-    limits = {"solidus": "1494.395 degC", "liquidus": "1494.405 degC"}
-    steel = load_steel("weiner_boley", overrides=limits)
-    assert steel.liquidus - steel.solidus == pytest.approx(0.01, abs=1e-9)
-
-
 def test_override_that_replaces_what_excludes_it():
     fraction = {"temperature": ["1440 degC", "1500 degC"], "value": [1, 0]}
     steel = load_steel("carbon_042", overrides={"solid_fraction": fraction})
@@ -200,12 +166,6 @@ def test_override_that_replaces_what_excludes_it():
     changes = {"latent_heat": "260 kJ/kg"}
     steel = load_steel("plain_carbon", composition={"C": 0.2}, overrides=changes)
     assert steel.latent_heat == 260e3 and not steel.has("enthalpy")
-
-
-def test_overrides_are_left_as_they_were():
-    changes = {"conductivity": {"parameters": {"liquid_factor": 4.0}}}
-    load_steel("plain_carbon", composition={"C": 0.1}, overrides=changes)
-    assert changes == {"conductivity": {"parameters": {"liquid_factor": 4.0}}}
 
 
 # -- what goes wrong -----------------------------------------------------------------------
@@ -242,24 +202,16 @@ def test_not_utf8(tmp_path):
     ("old", "new", "told"),
     [
         ('"7200 kg/m^3"', '"7200 kg/m^2"', "density:"),
-        ('"7200 kg/m^3"', '"-7200 kg/m^3"', "density: must be above 0 kg/m^3"),
         ('"7200 kg/m^3"', "nan", "density: a finite density is needed (nan)"),
         ('"7200 kg/m^3"', "7200", 'density: a density needs its unit, such as "7400 kg/m^3"'),
-        ('"7200 kg/m^3"', '"7200 kgm3"', "density: unit 'kgm3' is not known"),
         ('"1460 degC"', '"1520 degC"', "solidus: (1520 degC) lies above the liquidus (1510 degC)"),
-        ('"1460 degC"', '"-300 degC"', "solidus:"),
         ("[500, 650, 750]", "[500, -650, 750]", "specific_heat: 'value' row 2 (-650)"),
-        ("[500, 650, 750]", "[500, nan, 750]", "specific_heat: 'value' row 2 (nan)"),
         ("[500, 650, 750]", "[500, 650]", "3 rows of temperature, but 2 of value"),
         ("[20, 1000, 1500]", "[20, 1500, 1000]", "row 3 does not exceed row 2"),
-        ("[20, 1000, 1500]", "[]", "'temperature' is empty"),
         ('unit = "J/(kg K)"', 'unit = "W/(kg K)"', "specific_heat: 'value' row 1"),
         ("[latent_heat]", "[latentheat]", "did you mean latent_heat?"),
-        ('[density]\nvalue = "7200 kg/m^3"', "", "density: is missing"),
-        ('[latent_heat]\nvalue = "270 kJ/kg"', "", "latent_heat: is missing"),
         ("C = 0.2", "C = 2.5", "composition.C: (2.5) is out of range; 0 to 2.11"),
         ("C = 0.2", 'C = "0.2 %"', 'composition.C: ("0.2 %") must be a plain number'),
-        ("C = 0.2", "Cc = 0.2", "composition.Cc: no data for this element"),
         ('description = "a steel"', "description = 3", "description: must be a text (3)"),
     ],
 )

@@ -13,6 +13,8 @@ surface, and what lies half a millimetre from either end to 1 % (0.25 mm cells).
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -24,6 +26,13 @@ EXACT = HalfSpace()
 # Short steps first: the shell thickens by 3.4 mm in the first second, half of it in a quarter.
 START = ((0.02, 4e-3), (0.1, 1.6e-2), (0.5, 4e-2))
 INNER = 0.5e-3  # from either end of the shell, m
+
+
+@cache
+def austenite() -> dict[float, Shell]:
+    """The layers at 0.27 %C, integrated once for all tests."""
+    times = (1.0, 5.0, 5.13, 20.0, 21.0)
+    return dict(zip(times, shell(times, 0.27), strict=True))
 
 
 def advance(strip: Strip, end: float, step: float, exact_heat: bool) -> None:
@@ -63,7 +72,7 @@ def flowed(strip: Strip, expected: Shell) -> float:
 
 def test_exact_temperature() -> None:
     """Austenite, 0.27 %C: nothing but law, slice and time steps differ."""
-    first, early, late = shell([1.0, 5.0, 21.0], 0.27)
+    first, early, late = (austenite()[time] for time in (1.0, 5.0, 21.0))
     strip = Strip(0.25e-3, law="kozlowski_zhu", carbon=0.27)
     for end, step in (*START, (1.0, 0.05)):
         advance(strip, end, step, True)
@@ -106,7 +115,7 @@ def test_own_heat_balance() -> None:
     of a flow that depends on the rate follows: averaged over the passage of two cells the
     difference behind the front is less than half of that at an instant.
     """
-    early, middle = shell([5.0, 5.13], 0.27)
+    early, middle = (austenite()[time] for time in (5.0, 5.13))
     strip = Strip(0.1e-3, law="kozlowski_zhu", carbon=0.27)
     for end, step in (*START, (5.0, 0.1)):
         advance(strip, end, step, False)
@@ -125,12 +134,10 @@ def test_own_heat_balance() -> None:
     assert lasting < 0.05
 
 
-@pytest.mark.parametrize(("step", "plastic", "creeping"), [(2.0, 0.01, 0.05), (5.0, 0.05, 0.1)])
-def test_steps_a_hundred_times_longer(step: float, plastic: float, creeping: float) -> None:
-    """Ten or four steps to 20 s instead of a thousand: still the closed form, and the layers."""
-    strip = Strip(0.25e-3).advance(20.0, step)
-    assert strip.error(EXACT) < plastic
-    strip = Strip(0.25e-3, law="kozlowski_zhu", carbon=0.27).advance(20.0, step)
-    (expected,) = shell([20.0], 0.27)
-    assert errors(strip, expected)[0] < creeping
+def test_steps_a_hundred_times_longer() -> None:
+    """Ten steps to 20 s instead of a thousand: still the closed form, and the layers."""
+    strip = Strip(0.25e-3).advance(20.0, 2.0)
+    assert strip.error(EXACT) < 0.01
+    strip = Strip(0.25e-3, law="kozlowski_zhu", carbon=0.27).advance(20.0, 2.0)
+    assert errors(strip, austenite()[20.0])[0] < 0.05
     assert max(r.balance.axial_error for r in strip.results if r.balance) < 1e-8

@@ -26,7 +26,7 @@ from mechanics.setups import SliceSetup, box, elastic, mapped, skewed
 def test_inf_sup_constant_does_not_fall(name: str, least: float) -> None:
     """Only the uniform mean stress is not felt between sticking walls, however fine the mesh."""
     cell, shape, order = MESHES[name]
-    counts = (2, 4, 8, 16) if name == "square" else (2, 4, 8)
+    counts = (2, 4, 8)
     found = [inf_sup(mapped(n, n, shape, cell, order, SIDES), None) for n in counts]
     assert [unfelt for unfelt, _ in found] == [1] * len(counts)
     constants = np.array([constant for _, constant in found])

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
-from ranks import needs_mpirun, python_on
-from thermal import test_parallel as thermal
 
 from castfem.fem.cellwise import Cellwise
 from castfem.physics.contact.settings import Contact
@@ -20,17 +16,12 @@ from castfem.physics.mould import Mould, RectangleCavity, Taper, same
 from mechanics.casting import CastSetup, billet_mesh
 from mechanics.setups import SliceSetup, box, mapped
 
-HERE = Path(__file__).parents[1]
 # Symmetry, cells, large strain, and whether a mould holds the strand, springs beside it.
 SETUPS = [
-    ("quarter", "quadrilateral", False, False),
     ("whole", "triangle", False, False),
     ("quarter", "quadrilateral", True, False),
     ("half", "quadrilateral", False, True),
 ]
-
-
-THREE = SETUPS[1:]  # what is compared on three ranks, in a step each
 
 
 def cooled(
@@ -131,46 +122,3 @@ def test_planes_that_move_strain_all_ranks() -> None:
         assert problem.response.stress[:, 2] == pytest.approx(stiff * strain)
     x.destroy()
     out.destroy()
-
-
-SCRIPT = """
-import json, sys
-sys.path.insert(0, sys.argv[1])
-from mpi4py import MPI
-from mechanics.test_parallel import THREE, gathered, cooled
-from thermal import test_parallel as thermal
-alone = thermal.cooled(MPI.COMM_WORLD, until=1.0)
-kelvin = alone.section.gather(alone.state.point.temperature)
-slices = [gathered(cooled(MPI.COMM_WORLD, *setup, until=0.5)) for setup in THREE]
-if MPI.COMM_WORLD.rank == 0:
-    found = {"removed": alone.state.removed, "temperature": kelvin.tolist()}
-    found["slices"] = [[field.tolist() for field in fields] for fields in slices]
-    print("RESULT", json.dumps(found))
-"""
-
-
-@pytest.fixture(scope="module")
-def of_three() -> dict[str, Any]:
-    """What three ranks find: temperatures alone, and slices with mechanics."""
-    done = python_on(3, "-c", SCRIPT, str(HERE), timeout=600.0)
-    assert done.returncode == 0, done.stderr
-    line = next(x for x in done.stdout.splitlines() if x.startswith("RESULT"))
-    found: dict[str, Any] = json.loads(line.removeprefix("RESULT"))
-    return found
-
-
-@needs_mpirun
-def test_three_ranks_give_the_temperatures_of_one(of_three: dict[str, Any]) -> None:
-    alone = thermal.cooled(MPI.COMM_SELF, until=1.0)
-    field = alone.section.gather(alone.state.point.temperature)
-    assert np.ptp(field) > 100.0
-    assert np.abs(np.array(of_three["temperature"]) / field - 1).max() < 1e-8
-    assert of_three["removed"] == pytest.approx(alone.state.removed, rel=1e-8)
-
-
-@needs_mpirun
-def test_three_ranks_give_what_one_gives(of_three: dict[str, Any]) -> None:
-    for setup, three in zip(THREE, of_three["slices"], strict=True):
-        one = gathered(cooled(MPI.COMM_SELF, *setup, until=0.5))
-        assert one is not None
-        assert differ(one, [np.array(f) for f in three]) < 1e-8

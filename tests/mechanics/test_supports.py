@@ -65,8 +65,7 @@ def test_lines_of_symmetry_count(mirrors: tuple[str, ...]) -> None:
     assert (0 if springs is None else len(springs.dofs)) == 2 - len(mirrors)
 
 
-@pytest.mark.parametrize("springs", [False, True], ids=["points", "springs"])
-@pytest.mark.parametrize("large", [False, True], ids=["small", "large"])
+@pytest.mark.parametrize(("springs", "large"), [(False, True), (True, False)])
 @pytest.mark.parametrize("name", ["nothing", "x on the left", "y on the top"])
 def test_held_sections_expand_freely(name: str, large: bool, springs: bool) -> None:
     """No stress, no force, no turning: evenly about the middle of what is held."""
@@ -108,7 +107,6 @@ def test_springs_are_weak_and_their_force_is_reported() -> None:
 OPTIONS: dict[str, dict[str, Any]] = {
     "default": {},
     "petsc": {"pc_type": "lu", "pc_factor_mat_solver_type": "petsc"},
-    "mumps lu": {"pc_type": "lu", "pc_factor_mat_solver_type": "mumps"},
 }
 
 
@@ -129,8 +127,7 @@ def test_a_section_that_nothing_touches_stays_where_it_is(options: str) -> None:
     assert np.abs(springs.stress - points.stress).max() < 1e-7 * np.abs(points.stress).max()
 
 
-@pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
-def test_a_whole_round_does_not_turn_in_its_mould(cell: str) -> None:
+def test_a_whole_round_does_not_turn_in_its_mould() -> None:
     """Springs, or points held rigidly: the wall's forces balance anyway.
 
     A shell meets the wall.  Liquid would meet one 1e6 times stiffer than itself, and which of its
@@ -138,7 +135,7 @@ def test_a_whole_round_does_not_turn_in_its_mould(cell: str) -> None:
     """
     begin = 8.0
     mesh = meshes.build(
-        "round", symmetry="whole", diameter=0.16, surface_size=5e-3, core_size=1.4e-2, cell=cell
+        "round", symmetry="whole", diameter=0.16, surface_size=5e-3, core_size=1.4e-2
     )
     wall = Mould(RoundCavity(0.16), 0.6, same(Taper.single(0.06, 0.6)), None, None)
     contact = Contact(wall, mesh.groups, lambda time: 0.06 * (time - begin))

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from castfem import meshes
 from castfem.meshes import SectionMesh, build, cache, cached, read_mesh, write_mesh
 
 from .sections import ROUNDED, STRIP
@@ -132,20 +131,3 @@ def test_reading_imports_neither_gmsh_nor_a_builder(tmp_path: Path) -> None:
         [sys.executable, "-c", script], capture_output=True, text=True, check=True
     )
     assert result.stdout.strip() == "[]"
-
-
-def test_structured_meshes_do_without_gmsh() -> None:
-    script = (
-        "import sys\n"
-        "from castfem.meshes import build\n"
-        f"build(**{ROUNDED!r})\n"
-        "print('gmsh' in sys.modules)\n"
-    )
-    result = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=True
-    )
-    assert result.stdout.strip() == "False"
-
-
-def test_public_names() -> None:
-    assert all(hasattr(meshes, name) for name in meshes.__all__)

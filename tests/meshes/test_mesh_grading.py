@@ -91,7 +91,7 @@ def test_two_sided_keeps_both_ends() -> None:
     assert given_count[0] == pytest.approx(1e-3, rel=0.1)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     fine=st.floats(1e-4, 5e-3),
     ratio=st.floats(1.0, 100.0),

@@ -13,46 +13,28 @@ from castfem.meshes.assemble import assemble
 from castfem.meshes.outline import Piece, chain
 from castfem.meshes.rectangle import rectangle
 
-from .sections import BEAM, BILLET, ROUND, ROUNDED, STRIP
+from .sections import BEAM, BILLET, ROUNDED, STRIP
 
 
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
         (BILLET | {"width": 0.0}, "width = 0 mm is impossible: it must be more than 0"),
-        (BILLET | {"height": float("nan")}, "height = nan mm is impossible"),
         (BILLET | {"width": "125 mm"}, "width must be a length in metres, not '125 mm'"),
         (BILLET | {"corner_radius": 0.07}, r"corner_radius = 70 mm is larger than half the smal"),
-        (BILLET | {"corner_radius": -0.001}, "corner_radius = -1 mm is impossible.* 0 or more"),
         (BILLET | {"corner_radius": 1e-6}, "too small to mesh: choose at least 0.01 mm, or 0"),
-        (BILLET | {"surface_size": -1e-3}, "surface_size = -1 mm is impossible"),
         (BILLET | {"surface_size": 0.1}, r"surface_size = 100 mm is larger than half the thick"),
-        (BILLET | {"core_size": 0.5e-3}, r"surface_size \(1 mm\) is larger than core_size \(0.5"),
-        (BILLET | {"corner_size": 0.01}, r"corner_size \(10 mm\) is larger than face_size \(6 mm"),
         (BILLET | {"core_depth": 0.2}, "core_depth = 200 mm is larger than half the section"),
-        (BILLET | {"surface_depth": 0.07}, "surface_depth = 70 mm is larger than core_depth"),
         (BILLET | {"cell": "hexagon"}, "cell = 'hexagon' is unknown: choose one of quadri"),
         (BILLET | {"order": 3}, "order = 3 is not available: choose 1 or 2"),
-        (BILLET | {"symmetry": "third"}, "symmetry = 'third' is unknown: choose one of quarter"),
         (
             BILLET
             | {"surface_size": 1e-5, "face_size": 2e-5, "core_size": 2e-5, "corner_size": 1e-5},
             "cells, more than 2e.06: raise surface_size",
         ),
-        (
-            ROUNDED
-            | {"surface_size": 1e-5, "core_size": 1e-5, "face_size": 1e-5, "corner_size": 1e-5},
-            "cells, more than 2e.06: raise surface_size",
-        ),
-        (ROUNDED | {"surface_size": 5e-7, "corner_size": 5e-7, "cell": "triangle"}, "more than 2e"),
         (ROUNDED | {"corner_size": 1e-8, "cell": "triangle"}, "more than 2e"),
-        (ROUND | {"surface_size": 0.2}, "surface_size = 200 mm is larger than half the thickness"),
         (BEAM | {"web_thickness": 0.5}, "web_thickness = 250 mm|web_thickness = 500 mm"),
-        (BEAM | {"flange_thickness": 0.2}, "flange_thickness = 200 mm is larger than root_thick"),
-        (BEAM | {"shoulder_radius": 0.2}, "shoulder_radius take .* off the flange's tip"),
         (BEAM | {"fillet_radius": 0.18}, "fillet_radius .* off the flank"),
-        (BEAM | {"corner_radius": 0.0}, "corner_radius = 0 mm is impossible"),
-        (STRIP | {"face_size": 0.02}, "face_size = 20 mm is larger than the width of the strip"),
         (STRIP | {"surface_size": 1e-8, "core_size": 1e-8}, "more than 2e"),
     ],
 )

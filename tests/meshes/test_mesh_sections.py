@@ -217,10 +217,7 @@ def test_sharp_triangles_give_an_m_matrix_and_no_cell_cuts_the_corner() -> None:
     ("parameters", "growth", "scaled"),
     [
         (ROUNDED, 1.3, 0.75),
-        (ROUNDED | {"surface_size": 0.5e-3, "corner_size": 0.5e-3}, 1.3, 0.75),
         (ROUNDED | {"surface_size": 0.25e-3, "corner_size": 0.25e-3}, 1.3, 0.75),
-        (ROUNDED | {"corner_radius": 0.5e-3}, 1.5, 0.7),
-        (ROUNDED | {"corner_radius": 0.02}, 1.3, 0.75),
         (ROUNDED | {"surface_size": 0.1e-3}, 1.5, 0.75),
         (SLAB, 1.4, 0.75),
         (ROUND, 1.3, 0.75),
@@ -236,7 +233,7 @@ def test_structured_cells_are_good(
     assert q.max_angle < 135.0
 
 
-@pytest.mark.parametrize(("h", "slant"), [(1e-3, 0.3), (0.5e-3, 0.2), (0.25e-3, 0.1)])
+@pytest.mark.parametrize(("h", "slant"), [(1e-3, 0.3), (0.25e-3, 0.1)])
 def test_layers_keep_the_surface_size_also_on_the_arc(h: float, slant: float) -> None:
     mesh = built(**ROUNDED | {"surface_size": h, "corner_size": h})
     outer = [i for i, g in enumerate(mesh.groups) if g in mesh.outer_groups]

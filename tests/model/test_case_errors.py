@@ -15,12 +15,6 @@ MISTAKES = {
         "section.hieght",
         ['("3 mm")', "unknown key", "allowed: shape, width, height", "did you mean height?"],
     ),
-    "unknown table": (
-        "[mesh]",
-        "[mehs]\nx = 1\n[mesh]",
-        "mehs",
-        ["unknown key", "{ x = 1 }", "did you mean mesh?"],
-    ),
     "wrong unit": (
         '"3.6 m/min"',
         '"3.6 m/mn"',
@@ -58,7 +52,6 @@ MISTAKES = {
         "cooling.0.surface",
         ["must be a list of tables, each of which begins with [[cooling.surface]]"],
     ),
-    "table expected": ("[mesh]\n", "mesh = 3\n[casting.x]\n", "casting.x", ["unknown key"]),
     "neither temperature": (
         'superheat = "40 K"\n',
         "",
@@ -77,12 +70,6 @@ MISTAKES = {
         "section.corner_radius",
         ['("-5 mm")', "must not be below 0 m"],
     ),
-    "negative conductivity": (
-        'wall = "160 degC"',
-        'wall = "160 degC"\ngap = "1 mm"\ngap_conductivity = "-0.15 W/(m K)"',
-        "cooling.0.surface.0.gap_conductivity",
-        ['("-0.15 W/(m K)")', "must be above 0"],
-    ),
     "gap without conductivity": (
         'wall = "160 degC"',
         'wall = "160 degC"\ngap = "1 mm"',
@@ -95,7 +82,6 @@ MISTAKES = {
         "cooling.1.surface.0.emissivity",
         ["(nan)", "finite"],
     ),
-    "nan in a text": ('"25 degC"', '"nan degC"', "cooling.1.surface.0.ambient", ['("nan degC")']),
     "emissivity beyond one": (
         'ambient = "25 degC"',
         'ambient = "25 degC"\nemissivity = 1.2',
@@ -114,13 +100,6 @@ MISTAKES = {
         "cooling.1.surface.0.water_temperature",
         ['("25 K")', "must not be below 0 degC"],
     ),
-    "water that is steam": (
-        'law = "radiation"\nambient = "25 degC"',
-        'law = "spray"\nwater = "5 L/(m^2 s)"\nwater_temperature = "140 degC"\n'
-        'correlation = "nozaki"',
-        "cooling.1.surface.0.water_temperature",
-        ['("140 degC")', "must not be above 100 degC"],
-    ),
     "a table for a constant": (
         'length = "600 mm"',
         'length = { time = [0, 1], value = ["3 m", "4 m"] }',
@@ -138,18 +117,6 @@ MISTAKES = {
         "",
         "cooling.1.surface.0",
         ["'law' is missing", "one of contact"],
-    ),
-    "unknown shape": (
-        '"rectangle"',
-        '"rectangel"',
-        "section",
-        ['shape = "rectangel"', "did you mean rectangle?"],
-    ),
-    "key of another law": (
-        'ambient = "25 degC"',
-        'ambient = "25 degC"\nwall = "1 K"',
-        "cooling.1.surface.0.wall",
-        ["unknown key", "allowed: on, law, emissivity"],
     ),
     "unknown choice": (
         'core_size = "8 mm"',
@@ -176,12 +143,6 @@ MISTAKES = {
         "output.figures",
         ['("yes")', "true or false"],
     ),
-    "text for a number": (
-        "[mesh]",
-        '[output]\ncheckpoint_every = "5"\n[mesh]',
-        "output.checkpoint_every",
-        ['("5")', "whole number"],
-    ),
     "unknown group": (
         'law = "radiation"',
         'law = "radiation"\non = ["wide_fase"]',
@@ -194,12 +155,6 @@ MISTAKES = {
         "cooling.1.surface.0.on",
         ["no boundary group"],
     ),
-    "on is empty": (
-        'law = "radiation"',
-        'law = "radiation"\non = []',
-        "cooling.1.surface.0.on",
-        ["must not be empty"],
-    ),
     "given temperature and another law": (
         'ambient = "25 degC"\n',
         'ambient = "25 degC"\n[[cooling.surface]]\nlaw = "temperature"\nvalue = "900 degC"\n',
@@ -211,12 +166,6 @@ MISTAKES = {
         'name = "air"\nto = "500 mm"',
         "cooling.1.to",
         ["(500 mm)", "end of the zone before (600 mm)"],
-    ),
-    "zones end too early": (
-        'length = "600 mm"\nsuperheat',
-        'length = "2 m"\nsuperheat',
-        None,
-        [],
     ),
     "zone without end before the last": (
         'to = "600 mm"\n',
@@ -237,12 +186,6 @@ MISTAKES = {
         "mesh.core_size",
         ["(8000 mm)", "larger than half the section (62.5 mm)"],
     ),
-    "surface cells larger than the core's": (
-        'surface_size = "0.5 mm"',
-        'surface_size = "9 mm"',
-        "mesh.surface_size",
-        ["(9 mm)", "core_size (8 mm)"],
-    ),
     "step and adaptive": (
         "[mesh]",
         '[thermal.time]\nstep = "50 ms"\nadaptive = { tolerance = "1 K" }\n[mesh]',
@@ -255,13 +198,6 @@ MISTAKES = {
         "thermal.time.adaptive",
         ["smallest (1 s) <= first (0.001 s)"],
     ),
-    "unknown scheme": (
-        "[mesh]",
-        '[thermal.time]\nscheme = "sdirk"\n[mesh]',
-        "thermal.time.scheme",
-        ['("sdirk")', "did you mean sdirk2?"],
-    ),
-    "cooling is no array": ('[[cooling]]\nname = "mould"', "[cooling]\nname = 1", None, []),
     "reference without unit": (
         "[mesh]",
         '[[reference]]\nquantity = "x"\nvalue = "4.75 mn"\nsource = "y"\n[mesh]',
@@ -277,11 +213,7 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "key", "said"),
-    [m for m in MISTAKES.values() if m[2]],
-    ids=[name for name, m in MISTAKES.items() if m[2]],
-)
+@pytest.mark.parametrize(("old", "new", "key", "said"), MISTAKES.values(), ids=MISTAKES)
 def test_mistake_is_told(write, sound, old, new, key, said):
     assert old in sound
     path = write(sound.replace(old, new, 1))

@@ -30,8 +30,6 @@ def _warnings(*changes: str) -> tuple[str, ...]:
     ("change", "said"),
     [
         ("mould.taper=20 %/m", "mould.taper: the mould closes by 12 %; did you mean 2 %/m?"),
-        ("mould.taper=-20 %/m", "mould.taper: the mould opens by 12 %; did you mean -2 %/m?"),
-        ("mould.taper=50 %/m", "mould.taper: the mould closes by 30 %"),
         (
             'mould.taper={ face = "1 %/m", narrow_face = "15 %/m" }',
             "mould.taper: narrow_face: the mould closes by 9 %; did you mean 1.5 %/m?",
@@ -39,10 +37,8 @@ def _warnings(*changes: str) -> tuple[str, ...]:
         # 62.5 mm / 57.5 mm
         (WALL % 5, "mould.taper: the mould closes by 8.7 %"),
         ("casting.speed=360 m/min", "casting.speed: (360 m/min) is far from what strands are"),
-        ("coupling.interval=1 km", "coupling.interval: (1000 m of strand) is longer than"),
         ("coupling.interval=10 s", "coupling.interval: (0.6 m of strand) is longer than"),
         (ROUGH % 30, "(30) is more than 2 times the pressure; did you mean 0.3?"),
-        (ROUGH % 2.5, "(2.5) is more than 2 times the pressure"),
     ],
 )
 def test_what_was_hardly_meant(change: str, said: str) -> None:
@@ -72,14 +68,11 @@ ROWS = 'mould.taper={ position = %s, position_unit = "mm", value = %s, unit = "m
     ("rows", "said"),
     [
         (("[0, 600]", "[125.8, 124.9]"), "125.8 mm at the meniscus look like a size of the cavity"),
-        (("[0, 600]", "[-62.9, -62.45]"), "-62.9 mm at the meniscus look like a size"),
         (("[100, 600]", "[0.1, 0.5]"), "the table begins 100 mm below the meniscus with 0.1 mm,"),
         (("[0, 700]", "[0, 0.5]"), "the table goes on to 700 mm below the meniscus, the mould end"),
         (("[0, 400]", "[0, 0.5]"), "the table ends 400 mm below the meniscus, the mould ends 600 "),
         (("[0, 600]", "[0.2, 0.7]"), ""),  # the value at the meniscus is taken off
-        (("[100, 600]", "[0, 0.5]"), ""),
         (("[0, 300, 300.1]", "[0, 0, 0.5]"), ""),  # a step
-        (("[0, 300, 400]", "[0, 0.5, 0.5]"), ""),
     ],
 )
 def test_a_wall_measured_otherwise_than_it_is_taken(rows: tuple[str, str], said: str) -> None:
@@ -130,9 +123,7 @@ FOLLOWS = 'is not changed by the gap that opens in the mould; heat that is to fo
     ("laws", "said"),
     [
         (['{law="flux", value="1 MW/m^2"}'], "0: a given flux " + FOLLOWS),
-        (['{law="temperature", value="1000 degC"}'], "0: a given temperature " + FOLLOWS),
         ([CONTACT % ', gap="0 mm"'], "0: contact with a gap of its own " + FOLLOWS),
-        ([CONTACT % "", '{law="flux", value="1 MW/m^2"}'], "1: a given flux " + FOLLOWS),
         ([CONTACT % ', on=["wide"]', RADIATION % ""], "1: radiation " + FOLLOWS),
     ],
 )
@@ -160,9 +151,7 @@ def test_radiation_beside_contact_without_a_gap_is_in_vain() -> None:
     "change",
     [
         "mould.taper=10 %/m",
-        "mould.taper=-10 %/m",
         TWO % "20 %/m",  # steep, but 2.3 % in all
-        WALL % 3,
         "casting.speed=18 m/min",
         ROUGH % 1,
     ],
@@ -182,13 +171,10 @@ SPRAYED = (
     ("water", "correlation", "said"),
     [
         ("72 L/(m^2 s)", "wendelstorf", "measured for, 3 to 30 L/(m^2 s): the coefficient is that"),
-        ("1 L/(m^2 s)", "wendelstorf", "3 to 30 L/(m^2 s): extrapolated"),
         ("9 L/(m^2 s)", "bolle", "1 to 7 L/(m^2 s): extrapolated"),
         ("25 L/(m^2 s)", "mizikar", "at most 20.3 L/(m^2 s): extrapolated"),
-        ("1 L/(m^2 s)", "sasaki", "1.67 to 41.7"),
         ("0 L/(m^2 s)", "bolle", None),
         ("5 L/(m^2 s)", "wendelstorf", None),
-        ("50 L/(m^2 s)", "nozaki", None),
     ],
 )
 def test_water_beyond_what_was_measured_is_told(water, correlation, said) -> None:
@@ -237,11 +223,8 @@ def _with(steel: dict[str, object], law_carbon: float | None, *changes: str) -> 
     [
         ([], None),
         (["mechanics.law=kozlowski_zhu"], 'give "kozlowski_zhu_signed"'),
-        (["mechanics.law=norton_hoff_kozlowski"], 'give "norton_hoff_kozlowski_signed"'),
-        (["mechanics.law=norton_hoff_kozlowski_p1"], 'give "norton_hoff_kozlowski_signed"'),
         (["mechanics.law=%s"], 'give it hardening = "signed"'),
         (["mechanics.law=kozlowski_zhu", "mechanics.bulging=elastic"], None),
-        (["mechanics.law=weiner_boley"], None),
     ],
 )
 def test_a_strip_whose_law_hardens_for_good_is_told_once(
@@ -298,7 +281,7 @@ OVER_THE_EDGE = ("edges", "warm_edges", "nozzles_47_52")
 
 @pytest.mark.parametrize(
     ("end", "roll", "off"),
-    [("4.1101 m", 15, "0.014"), ("4.11 m", 15, "0.086"), ("2.322 m", 8, "0.5")],
+    [("4.11 m", 15, "0.086"), ("2.322 m", 8, "0.5")],
 )
 def test_a_zone_that_ends_beside_a_roll_is_told(end: str, roll: int, off: str) -> None:
     """Between the two lies a window of milliseconds, whose strain rate is that of a jump."""
@@ -339,13 +322,7 @@ SLABS = TAPERED.parents[1] / "slab1200"
             ("coupling.passes=1", "coupling.window_error=3 K"),
             "error: has no effect with p",
         ),
-        (
-            TAPERED,
-            ("coupling.order=mechanics_first", "coupling.settled=3 K"),
-            'coupling.settled: has no effect with order = "mechanics_first"',
-        ),
         (SLABS / "bulging.toml", ("coupling.passes=3",), "passes: has no effect without [mould]"),
-        (SLABS / "bulging.toml", ("coupling.strain_error=1e-6",), "without coupling.growth"),
         (SLABS / "thermal.toml", ("coupling.interval=1 s",), "no effect without [mechanics]"),
         (TAPERED, ("mechanics.liquid_stiffness=1e-3",), "liquid_stiffness: has no effect: liquid"),
         (
@@ -357,11 +334,6 @@ SLABS = TAPERED.parents[1] / "slab1200"
             SLABS / "reference.toml",
             ("machine.extraction.friction_axis=0.02",),
             "friction_axis: has no effect beside a maker's curve",
-        ),
-        (
-            SLABS / "locked_48.toml",
-            ("machine.extraction.friction_axis=0.02", "machine.extraction.bending=hinges"),
-            "extraction.bending: has no effect beside a maker's curve",
         ),
     ],
 )

@@ -76,16 +76,8 @@ def test_hundred_rows_survive_the_resolved_case(write, sound):
             "must increase from row to row; row 2 does not exceed row 1",
         ),
         (
-            '{ temperature = [20, 20], temperature_unit = "degC", value = [0.8, 0.9] }',
-            "must increase",
-        ),
-        (
             '{ temperature = [20, nan], temperature_unit = "degC", value = [0.8, 0.9] }',
             "'temperature' row 2 (nan): a finite number",
-        ),
-        (
-            '{ temperature = [20, 30], temperature_unit = "degC", value = [0.8, nan] }',
-            "'value' row 2 (nan): a finite number",
         ),
         (
             '{ temperature = [20, 30], temperature_unit = "degC", value = [0.8, 1.3] }',
@@ -95,27 +87,16 @@ def test_hundred_rows_survive_the_resolved_case(write, sound):
             '{ temperature = [20, 30], temperature_unit = "degC", value = [0.8] }',
             "2 rows of temperature, but 1 of value",
         ),
-        ('{ temperature = ["20 degC"], value = [0.8] }', "at least two rows"),
         (
             "{ temperature = [20, 30], value = [0.8, 0.9] }",
             'name the unit of the column once, temperature_unit = "degC"',
         ),
-        (
-            '{ temperature = [20, 30], temperature_unit = "mm", value = [0.8, 0.9] }',
-            "unit of a length, a temperature is needed",
-        ),
         ('{ temperature = ["20 degC", "30 degC"] }', "needs the column 'value'"),
-        (
-            '{ time = ["0 s", "1 s"], value = [0.8, 0.9] }',
-            "unknown key 'time' in a table over temperature",
-        ),
         (
             '{ temprature = ["0 s", "1 s"], value = [0.8, 0.9] }',
             "did you mean temperature?",
         ),
-        ("{ temperature = 3, value = [1, 2] }", "'temperature' must be a list"),
         ('{ file = "missing.csv" }', "cannot read the table"),
-        ('{ file = "e.csv", value = [1] }', "takes no other key"),
     ],
 )
 def test_bad_table(write, sound, table, said):
@@ -129,12 +110,9 @@ def test_bad_table(write, sound, table, said):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "is empty; its first line must be"),
         ("T [degC], value\n20, 0.8\n30, 0.9\n", "the first line of"),
         ("temperature [degC], value\n20, 0.8\n30\n", "line 3"),
-        ("temperature [degC], value\n20, 0.8\nx, 0.9\n", "line 3"),
         ("# dry\n\ntemperature [degC], value\n20, 0.8\n# wet\nx, 0.9\n", "line 6"),
-        ("temperature [degC], value\n", "is empty; a table needs"),
     ],
 )
 def test_bad_csv(write, sound, text, said):

@@ -94,26 +94,16 @@ def test_hash_follows_the_physics_alone(write):
     ("assignment", "said"),
     [
         ("tensile.segment.0.rate=1e-3", "tensile.segment.0.rate: a strain rate needs its unit"),
-        ("tensile.segment.0.rat=1", "did you mean rate?"),
         ("tensile.segment.0.duration=0 s", "must be above 0"),
-        ("tensile.segment=[]", "tensile.segment: must not be empty"),
         ("tensile.steps=0", "tensile.steps: must be at least 1 (0)"),
-        ("tensile.cycles=0", "tensile.cycles: must be at least 1 (0)"),
         (
             "tensile.cycles=1000000000",
             "tensile.cycles: (1000000000) makes 200 000 000 000 steps of the test; at "
             "most 1 000 000: give fewer",
         ),
-        (
-            "tensile.steps=3000000",
-            "tensile.steps: (3000000) makes 3 000 000 steps of the test; at most",
-        ),
         ("tensile.steps=2.5", "must be a whole number"),
-        ("tensile.material=3", "tensile.material: must be the name of a set, a file, or a table"),
         ("tensile.poisson=0.5", "must not be above 0.499"),
-        ("tensile.expansion=2e-5", "an expansion coefficient needs its unit"),
         ("tensile.temprature=1 K", "did you mean temperature?"),
-        ("casting.speed=1 m/min", "casting: unknown key"),
         ("output.fields=[]", "output.fields: unknown key"),
     ],
 )

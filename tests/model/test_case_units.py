@@ -13,10 +13,8 @@ from castfem.model.shown_units import read_choice
     ("value", "told"),
     [
         ('"imperial"', 'output.units: "imperial" is no system of units'),
-        ('{ length = "degF" }', "output.units: length: 'degF' is the unit of a temperature"),
         ('{ shell = "MPa" }', "output.units.shell: 'MPa' is the unit of a pressure"),
         ('{ shel = "mm" }', "output.units.shel: .*did you mean shell"),
-        ('{ contact_share = "mm" }', "output.units.contact_share: is a plain number or a perc"),
         ('{ length = "ells" }', "output.units: length: unit 'ells' is not known"),
         ("3", "output.units: .*is needed"),
     ],

@@ -75,10 +75,10 @@ def test_no_range_is_of_a_key_that_is_not_there() -> None:
             assert key in keys or ".".join([*table[:-1], name]) in keys, key
 
 
-@pytest.mark.parametrize("bounds", RANGES.values())
-def test_what_is_usual_is_possible(bounds) -> None:
-    (low, high), (least, most) = bounds.usual, bounds.possible
-    assert least <= low < high <= most
+def test_what_is_usual_is_possible() -> None:
+    for key, bounds in RANGES.items():
+        (low, high), (least, most) = bounds.usual, bounds.possible
+        assert least <= low < high <= most, key
 
 
 def start(low: float, high: float) -> str:
@@ -92,18 +92,11 @@ def start(low: float, high: float) -> str:
     ("case", "changes", "said"),
     [
         (THERMAL, ("casting.superheat=280 K",), "superheat: (280 K) is far from what metal is pou"),
-        (THERMAL, ("section.width=18 mm", "mesh.core_depth=8 mm"), "width: (18 mm) is far from"),
         (THERMAL, ("cooling.1.surface.0.machine_factor=40",), "(40) is far from what correlations"),
-        (THERMAL, ("cooling.0.surface.0.coefficient=1.6 W/(m^2 K)",), "20 to 100000 W/(m^2 K)"),
         (
             THERMAL,
             ('cooling.0.surface=[{law="flux", value="1.9e-6 MW/m^2"}]',),
             "(1.9e-06 MW/m^2) is far from what moulds and sprays take, 0.001 to 20 MW/m^2",
-        ),
-        (
-            THERMAL,
-            ('cooling.0.surface=[{law="flux", value="-3 MW/m^2"}]',),
-            "(-3 MW/m^2) is far from",
         ),
         (
             THERMAL,
@@ -115,18 +108,8 @@ def start(low: float, high: float) -> str:
             "(16000 L/min) is far from what a zone is sprayed with, 1 to 8000 L/min",
         ),
         (THERMAL, (start(-100, 1500),), "profile: at 0 mm: (173.15 K) is -100 degC; did you mean"),
-        (
-            THERMAL,
-            ("cooling.0.surface.0.wall=160 K",),
-            '(160 K) is -113.2 degC; did you mean "160 ',
-        ),
         (SLAB, ('machine.defect=[{kind="misaligned",roll=30,by="15 mm"}]',), "by: (15 mm) is far"),
         (HOT, ("mould.tube.thickness=200 mm",), "thickness: (200 mm) is far from what tubes have"),
-        (
-            HOT,
-            ("mould.tube.water_temperature=120 degC",),
-            "(120 degC) is far from what cooling wat",
-        ),
         (TAPERED, ("mould.friction={law='coulomb',coefficient=30}",), "did you mean 0.3?"),
     ],
 )
@@ -140,15 +123,8 @@ def test_what_is_absurd_is_told(case: Path, changes: tuple[str, ...], said: str)
     ("case", "change", "said"),
     [
         (THERMAL, "casting.temperature=1e300 degC", "(1e+300 degC) is beyond what cast metal has"),
-        (THERMAL, "casting.temperature=-273.15 degC", "(-273.15 degC) is beyond what cast metal"),
         (THERMAL, "casting.start={meniscus='500 mm'}", "menisci measure, 0.001 to 300 mm"),
         (THERMAL, start(1600, 30000), "profile: at 50 mm: (30000 degC) is beyond"),
-        (THERMAL, "section.width=200 m", "width: (200000 mm) is beyond what strands measure"),
-        (
-            THERMAL,
-            "cooling.0.surface.0.coefficient=1e200 W/(m^2 K)",
-            "(1e+200 W/(m^2 K)) is beyond",
-        ),
         (THERMAL, "cooling.0.surface.0.gap_conductivity=1e200 W/(m K)", "gases and slags have"),
         (TAPERED, "mould.contact={factor=1e10}", "(1e+10) is beyond what contact factors are"),
         (
@@ -156,8 +132,6 @@ def test_what_is_absurd_is_told(case: Path, changes: tuple[str, ...], said: str)
             "mould.friction={law='limited',coefficient=0.3,yield_stress='1e-6 MPa'}",
             "yield_stress: (1e-06 MPa) is beyond what surfaces of hot steel bear",
         ),
-        (HOT, "mould.tube.thickness=0.01 mm", "thickness: (0.01 mm) is beyond what tubes have"),
-        (HOT, "mould.tube.water_temperature=500 degC", "(500 degC) is beyond what cooling water"),
         (HOT, "mould.tube.cell_size=1 um", "makes about 1.8e+11 cells of the tube, at most 300000"),
         (SLAB, "machine.defect=[{kind='misaligned',roll=30,by='1 m'}]", "(1000 mm) is beyond what"),
     ],

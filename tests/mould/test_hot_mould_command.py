@@ -111,16 +111,3 @@ def test_case_without_a_tube(castfem, write):
     status, _, err = castfem("mould", write(), "--hot")
     assert status == 1
     assert "mould.tube: the table is missing; add [mould.tube]" in err and err.count("\n") == 1
-
-
-def test_plain_command_imports_no_copper(write, tmp_path):
-    import subprocess
-    import sys
-
-    script = (
-        "import sys; from castfem.cli import execute; "
-        f"execute(['mould', {str(write('', TUBE))!r}, '-o', 'm.png']); "
-        "heavy = ('castfem.physics.mould.hot', 'castfem.studies.mould_fit', 'dolfinx'); "
-        "sys.exit(any(n.startswith(heavy) for n in sys.modules))"
-    )
-    assert subprocess.run([sys.executable, "-c", script], cwd=tmp_path, check=False).returncode == 0

@@ -52,7 +52,7 @@ def test_thesis_numbers_of_the_definition():
     assert 100 * taper_between(0.17265, 0.17218, 0.475) == pytest.approx(0.57, abs=0.005)
 
 
-@pytest.mark.parametrize("percent", [3.0, 1.0, 0.0, -1.0, -3.0, 10.0, -10.0])
+@pytest.mark.parametrize("percent", [3.0, 0.0, -1.0, -10.0])
 def test_single_taper_is_what_300_gives_back(percent):
     single = mould(Taper.single(percent / 100, L))
     zones = {z.dimension: z for z in single.zones()}
@@ -271,18 +271,10 @@ def test_wall_temperature_along_the_mould():
             lambda: mould(moved((0.0, L), (0.0, 0.07))),
             "closes: 600 mm below",
         ),
-        (
-            lambda: mould(moved((0.0, L), (0.0, 0.2)), cavity=RoundCavity(0.2)),
-            "closes",
-        ),
         (lambda: mould(Taper.single(-2.0, L)), "-200 %/m over 0.6 m has no outlet"),
-        (lambda: mould(Taper.single(0.0, L), length=0.0), "must be positive"),
         (lambda: Taper((TaperSegment(0.3, 0, 0), TaperSegment(0.2, 0, 0))), "segment 2"),
-        (lambda: Taper(()), "at least one"),
         (lambda: moved((0.0, 0.0), (0.0, 1.0)), "must increase"),
-        (lambda: moved((0.0,), (0.0, 1.0)), "as many"),
         (lambda: Table("position", (0.2, 0.1), (0.0, 1.0)), "must increase"),
-        (lambda: Table("position", (), ()), "as many"),
     ],
 )
 def test_impossible_moulds_are_refused(build, words):

@@ -5,10 +5,6 @@ from __future__ import annotations
 import math
 import random
 import resource
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import h5py
@@ -143,12 +139,6 @@ def test_no_damaged_byte_goes_unnoticed(tmp_path):
             load_checkpoint(hurt)
 
 
-def test_other_programs_read_the_file(tmp_path):
-    save_checkpoint(tmp_path / "c.h5", META, arrays())
-    with h5py.File(tmp_path / "c.h5") as file:
-        assert np.array_equal(file["arrays/temperature"][()], arrays()["temperature"])
-
-
 def test_a_cut_file_is_refused(tmp_path):
     save_checkpoint(tmp_path / "c.h5", META, arrays())
     image = (tmp_path / "c.h5").read_bytes()
@@ -158,30 +148,6 @@ def test_a_cut_file_is_refused(tmp_path):
             InputError, match=r"cut\.h5: is not a checkpoint of castfem, or cut off"
         ):
             load_checkpoint(tmp_path / "cut.h5")
-
-
-SAVER = """
-import sys, numpy as np
-from castfem.runs.output.checkpoint import save_checkpoint
-for k in range(10**6):
-    save_checkpoint(sys.argv[1], {"k": k}, {"a": np.full(20_000, float(k))})
-    if k == 0:
-        print("ready", flush=True)
-"""
-
-
-def test_a_kill_at_any_moment_leaves_a_whole_checkpoint(tmp_path):
-    generator = random.Random(1)
-    for trial in range(6):
-        path = tmp_path / f"{trial}.h5"
-        command = [sys.executable, "-c", SAVER, str(path)]
-        with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
-            assert process.stdout is not None
-            process.stdout.readline()
-            time.sleep(0.1 * generator.random())
-            process.send_signal(signal.SIGKILL)
-        meta, found = load_checkpoint(path)
-        assert (found["a"] == meta["k"]).all()
 
 
 def test_a_full_disk_is_a_run_failure_and_the_old_checkpoint_stays(tmp_path):

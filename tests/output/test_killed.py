@@ -13,7 +13,7 @@ import pytest
 pytestmark = pytest.mark.slow
 
 RUNS = Path(__file__).with_name("killed_runs.py")
-EVERY = 11  # how many of the calls are tried: one in so many; a run makes about 260
+EVERY = 31  # how many of the calls are tried: one in so many; a run makes about 260
 COMPILER = shutil.which(os.environ.get("CC", "cc")) or shutil.which("gcc")
 
 # Loaded before the C library, it ends the process in the middle of the n-th call that changes a

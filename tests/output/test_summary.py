@@ -77,13 +77,10 @@ def test_a_zero_reference_has_no_relative_difference():
 @pytest.mark.parametrize(
     ("kind", "ours", "met"),
     [
-        ("at_most", 124.6e3, True),
         ("at_most", 134.1e3, True),
         ("at_most", 136.5e3, False),
-        ("at_least", 136.5e3, True),
         ("at_least", 124.6e3, False),
         ("at_least", math.nan, None),
-        ("value", 134.1e3, None),
     ],
 )
 def test_a_bound_is_met_or_missed_and_comes_back_with_its_note(kind, ours, met):

@@ -7,10 +7,7 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
-import json
 import re
-import subprocess
-import sys
 from functools import lru_cache
 from pathlib import Path
 
@@ -26,21 +23,19 @@ from castfem.cli import execute
 from castfem.model.build.cooling import Zones
 from castfem.model.build.simulation import build
 from castfem.runs.loop import TimeLoop
-from castfem.runs.output.history import read_history
 from castfem.runs.results.run_state import RunState
 from castfem.runs.results.sample import MechanicalSample, Sample
 
 pytestmark = pytest.mark.slow
 
-MOULDS = ("idealised", "taper_3", "taper_1", "taper_0", "taper_minus_1", "taper_minus_3")
-REAL = MOULDS[1:]
+MOULDS = ("idealised", "taper_3", "taper_1", "taper_0", "taper_minus_3")
 LEFT = "taper_minus_3_as_thesis"
 TIGHT = 1e-6  # m: a gap below this is contact
 
 
 @lru_cache
-def six(name: str) -> Kept:
-    """One of the six as shipped, but for its cells, run_in_memory once for all tests."""
+def cast(name: str) -> Kept:
+    """One of them as shipped, but for its cells, run once for all tests."""
     return run_in_memory(billet(name, *(FED if name.startswith("taper") and name != LEFT else ())))
 
 
@@ -51,19 +46,19 @@ def strained(sample: Sample) -> MechanicalSample:
 
 def share(name: str) -> float:
     """Heat removed over that of the idealised mould."""
-    return six(name).value("heat_removed") / six("idealised").value("heat_removed")
+    return cast(name).value("heat_removed") / cast("idealised").value("heat_removed")
 
 
 def test_heat_removed_falls_with_the_taper() -> None:
     assert share("taper_3") > 0.985 and share("taper_1") > 0.985
     assert share("taper_0") < 0.95
-    assert share("taper_minus_1") < share("taper_0") - 0.03
+    assert share("taper_minus_3") < share("taper_0") - 0.03
 
 
 def test_elastic_liquid_stays_behind_a_wall_that_opens() -> None:
     """As the thesis has it; liquid that is fed pushes the faces after the wall, not the corner."""
     assert share(LEFT) < 0.4 < 0.8 < share("taper_minus_3")
-    fed, left = (six(name) for name in ("taper_minus_3", LEFT))
+    fed, left = (cast(name) for name in ("taper_minus_3", LEFT))
     assert left.value("contact_share") == 0.0 == left.value("shell_mid_face")
     assert fed.value("shell_mid_face") > 4e-3 > 2e-3 > fed.value("shell_corner")
 
@@ -71,43 +66,43 @@ def test_elastic_liquid_stays_behind_a_wall_that_opens() -> None:
 def test_contact_is_lost_first_at_the_corner() -> None:
     """Without taper the corner leaves the wall and the face stays; opening walls lose both."""
     lost = {}
-    for name in ("taper_0", "taper_minus_1"):
-        samples = six(name).samples[1:]
+    for name in ("taper_0", "taper_minus_3"):
+        samples = cast(name).samples[1:]
         for place in ("corner", "mid_face"):
             open_ = [r.position for r in samples if strained(r).gap[place] > TIGHT]
             lost[name, place] = open_[0] if open_ else np.inf
     assert lost["taper_0", "corner"] < 0.3 and np.isinf(lost["taper_0", "mid_face"])
-    assert lost["taper_minus_1", "corner"] < lost["taper_minus_1", "mid_face"]
-    ended = strained(six("taper_0").samples[-1])
+    assert lost["taper_minus_3", "corner"] < lost["taper_minus_3", "mid_face"]
+    ended = strained(cast("taper_0").samples[-1])
     assert ended.gap["corner"] > 1e-4 and ended.pressure["mid_face"] > 0.0
 
 
 def test_a_gap_keeps_the_corner_hot() -> None:
-    hot = {name: six(name).value("surface_temperature_corner") for name in MOULDS}
+    hot = {name: cast(name).value("surface_temperature_corner") for name in MOULDS}
     assert hot["taper_0"] > hot["taper_1"] + 50.0
-    assert six("taper_0").value("shell_corner") < 0.8 * six("taper_1").value("shell_corner")
+    assert cast("taper_0").value("shell_corner") < 0.8 * cast("taper_1").value("shell_corner")
     assert abs(hot["taper_1"] - hot["idealised"]) < 20.0
 
 
 def test_stress_rises_with_the_taper() -> None:
-    peak = {name: six(name).value("von_mises_max") for name in MOULDS}
-    face = {name: six(name).value("von_mises_mid_face") for name in MOULDS}
+    peak = {name: cast(name).value("von_mises_max") for name in MOULDS}
+    face = {name: cast(name).value("von_mises_mid_face") for name in MOULDS}
     assert peak["idealised"] < peak["taper_1"] < peak["taper_3"]
     assert face["idealised"] < face["taper_1"] < face["taper_3"]
-    assert max(peak[name] for name in ("taper_0", "taper_minus_1")) < peak["idealised"]
-    x, y = strained(six("taper_1").samples[-1]).peak_at
+    assert max(peak[name] for name in ("taper_0", "taper_minus_3")) < peak["idealised"]
+    x, y = strained(cast("taper_1").samples[-1]).peak_at
     assert x > 0.05 and y > 0.05  # in the corner
 
 
 def test_idealised_corner_pulls_in_and_face_bulges() -> None:
-    shape = strained(six("idealised").samples[-1])
+    shape = strained(cast("idealised").samples[-1])
     assert shape.moved["corner"] < -1e-4 < 0.0 < shape.moved["mid_face"] < 1e-3
     assert shape.contact is None and not shape.gap
 
 
 @pytest.mark.parametrize("name", MOULDS)
 def test_balances_close_and_the_wall_is_not_entered(name: str) -> None:
-    kept = six(name)
+    kept = cast(name)
     for sample in kept.samples[1:]:
         mechanics = strained(sample)
         assert abs(sample.balance) < 1e-9
@@ -120,16 +115,16 @@ def test_balances_close_and_the_wall_is_not_entered(name: str) -> None:
     assert kept.summary.steps["coupling windows cut back"] <= (6 if name == "taper_minus_3" else 0)
 
 
-@pytest.mark.parametrize("name", ["taper_1", "taper_0"])
-def test_gap_of_an_interval_settles(name: str) -> None:
+def test_gap_of_an_interval_settles() -> None:
     """Repeating windows until gap and heat agree changes little: they agreed nearly before."""
-    kept = run_in_memory(billet(name, "coupling.passes=1", *FED))
+    kept = run_in_memory(billet("taper_0", "coupling.passes=1", *FED))
     for quantity, close in (
         ("heat_removed", 2e-3), ("shell_mid_face", 1e-3), ("shell_corner", 0.02),
         ("von_mises_max", 0.05),
     ):  # fmt: skip
-        assert kept.value(quantity) == pytest.approx(six(name).value(quantity), rel=close)
-    assert kept.value("size_corner") == pytest.approx(six(name).value("size_corner"), abs=2e-5)
+        assert kept.value(quantity) == pytest.approx(cast("taper_0").value(quantity), rel=close)
+    corner = cast("taper_0").value("size_corner")
+    assert kept.value("size_corner") == pytest.approx(corner, abs=2e-5)
 
 
 def test_more_passes_come_to_one_answer() -> None:
@@ -244,44 +239,6 @@ def test_mechanics_first_goes_on_from_a_checkpoint(tmp_path: Path) -> None:
         assert cut.quantities[name].value == pytest.approx(whole.value(name), rel=1e-10)
 
 
-KILLED = """
-import os, signal, sys
-from castfem.model import load_case
-from castfem.runs import loop
-class Killer:
-    def start(self, *a): self.n = 0
-    def update(self, *a):
-        self.n += 1
-        if self.n == 7: os.kill(os.getpid(), signal.SIGKILL)
-    def stop(self): pass
-loop.run(load_case(sys.argv[1], sys.argv[3:]), sys.argv[2], progress=Killer())
-"""
-ROUNDING = ("energy_error", "axial_force", "force_error")  # nothing but
-
-
-@pytest.mark.parametrize(
-    ("name", "touch"),
-    [("taper_0", ()),
-     ("taper_1", ('mould.friction={law="coulomb", coefficient=0.3}', "mould.contact=nitsche"))],
-)  # fmt: skip
-def test_killed_and_resumed(name: str, touch: tuple[str, ...], tmp_path: Path) -> None:
-    """Contact, friction and Nitsche's own state come back: the end is that of the unbroken run."""
-    changes = (*touch, "output.checkpoint_every=3", 'casting.length="150 mm"')
-    words = [str(CASES / f"{name}.toml"), str(tmp_path / "killed"), *COARSE, *ELASTIC, *changes]
-    done = subprocess.run([sys.executable, "-c", KILLED, *words], check=False)
-    assert done.returncode == -9
-    assert json.loads((tmp_path / "killed" / "run.json").read_text())["status"] == "running"
-    case = billet(name, *changes)
-    resumed = run(case, tmp_path / "killed", resume=True)
-    whole = run(case, tmp_path / "whole")
-    for key, quantity in whole.quantities.items():
-        ours = resumed.quantities[key].value
-        assert ours == pytest.approx(quantity.value, rel=1e-10, abs=1e-16), key
-    one, other = (read_history(tmp_path / n / "history.csv") for n in ("killed", "whole"))
-    exact = [c for c in one.columns if c not in ROUNDING]
-    assert np.allclose(one[exact], other[exact], rtol=1e-10, atol=1e-12, equal_nan=True)
-
-
 RUBBING = 'mould.friction={law="coulomb", coefficient=0.2}'
 
 
@@ -291,10 +248,8 @@ def test_another_mould_is_another_case(tmp_path: Path, capsys: pytest.CaptureFix
     longer = 'casting.length="60 mm"'
     for change, told in (
         ("mould.taper=2 %/m", "mould.taper: 1 %/m there, 2 %/m here"),
-        ("mould.contact=nitsche", "mould.contact.method: penalty there, nitsche here"),
         (RUBBING, "mould.friction.law: none there, coulomb here; "
                   "mould.friction.coefficient: nothing there, 0.2 here"),
-        ("coupling.interval=0.5 s", "coupling.interval: 0.25 s there, 0.5 s here"),
     ):  # fmt: skip
         case = billet("taper_1", longer, change)
         with pytest.raises(InputError, match=re.escape(f"belongs to another case ({told}); undo")):
@@ -308,10 +263,9 @@ def test_another_mould_is_another_case(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("name", ["taper_1", "taper_0"])
-def test_ranks_do_not_show(name: str) -> None:
+def test_ranks_do_not_show() -> None:
     """Until the corner has left the wall."""
-    case = billet(name, 'casting.length="105 mm"')
+    case = billet("taper_0", 'casting.length="105 mm"')
     alone, together = run_in_memory(case), run_in_memory(case, MPI.COMM_WORLD)
     assert len(alone.samples) == len(together.samples)
     gap = strained(alone.samples[-1]).gap

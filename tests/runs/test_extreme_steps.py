@@ -42,13 +42,13 @@ def run(case: Case, folder: Path, **options: object) -> Summary:
 
 
 def test_intervals_a_hundred_times_longer(tmp_path: Path) -> None:
-    """Two windows of 5 s through the mould: in balance, and about the stress of 0.2 s.
+    """Two windows of 5 s through the mould: in balance, and about the stress of 0.4 s.
 
     Heat keeps its own steps; the bulge of the first soft shell is what long steps miss.  The shell
     is measured in the slice as it is, so what its strains are off, a thousandth, is in it.
     """
     long = run(billet("coupling.interval=5 s"), tmp_path / "long")
-    fine = run(billet("coupling.interval=0.2 s"), tmp_path / "fine")
+    fine = run(billet("coupling.interval=0.4 s"), tmp_path / "fine")
     assert long.status == "finished" and long.steps["coupling windows"] == 2
     for name, close in (
         ("shell_mid_face", 2e-3),
@@ -97,9 +97,8 @@ def test_a_solver_that_gives_up_says_so(tmp_path: Path) -> None:
     assert failed(tmp_path, said) < 2.0
 
 
-@pytest.mark.parametrize("liquid", ["elastic", "fed"])
 def test_a_failed_run_goes_on_from_its_last_good_state(
-    liquid: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nothing converges beyond 1 s, until it does: resumed, it is the run that never failed.
 
@@ -107,8 +106,8 @@ def test_a_failed_run_goes_on_from_its_last_good_state(
     """
     case = billet(
         "casting.length=105 mm", "coupling.interval=0.25 s", "mould.friction.law=coulomb",
-        "mould.friction.coefficient=0.2", f"mechanics.liquid={liquid}",
-        f"mechanics.ferrostatic={'full' if liquid == 'fed' else 'proportional'}", name="taper_0",
+        "mould.friction.coefficient=0.2", "mechanics.liquid=fed", "mechanics.ferrostatic=full",
+        name="taper_0",
     )  # fmt: skip
     whole = run(case, tmp_path / "whole")
     step = MechanicalStepper.step

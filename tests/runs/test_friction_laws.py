@@ -11,11 +11,9 @@ from castfem.physics.contact.state import SLIP
 # Law -> friction over the mould's pressure; what a law has without pressure, Pa, and over pressure
 # at most.
 LAWS = {
-    "coulomb, coefficient=0.3": (0.3, 0.0, 0.0),
     "limited, coefficient=0.3, yield_stress=10 MPa": (0.3, 0.0, 0.0),
     "tresca, share=0.3, yield_stress=10 MPa": (0.0, 0.3 * 10e6 / 3.0**0.5, 1.0),
     "viscous, stress=500 Pa, speed=3.6 m/min": (0.0, 500.0, 1.0),
-    "viscous, stress=1 MPa, speed=3.6 m/min, steepest=0.5": (0.0, 1e6, 0.5),
     "viscous, stress=1 MPa, speed=3.6 m/min, coefficient=0.2, yield_stress=10 MPa": (0.2, 1e6, 1.0),
 }
 

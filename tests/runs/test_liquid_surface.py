@@ -78,7 +78,7 @@ value = "1000 degC"
 
 def cast(folder: Path, **given: str) -> Kept:
     """A billet in a mould."""
-    simulation = {"length": "300 mm", "cell": "quadrilateral", "size": "3 mm", "cooling": MILD}
+    simulation = {"length": "150 mm", "cell": "quadrilateral", "size": "3 mm", "cooling": MILD}
     path = folder / "billet.toml"
     path.write_text(BILLET.format(**{**simulation, "contact": "penalty", **given}))
     return run_in_memory(load_case(path))

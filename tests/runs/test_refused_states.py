@@ -40,15 +40,13 @@ def refused(folder: Path, name: str, *overrides: str) -> tuple[str, float]:
     return str(caught.value), float(last["time"])
 
 
-@pytest.mark.parametrize("force", ["1000 kN", "20 kN"])
-def test_a_force_beyond_what_the_section_carries(tmp_path: Path, force: str) -> None:
-    told, _ = refused(tmp_path, "taper_1", f"mechanics.planes.force={force}")
+def test_a_force_beyond_what_the_section_carries(tmp_path: Path) -> None:
+    told, _ = refused(tmp_path, "taper_1", "mechanics.planes.force=20 kN")
     assert "times as thick" in told and "there is no shell yet" in told
 
 
-@pytest.mark.parametrize("moment", ["3 kN m", "2 kN m"])
-def test_a_moment_beyond_what_the_section_carries(tmp_path: Path, moment: str) -> None:
-    told, _ = refused(tmp_path, "idealised", NO_MOULD, f"mechanics.planes.moment_y={moment}")
+def test_a_moment_beyond_what_the_section_carries(tmp_path: Path) -> None:
+    told, _ = refused(tmp_path, "idealised", NO_MOULD, "mechanics.planes.moment_y=2 kN m")
     assert "times as thick" in told
 
 

@@ -61,7 +61,7 @@ def test_friction_of_the_whole_strand_is_that_of_its_parts(with_friction) -> Non
 
 def test_the_shell_is_told_with_the_cell_it_ends_in() -> None:
     """Cells of 2 mm at the surface, of 8 mm in the core: its steps are within a sixth of them."""
-    changes = ("casting.length=2 m", "casting.speed=1.2 m/min")
+    changes = ("casting.length=1.2 m", "casting.speed=1.2 m/min")
     coarse, fine = (
         run_in_memory(billet("thermal", *changes, *more)).samples
         for more in (("mesh.core_size=8 mm",), ("mesh.core_size=1.5 mm", "mesh.surface_size=1 mm"))

@@ -125,7 +125,7 @@ def never_killed(
     ("name", "settings", "steps", "every", "times"),
     [
         ("thermal", (STEPS,), 33, 10, 21),
-        ("taper_0", RUBBING, 8, 3, 6),
+        ("taper_0", (*RUBBING, "mould.contact=nitsche"), 8, 3, 6),
         ("taper_0", RUBBING, 2, 20, 6),  # before the first checkpoint but that of the meniscus
     ],
 )
@@ -138,7 +138,7 @@ def test_killed_and_resumed_is_the_run_that_was_never_killed(
     every: int,
     times: int,
 ) -> None:
-    """To the last bit: state, history, counts and fields; contact and friction among them."""
+    """To the last bit: state, history, counts and fields; contact (Nitsche's, too) and friction."""
     overrides = (*COARSE, f"output.checkpoint_every={every}", *settings)
     file = CASES / "billet125" / f"{name}.toml"
     arguments = [str(file), str(tmp_path / "killed"), str(steps), *overrides]
@@ -176,6 +176,8 @@ def test_checkpoint_of_other_physics_is_refused(tmp_path: Path) -> None:
     run(billet('casting.length="100 mm"'), tmp_path)
     with pytest.raises(InputError, match="another case"):
         run(billet('casting.speed="3 m/min"'), tmp_path, resume=True)
+    # How equations are solved is no physics.
+    run(billet("thermal.solver.snes_max_it=40", 'casting.length="120 mm"'), tmp_path, resume=True)
 
 
 def test_failed_run_says_why_and_keeps_the_last_good_state(tmp_path: Path) -> None:
@@ -217,19 +219,25 @@ def test_one_field_alone(tmp_path: Path) -> None:
 
 THERMAL_ONLY = """
 import sys
-from collections.abc import Callable
-from functools import cache
+from importlib.util import find_spec
 from castfem.model import load_case
 from castfem.runs import loop
 loop.run(load_case(sys.argv[1], sys.argv[3:]), sys.argv[2])
-parts = ("castfem.physics.mechanics", "castfem.physics.constitutive", "castfem.studies.sensitivity")
-unwanted = [m for m in sys.modules if m.startswith(parts)]
+parts = (
+    *(f"castfem.physics.{name}" for name in ("mechanics", "constitutive", "contact")),
+    *(f"castfem.physics.machine.{name}" for name in
+      ("rolls", "extraction", "bulging", "stations", "sprays")),
+    *(f"castfem.runs.results.{name}" for name in ("probes", "quality")),
+    "castfem.physics.thermal.spray_water", "castfem.model.build.secondary", "castfem.studies",
+    "castfem.runs.output.surface_maps",
+)
+unwanted = [m for m in sys.modules if f"{m}.".startswith(tuple(f"{name}." for name in parts))]
 unwanted += [m for m in ("gmsh", "matplotlib", "pandas", "pint") if m in sys.modules]
-print("LOADED", unwanted)
+print("LOADED", unwanted, "GONE", [name for name in parts if find_spec(name) is None])
 """
 
 
-def test_thermal_simulation_loads_no_mechanics_and_nothing_to_draw_with(tmp_path: Path) -> None:
+def test_thermal_simulation_loads_nothing_it_does_not_ask_for(tmp_path: Path) -> None:
     case = str(CASES / "billet125" / "thermal.toml")
     overrides = [*COARSE, 'casting.length="60 mm"']
     run(billet('casting.length="60 mm"'), tmp_path / "first")  # the mesh is in the cache
@@ -239,7 +247,7 @@ def test_thermal_simulation_loads_no_mechanics_and_nothing_to_draw_with(tmp_path
         text=True,
         check=True,
     )
-    assert "LOADED []" in done.stdout
+    assert "LOADED [] GONE []" in done.stdout
 
 
 def test_forms_compiled_are_forms_assembled(

@@ -25,11 +25,11 @@ COARSE = (
     "mesh.surface_size=2 mm", "mesh.corner_size=2 mm", "mesh.face_size=10 mm",
     "mesh.core_size=14 mm", "output.figures=false",
 )  # fmt: skip
-IDEALISED = (*COARSE, "coupling.interval=0.5 s", "output.fields=[]")
-SIGNED = (*IDEALISED, "mechanics.law=kozlowski_zhu_signed")
 MOULDED = (
     *COARSE, "mould.friction.law=coulomb", "mould.friction.coefficient=0.2",
-    "coupling.interval=0.4 s", "output.every=0.4 s",
+    "coupling.interval=0.4 s", "output.every=0.4 s", "mould.contact=nitsche",
+    "mechanics.liquid=elastic", "mechanics.mush=geometric", "mechanics.ferrostatic=proportional",
+    "mechanics.law=kozlowski_zhu_signed",
 )  # fmt: skip
 # What is zero but for rounding, and rounds otherwise on other ranks.
 LEFT_OVER = {"energy_error", "axial_force", "force_error"}
@@ -56,32 +56,6 @@ def assert_same(one: pandas.DataFrame, other: pandas.DataFrame) -> None:
         assert np.nanmax(np.abs(ours - theirs), initial=0.0) <= 1e-8 * size, name
 
 
-@needs_mpirun
-def test_ranks_and_a_pause_do_not_show_in_a_signed_state(tmp_path: Path) -> None:
-    """The strain tensor goes through the checkpoint and to other ranks like all that is kept."""
-    signed = (*SIGNED, "casting.length=105 mm")
-    run(tmp_path / "whole", 1, "idealised", signed)
-    run(tmp_path / "parts", 2, "idealised", (*SIGNED, "casting.length=90 mm"))
-    tensor = load_checkpoint(tmp_path / "parts" / "checkpoint.h5")[1]["internal_deviator"]
-    assert tensor.shape[2] == 3
-    assert np.abs(tensor).max() > 1e-5
-    run(tmp_path / "parts", 3, "idealised", signed, "--resume")
-    whole, parts = (read_history(tmp_path / name / "history.csv") for name in ("whole", "parts"))
-    assert whole["von_mises_max"].iloc[-1] > 1.0 and whole["shell_corner"].iloc[-1] > 0.5
-    assert_same(whole, parts)
-
-
-@needs_mpirun
-def test_three_ranks_from_the_start_do_not_show(tmp_path: Path) -> None:
-    """Nor in the law of the case, without a wall."""
-    short = (*IDEALISED, "casting.length=75 mm")
-    for ranks in (1, 3):
-        run(tmp_path / str(ranks), ranks, "idealised", short)
-    one, three = (read_history(tmp_path / str(ranks) / "history.csv") for ranks in (1, 3))
-    assert one["von_mises_max"].iloc[-1] > 0.1 and one["shell_corner"].iloc[-1] > 0.2
-    assert_same(one, three)
-
-
 def numbers(folder: Path) -> dict[str, float]:
     """All numbers of a summary but errors, by name."""
     content: dict[str, Any] = json.loads((folder / "summary.json").read_text())
@@ -105,55 +79,34 @@ def assert_same_state(one: Path, other: Path) -> dict[str, np.ndarray]:
 
 
 @needs_mpirun
-def test_nitsche_with_friction_on_two_ranks(tmp_path: Path) -> None:
-    """What Nitsche's method keeps at the wall among it, and a window that is cut for its error."""
-    elastic = (
-        "mechanics.liquid=elastic", "mechanics.mush=geometric",
-        "mechanics.ferrostatic=proportional",
-    )  # fmt: skip
-    changes = (*MOULDED, *elastic, "mould.contact=nitsche", "casting.length=105 mm")
-    for ranks in (1, 2):
-        run(tmp_path / str(ranks), ranks, "taper_0", changes)
-    one, two = (tmp_path / str(ranks) for ranks in (1, 2))
-    table = read_history(one / "history.csv")
-    assert table["friction_force"].iloc[-1] < -1e-3 and table["gap_max"].iloc[-1] > 0.0
-    assert numbers(one)["coupling windows cut for their error"] > 0
-    assert_same(table, read_history(two / "history.csv"))
-    state = assert_same_state(one, two)
-    assert np.abs(state["contact_stress"]).max() > 1e3 and state["contact_internal"].any()
-
-
-@needs_mpirun
 def test_mould_with_friction_on_two_ranks_goes_on_on_three(tmp_path: Path) -> None:
-    """What one rank does in one go, two begin and three end, as the corner leaves the wall."""
-    case = "taper_0"
-    run(tmp_path / "one", 1, case, (*MOULDED, "casting.length=102 mm"))
+    """What one rank does in one go, two begin and three end, as the corner leaves the wall.
+
+    What Nitsche's method keeps at the wall among it, and the strain tensor of the law.
+    """
+    case, end = "taper_0", "casting.length=105 mm"
+    run(tmp_path / "one", 1, case, (*MOULDED, end))
     run(tmp_path / "many", 2, case, (*MOULDED, "casting.length=96 mm"))
-    run(tmp_path / "many", 3, case, (*MOULDED, "casting.length=102 mm"), "--resume")
+    run(tmp_path / "many", 3, case, (*MOULDED, end), "--resume")
     table = read_history(tmp_path / "one" / "history.csv")
-    assert table["friction_force"].iloc[-1] < -1e-3 and table["gap_max"].iloc[-1] > 1e-4
+    assert table["friction_force"].iloc[-1] < -1e-3 and table["gap_max"].iloc[-1] > 0.0
     assert_same(table, read_history(tmp_path / "many" / "history.csv"))
     one, many = numbers(tmp_path / "one"), numbers(tmp_path / "many")
     assert many == pytest.approx(one, rel=1e-7, abs=1e-12)
     state = assert_same_state(tmp_path / "one", tmp_path / "many")
+    assert state["internal_deviator"].shape[2] == 3
+    assert np.abs(state["internal_deviator"]).max() > 1e-5
     assert len(set(state["contact_status"].ravel())) > 1
+    assert np.abs(state["contact_stress"]).max() > 1e3 and state["contact_internal"].any()
 
 
-@needs_mpirun
-def test_a_closed_form_is_held_against_a_run_on_ranks(tmp_path: Path) -> None:
+@pytest.mark.mpi
+def test_a_closed_form_is_held_against_a_run_on_ranks(shared_folder: Path) -> None:
     """Its errors are sums over the ranks, which the checkpoints need as well: they waited."""
     short = ("casting.length=3 mm", "output.checkpoint_every=2", "output.figures=false")
-    sets = [word for override in short for word in ("--set", override)]
-    found = []
-    for ranks in (1, 2):
-        folder = tmp_path / str(ranks)
-        if ranks == 1:
-            case = load_case(CASES.parent / "verification" / "neumann.toml", short)
-            loop.run(case, folder, comm=MPI.COMM_SELF)
-        else:
-            words = ("-m", "castfem.cli", "run", "verification/neumann", "-q", *sets)
-            done = python_on(ranks, *words, "-o", str(folder), timeout=120.0)
-            assert done.returncode == 0, done.stderr
-        summary = json.loads((folder / "summary.json").read_text())
-        found.append(summary["quantities"]["error_temperature"]["value"])
-    assert found[0] > 0.0 and found[1] == pytest.approx(found[0], rel=1e-6)
+    case = load_case(CASES.parent / "verification" / "neumann.toml", short)
+    one, many = (
+        loop.run(case, shared_folder / name, comm=comm).quantities["error_temperature"].value
+        for name, comm in ((f"{MPI.COMM_WORLD.rank}", MPI.COMM_SELF), ("many", MPI.COMM_WORLD))
+    )
+    assert one > 0.0 and many == pytest.approx(one, rel=1e-6)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 from mpi4py import MPI
@@ -11,7 +9,6 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from castfem.base.errors import InputError
 from castfem.model import Case, load_case
 from castfem.runs import loop
 from castfem.runs.output.fields import Fields
@@ -73,39 +70,3 @@ def test_dissipation_heats(tmp_path: Path) -> None:
     generated = [s.balances["heat"]["generated"].value for s in (with_, without)]
     assert generated[0] > 0.0 == generated[1]
     assert with_.balances["heat"]["whole"].value < 1e-9
-
-
-def test_resumed_is_the_run_that_was_never_stopped(tmp_path: Path) -> None:
-    run(billet('casting.length="60 mm"', "output.checkpoint_every=2"), tmp_path / "cut")
-    resumed = run(billet(), tmp_path / "cut", resume=True)
-    whole = run(billet(), tmp_path / "whole")
-    for name, quantity in whole.quantities.items():
-        assert resumed.quantities[name].value == pytest.approx(quantity.value, rel=1e-10), name
-    one, other = (read_history(tmp_path / n / "history.csv") for n in ("cut", "whole"))
-    exact = [c for c in one.columns if c not in ("force_error", "energy_error", "axial_force")]
-    # Without a solidus there is no cell in which it lies, in either.
-    assert np.allclose(one[exact], other[exact], rtol=1e-10, atol=1e-12, equal_nan=True)
-
-
-def test_other_physics_is_refused(tmp_path: Path) -> None:
-    run(billet('casting.length="60 mm"'), tmp_path)
-    with pytest.raises(InputError, match="belongs to another case"):
-        run(billet("mechanics.liquid_stiffness=1e-4"), tmp_path, resume=True)
-    # How equations are solved is no physics.
-    run(billet("mechanics.solver.snes_max_it=40"), tmp_path, resume=True)
-
-
-def test_a_thermal_simulation_knows_no_mechanics() -> None:
-    code = (
-        "import sys; from mpi4py import MPI; from castfem.model import load_case; "
-        "from castfem.model.build.simulation import build; "
-        "from castfem.runs.loop import TimeLoop; "
-        "simulation = build(load_case(sys.argv[1], sys.argv[2:]), MPI.COMM_SELF); "
-        "time_loop = TimeLoop(simulation); time_loop._enter_zone(); time_loop.advance(); "
-        "assert not any(name.startswith('mechanics') for name in simulation.section.compiled); "
-        "unused = tuple('castfem.physics.' + p for p in ('mechanics', 'contact', 'constitutive')); "
-        "bad = [m for m in sys.modules if m.startswith(unused)]; assert not bad, bad"
-    )
-    case = str(CASES / "billet125" / "thermal.toml")
-    command = [sys.executable, "-c", code, case, 'mesh.surface_size="2 mm"']
-    subprocess.run(command, check=True)

@@ -158,12 +158,12 @@ def test_the_creeping_strip_goes_over_a_lost_roll() -> None:
     assert np.all(memory["error"] < 0.1 * memory["largest"])
 
 
-@pytest.mark.parametrize("count", [5, 7])
-def test_it_resumes_byte_for_byte(tmp_path: Path, count: int) -> None:
+def test_it_resumes_byte_for_byte(tmp_path: Path) -> None:
+    """Stopped within the pitch of the lost roll."""
     case = slab(LOST, casting__length="1.55 m")
     loop.run(case, tmp_path / "whole", comm=MPI.COMM_SELF)
     with pytest.raises(KeyboardInterrupt):
-        loop.run(case, tmp_path / "cut", comm=MPI.COMM_SELF, progress=Interrupted(count))
+        loop.run(case, tmp_path / "cut", comm=MPI.COMM_SELF, progress=Interrupted(7))
     loop.run(case, tmp_path / "cut", comm=MPI.COMM_SELF, resume=True)
     ours, theirs = ((tmp_path / name / "history.csv").read_bytes() for name in ("cut", "whole"))
     assert ours == theirs

@@ -182,6 +182,13 @@ def found() -> Sensitivity:
     return castfem.sensitivities(billet(), "mould.taper", ",".join(READ))
 
 
+@cache
+def together() -> Sensitivity:
+    """By two parameters that matter less, and the taper behind them."""
+    names = "casting.superheat", "steel.density", "mould.taper"
+    return castfem.sensitivities(billet(), ",".join(names), ",".join(READ))
+
+
 def short() -> Case:
     """The first window of it."""
     return billet().with_({"casting.length": "15 mm"})
@@ -236,9 +243,10 @@ def test_a_steel_whose_density_changes_keeps_its_mass_in_its_derivatives() -> No
     """Of a slice that moves the enthalpy hangs on density at the solidus, and on the pouring."""
     steel = {"steel.name": "plain_carbon", "steel.composition": {"C": 0.123, "Mn": 0.6, "Si": 0.2}}
     case, asked = billet().with_(steel), ("heat_removed", "axial_strain", "von_mises_max")
-    for name in ("steel.composition.C", "casting.superheat"):
-        slopes = castfem.sensitivities(case, name, ",".join(asked)).gradient
-        (parameter,) = read_parameters(case, case_steel(case), [name])
+    names = ["steel.composition.C", "casting.superheat"]
+    slopes = castfem.sensitivities(case, names, ",".join(asked)).gradient
+    parameters = read_parameters(case, case_steel(case), names)
+    for name, parameter in zip(names, parameters, strict=True):
         by = 1e-4 * parameter.value
         ends = [results(parameter.case_at(case, parameter.value + s * by))[1] for s in (1.0, -1.0)]
         for result in asked:
@@ -251,7 +259,7 @@ def test_a_steel_computed_from_its_composition_has_the_differences_of_runs(
 ) -> None:
     """By a hundred-thousandth: farther apart points freeze and touch that did not."""
     case = billet().with_({"steel.name": "plain_carbon", "steel.composition": {"C": 0.2}})
-    names, asked = ["steel.density", "steel.composition.C", "steel.thermal_expansion"], READ[:3]
+    names, asked = ["steel.density", "steel.composition.C"], READ[:3]
     slopes = castfem.sensitivities(case, ",".join(names), ",".join(asked)).gradient
     for one in read_parameters(case, case_steel(case), names):
         ends = []
@@ -312,30 +320,11 @@ def test_a_mould_that_closes_fast_or_stands_off(
         assert slopes[result][name] == pytest.approx(known, rel=rel), result
 
 
-def test_the_pressure_of_deep_liquid_goes_with_the_density() -> None:
-    """That in the cells left out, too: what it does in a run is not what it does beside it.
-
-    By a hundred-thousandth: farther apart points freeze that did not.
-    """
-    case, names, by = billet(), ("axial_strain", "von_mises_max"), 1e-5
-    (density,) = {float(case_steel(case).density(t)) for t in (1000.0, 1900.0)}
-    ends = []
-    for sign in (1.0, -1.0):
-        moved = {"steel.overrides.density": f"{density * (1.0 + sign * by)!r} kg/m^3"}
-        ends.append(results(case.with_(moved))[1])
-    gradient = castfem.sensitivities(case, "steel.density", ",".join(names)).gradient
-    for name in names:
-        known = (ends[0][name] - ends[1][name]) / (2.0 * 100.0 * by)  # by a per cent
-        assert gradient[name]["steel.density"] == pytest.approx(known, rel=1e-4), name
-
-
 def test_parameters_at_once_are_as_each_alone() -> None:
     """The taper behind two that matter less: each has its own right-hand side and scalars."""
-    names = "casting.superheat", "steel.density", "mould.taper"
-    together = castfem.sensitivities(billet(), ",".join(names), ",".join(READ)).gradient
     for result in READ:
         alone = found().gradient[result]["mould.taper"]
-        assert together[result]["mould.taper"] == pytest.approx(alone, rel=1e-5), (
+        assert together().gradient[result]["mould.taper"] == pytest.approx(alone, rel=1e-5), (
             result
         )  # as solved for
 
@@ -346,12 +335,13 @@ def test_a_weak_parameter_stands_beside_what_newton_left(monkeypatch: pytest.Mon
     Differences a thousand times narrower, which are less than what a loose tolerance leaves.
     """
     names = ["von_mises_max", "axial_strain", "heat_removed"]
-    known = castfem.sensitivities(billet(), "casting.superheat", ",".join(names)).gradient
+    known = together().gradient
     loose = billet().with_({"mechanics.tolerance": 1e-6})
     monkeypatch.setattr(mechanical, "NARROW", 5e-5)
     weak = castfem.sensitivities(loose, "casting.superheat", ",".join(names)).gradient
     for name in names:
-        assert weak[name] == pytest.approx(known[name], rel=1e-4), name
+        slope = known[name]["casting.superheat"]
+        assert weak[name]["casting.superheat"] == pytest.approx(slope, rel=1e-4), name
 
 
 def test_a_billet_that_is_taken_up_again_ends_with_the_same_derivatives(

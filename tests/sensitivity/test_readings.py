@@ -188,19 +188,14 @@ def test_a_run_that_is_taken_up_again_ends_with_the_same_derivatives(tmp_path: P
 
 WRONG = [
     ("mesh.surface_size", "--to mesh.surface_size: a run has no derivative by it: it changes the"),
-    ("thermal.time.step", "it changes the steps, which are held"),
     ("casting.superheet", "the case has no number there"),
-    ("cooling.mould.gap_conductivity", "the case has no number there"),
     ("cooling.mould.law", r'it is no number \("contact"\)'),
     ("cooling.mold.coefficient", r"'mold' is no entry of cooling; .* \(mould; did you mean mould"),
     ("cooling.3.coefficient", "'3' is no entry of cooling; give an index from 0 to 0"),
     ("steel.conductance", "no number of a steel; .* did you mean conductivity"),
-    ("steel.youngs_modulus", "no number of a steel"),
     ("steel.composition.C", "carbon_042 is not computed from its composition; name steel.solidus"),
     ("casting.speed=1 kg", "'kg' is the unit of a mass, a speed is needed"),
-    ("casting.speed=-1 m/min", "by how much it may differ must be above 0"),
     ("casting.speed,casting.speed", "it is named twice"),
-    ("speeed", "no table of the case has a key of this name; did you mean"),
     ("", "a key of the case is needed"),
 ]
 

@@ -96,7 +96,6 @@ sys.meta_path[1:] = [Without(finder) for finder in sys.meta_path[1:]]
     "use",
     [
         "castfem.run('billet125/thermal')",
-        "from castfem.cli import main; main(['run', 'billet125/thermal'])",
         "from castfem.cli import main; main(['mould', 'billet125/hot', '--hot'])",
     ],
 )

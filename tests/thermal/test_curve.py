@@ -22,7 +22,7 @@ def random_curve(seed: int) -> ThermalCurve:
     return ThermalCurve(capacity, conductivity, rng.choice([None, 1500.0]))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 10**6))
 def test_inverse_and_slopes(seed: int) -> None:
     curve = random_curve(seed)

@@ -62,13 +62,9 @@ def convection(coefficient: str) -> str:
     ("coefficient", "stepping", "jumps"),
     [
         ("30 kW/(m^2 K)", FIXED.format("0.5 s"), True),
-        ("30 kW/(m^2 K)", FIXED.format("0.25 s"), True),
-        ("15 kW/(m^2 K)", FIXED.format("0.5 s"), True),
         ("8 kW/(m^2 K)", FIXED.format("2 s"), True),
-        ("5 kW/(m^2 K)", FIXED.format("2 s"), True),
         ("1.6 kW/(m^2 K)", FIXED.format("0.5 s"), False),
         ("30 kW/(m^2 K)", ADAPTIVE.format("5 K"), False),
-        ("3 kW/(m^2 K)", ADAPTIVE.format("20 K"), False),
     ],
 )
 def test_steel_that_is_quenched_never_warms(coefficient: str, stepping: str, jumps: bool) -> None:
@@ -119,7 +115,7 @@ def test_second_order_returns_after_a_jump() -> None:
         return simulation.along_x()[1], sum(r.limited for r in simulation.results)
 
     steps = np.array([2.0, 1.0, 0.5])
-    exact = final(0.005)[0]
+    exact = final(0.02)[0]
     found = [final(step) for step in steps]
     assert [limited for _, limited in found] == [1, 1, 1]
     errors = [np.abs(temperature - exact).max() for temperature, _ in found]

@@ -6,10 +6,14 @@ import importlib.util
 from pathlib import Path
 from types import ModuleType
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
-from ranks import needs_mpirun, python_on
 
+from castfem import meshes
+from castfem.physics.thermal.boundary import Cooling
+from castfem.physics.thermal.branch import Branch
 from castfem.physics.thermal.flux_laws import Convection, Radiation
 from castfem.physics.thermal.spray_water import (
     Coefficient,
@@ -21,6 +25,8 @@ from castfem.physics.thermal.spray_water import (
     water_across,
 )
 from castfem.physics.thermal.sprays import CORRELATIONS
+
+from .setups import ThermalSetup, constant_steel
 
 SLAB = Path(__file__).parents[2] / "cases" / "slab1200"
 TABLE = CoefficientTable(
@@ -120,39 +126,28 @@ def test_a_roll_takes_its_share_of_the_pitch() -> None:
     assert taken / (taken + rest) == pytest.approx(0.08)
 
 
-ON_ONE_RANK = """
-from mpi4py import MPI
-import numpy as np
-from castfem import meshes
-from castfem.physics.thermal.boundary import Cooling
-from castfem.physics.thermal.branch import Branch
-from castfem.physics.thermal.spray_water import CoefficientTable, Share, SprayWater
-from thermal.setups import ThermalSetup, constant_steel
-mesh = meshes.build(shape="strip", length=0.02, width=0.002, surface_size=1e-3, core_size=2e-3,
-                    cell="quadrilateral", order=1)
-comm = MPI.COMM_WORLD
-setup = ThermalSetup(mesh, constant_steel(1723.15, 1773.15), 1273.15, comm=comm)
-problem, section = setup.problem, setup.section
-patch = setup.surface.patch(section.matching(["surface"]))
-table = CoefficientTable((823.15, 873.15), (0.0, 10.0), ((0.0, 9000.0), (0.0, 600.0)))
-water = Share(np.full(len(patch.dofs), 5.0), lambda time: 1.0, 1.0, table)
-problem.set_cooling(Cooling([(patch, SprayWater((water,), 298.15))], []))
-hot, cold = (problem.curve.at(problem.curve.enthalpy(np.full_like(problem.area, t)))
-             for t in (870.0, 830.0))
-longest = Branch(problem).longest_stage(hot, cold, 0.0, np.inf)
-told = comm.gather((len(patch.dofs), longest))
-if comm.rank == 0:
-    sprayed, lengths = zip(*told)
-    assert min(sprayed) == 0 < max(sprayed), sprayed
-    assert len(set(lengths)) == 1 and 0.0 < lengths[0] < np.inf, lengths
-"""
-
-
-@needs_mpirun
+@pytest.mark.mpi
 def test_water_on_the_vertices_of_one_rank_bounds_the_step_of_all() -> None:
     """A flux that falls there is asked for together: else the ranks wait for one another."""
-    done = python_on(2, "-c", ON_ONE_RANK, folder=Path(__file__).parents[1], timeout=60.0)
-    assert done.returncode == 0, done.stderr
+    comm = MPI.COMM_WORLD
+    mesh = meshes.build(
+        shape="strip", length=0.02, width=0.002, surface_size=1e-3, core_size=2e-3,
+        cell="quadrilateral", order=1,
+    )  # fmt: skip
+    setup = ThermalSetup(mesh, constant_steel(1723.15, 1773.15), 1273.15, comm=comm)
+    problem = setup.problem
+    patch = setup.surface.patch(setup.section.matching(["surface"]))
+    table = CoefficientTable((823.15, 873.15), (0.0, 10.0), ((0.0, 9000.0), (0.0, 600.0)))
+    water = Share(np.full(len(patch.dofs), 5.0), lambda time: 1.0, 1.0, table)
+    problem.set_cooling(Cooling([(patch, SprayWater((water,), 298.15))], []))
+    hot, cold = (
+        problem.curve.at(problem.curve.enthalpy(np.full_like(problem.area, t)))
+        for t in (870.0, 830.0)
+    )
+    longest = Branch(problem).longest_stage(hot, cold, 0.0, np.inf)
+    sprayed, lengths = zip(*comm.allgather((len(patch.dofs), longest)), strict=True)
+    assert max(sprayed) > 0 and (comm.size == 1 or min(sprayed) == 0)
+    assert len(set(lengths)) == 1 and 0.0 < lengths[0] < np.inf
 
 
 def script() -> ModuleType:

@@ -31,7 +31,7 @@ def steps_of(control: StepControl, error: float, most: int) -> list[float]:
     return times
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(st.lists(st.floats(0.01, 9.99), max_size=8), st.sampled_from([0.05, 0.3, 20.0]))
 def test_milestones_are_hit_exactly(stops: list[float], step: float) -> None:
     for control in (
@@ -98,7 +98,7 @@ def test_a_step_that_has_grown_is_cut_no_shorter_than_it_was_given() -> None:
     assert control.propose(8.0) - 8.0 == pytest.approx(0.25)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.floats(1e-4, 99.0), st.floats(1e-3, 10.0))
 def test_rungs_are_parts_of_a_step_and_those_next_to_one_another_share_them(
     step: float, unit: float

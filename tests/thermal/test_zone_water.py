@@ -185,7 +185,6 @@ def test_a_total_that_is_not_said(water: dict[str, str], message: str) -> None:
 @pytest.mark.parametrize(
     ("law", "message"),
     [
-        ({}, "water, flow, specific or share is missing; one of water = "),
         ({"water": "5 L/(m^2 s)", "flow": "100 L/min"}, "water and flow exclude each other"),
         ({"water": "5 L/(m^2 s)", "area": "1 m^2"}, "the sprayed area of the water of a zone"),
         ({"flow": "5 L/(m^2 s)"}, "water flow is needed"),

@@ -32,12 +32,9 @@ def written(folder: Path, text: str) -> Path:
             "1200, or 1,2000 with four decimals",
         ),
         ("a;b [kg/m^3]\n20;7,850\n", 'line 2: "7,850" can be 7850 or 7.850'),
-        ("a;b [kg/m^3]\n20;7.850\n", 'line 2: "7.850" can be 7850 or 7.850'),
         ("a;b\n20;7,850 kg/m^3\n", 'line 2: "7,850 kg/m^3" can be 7850 or 7.850, and no'),
         ("a;b\n0,5;1\n# note\n2;1.5\n", 'line 2: "0,5" has a comma, "1.5" in line 4 a point'),
-        ("a\tb\n1\t0.5\n1,200\t2\n", 'line 3: "1,200" has a comma, "0.5" in line 2 a point'),
         ("a;b\n0,5;1.234,5\n", 'line 2: "1.234,5" has thousands separators; write it without'),
-        ("a;b\n0,5;1,234,567\n", 'line 2: "1,234,567" has thousands separators'),
     ],
 )
 def test_numbers_that_may_mean_two_things_are_refused(
@@ -53,10 +50,8 @@ def test_numbers_that_may_mean_two_things_are_refused(
     ("text", "cells"),
     [
         ("a;b\n1,200;0,5\n", ("1.200", "0.5")),  # 0,5 says that the comma is the decimal mark
-        ("a;b\n1,200;1234,5\n", ("1.200", "1234.5")),
         ("a\tb\n1.200\t1.045\n", ("1.200", "1.045")),  # nothing there writes decimal commas
         ("a;b\n1.200;0.500\n", ("1.200", "0.500")),
-        ("a,b\n1.200,1.045\n", ("1.200", "1.045")),
         ("a;b\n1200;1045\n", ("1200", "1045")),
         ("a;b\n2024.03.12;1200\n", ("2024.03.12", "1200")),
         ("a;b\n1,2e3;5\n", ("1.2e3", "5")),
