@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -112,9 +113,11 @@ def _prepared(options: Options, ranks: bool) -> _Sweep:
     variants = tuple(share.of(everything))
     check_own(target, (TABLE_NAME,))
     record = Record(target)
-    after = None
+    after: Callable[[Path], object] | None = None
     if options.figures:
-        from castfem.post.plots.figures import draw_figures as after
+        from castfem.post.plots.figures import draw_figures
+
+        after = draw_figures
     jobs = record.unfinished(
         [Job(v.name, target / v.name, v.case, options.resume, after) for v in variants],
         overwrite=options.overwrite,
