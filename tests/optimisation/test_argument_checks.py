@@ -68,9 +68,6 @@ def test_folders_and_counts(tmp_path):
         ({"ranks": 1.5}, "ranks must be an integer >= 1, got 1.5"),
     ):
         assert said(lambda g=given: Evaluator(case, tmp_path / "new", **g)) == f"Evaluator: {line}"
-    assert "evaluator must be an Evaluator" in said(
-        lambda: Study(small({**SHORT, "optimise": ASKED}), evaluator=3)  # type: ignore[arg-type]
-    )
     assert not (tmp_path / "new").exists()
 
 
@@ -174,8 +171,5 @@ def test_what_is_no_result(given: Any, line: str) -> None:
     assert said(lambda: asked.tell(wanted, given)).startswith(line)
 
 
-def test_runs_of_which_nothing_is_told(tmp_path):
+def test_runs_of_which_nothing_is_told():
     assert "solve: obtain has told nothing of" in said(lambda: study().solve(obtain=lambda w: None))
-    asked = Study(small({**SHORT, "optimise": ASKED}), tmp_path)
-    assert said(lambda: asked.run("casting.speed")).startswith("run: runs such as ask()")
-    assert "what result() returns is needed" in said(lambda: asked.case_of(3))  # type: ignore[arg-type]

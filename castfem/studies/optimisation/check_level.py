@@ -38,23 +38,14 @@ class CheckedOptimum:
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """Looks for an optimum at the level of the check.
-
-    Attributes:
-        level: The level.
-        responses: What runs give.
-        model: Quadratics of the runs about the optimum.
-        binding: Which constraints keep the objective from being better.
-        radius: Share of the ranges by which a place may be off.
-        scatter: Of cost and margins (1 + m,), SI.
-    """
+    """Looks for an optimum at the level of the check."""
 
     level: str
     responses: Responses
-    model: Quadratic
-    binding: Sequence[bool]
-    radius: float
-    scatter: Array
+    model: Quadratic  #: quadratics of the runs about the optimum
+    binding: Sequence[bool]  #: which constraints keep the objective from being better
+    radius: float  #: share of the ranges by which a place may be off
+    scatter: Array  #: of cost and margins (1 + m,), SI
 
     def optimum(self, best: RunRequest) -> CheckedOptimum | None:
         """Return the optimum by the level of the check; None where the best run fails there."""

@@ -260,56 +260,35 @@ class Front:
 
 @dataclass(frozen=True, slots=True)
 class Optimum:
-    """The answer of a search: the best values, what they give, and how sure they are.
+    """The answer of a search: the best values, what they give, and how sure they are."""
 
-    Attributes:
-        title: Of the case.
-        status: "found"; "not converged" where runs were used up while better ones were still met;
-            "independent" where no variable changes any result; "impossible" where no run meets all
-            constraints, of which this one misses them least; "failed" where no run has finished.
-        sense: "minimise" or "maximise".
-        values: The variables.
-        objective: The result that is best.
-        constraints: The constraints.
-        away: Runs a step or two away.
-        elsewhere: Values of runs outside of the intervals that are as good within scatter, the best
-            first, one for each valley.
-        fidelity: Level of the search.
-        checked: The level that checked it, "" where that failed.
-        step: Of the last steps, as a share of the ranges.
-        runs: Counts: when the search ended, which most_runs limits; of its level, those about the
-            optimum too; failed, of these; in all.
-        spent: Whether the search ended because it had no more runs.
-        seconds: Duration of all runs, s.
-        best: Name of the best run's folder, "" for a run that was made elsewhere.
-        front: Front of the objective and another result; None where it was not asked for.
-        spread: By inputs that are not known exactly; None where it was not asked for, or where too
-            many of its runs have failed.
-        by_check: Results of the run with the values `checked`; None where there are none.
-        unknown: What of its error was not checked, a clause each: intervals are open for it.
-        idle: Keys of the variables that change no result.
-    """
-
-    title: str
+    title: str  #: of the case
     status: Status
-    sense: str
-    values: tuple[Value, ...]
-    objective: ResultWithError | None
+    """It is "found"; "not converged" where runs were used up while better ones were still met;
+    "independent" where no variable changes any result; "impossible" where no run meets all
+    constraints, of which this one misses them least; "failed" where no run has finished."""
+    sense: str  #: "minimise" or "maximise"
+    values: tuple[Value, ...]  #: the variables
+    objective: ResultWithError | None  #: the result that is best; None if no run has finished
     constraints: tuple[ConstraintStatus, ...]
-    away: tuple[Neighbour, ...]
+    away: tuple[Neighbour, ...]  #: runs a step or two away
     elsewhere: tuple[tuple[float, ...], ...]
-    fidelity: str
-    checked: str
-    step: float
+    """Values of runs outside of the intervals that are as good within scatter, best first, one for
+    each valley."""
+    fidelity: str  #: level of the search
+    checked: str  #: the level that checked it, "" where that failed
+    step: float  #: of the last steps, as a share of the ranges
     runs: Mapping[str, int]
-    spent: bool
-    seconds: float
-    best: str = ""
-    front: Front | None = None
-    spread: Spread | None = None
-    by_check: CheckResult | None = None
-    unknown: tuple[str, ...] = ()
-    idle: tuple[str, ...] = ()
+    """Counts: when the search ended, which most_runs limits; of its level, those about the optimum
+    too; failed, of these; in all."""
+    spent: bool  #: whether the search ended because it had no more runs
+    seconds: float  #: duration of all runs, s
+    best: str = ""  #: name of the best run's folder, "" for a run that was made elsewhere
+    front: Front | None = None  #: of the objective and another result, if asked for
+    spread: Spread | None = None  #: by uncertain inputs, if asked for and enough runs have finished
+    by_check: CheckResult | None = None  #: results of the run with the values `checked`
+    unknown: tuple[str, ...] = ()  #: what of its error was not checked: intervals are open for it
+    idle: tuple[str, ...] = ()  #: keys of the variables that change no result
 
     @property
     def binding(self) -> tuple[ConstraintStatus, ...]:

@@ -68,8 +68,6 @@ class Study:
         evaluator: Evaluator | None = None,
     ) -> None:
         loaded = check.check_case(case, "Study")
-        if not isinstance(evaluator, Evaluator | None):
-            raise InputError(f"Study: evaluator must be an Evaluator, got {evaluator!r}")
         self.problem = DesignProblem(loaded, origin or check.origin_of(case))
         self.evaluator = evaluator
         if folder is not None and evaluator is None:
@@ -221,8 +219,6 @@ class Study:
         if self.evaluator is None:
             raise InputError("a study without a folder runs nothing; give it one")
         several = [requests] if isinstance(requests, RunRequest | Mapping) else requests
-        if not isinstance(several, Sequence) or isinstance(several, str):
-            raise InputError(f"run: runs such as ask() returns are needed, got {requests!r}")
         runs = [check.check_request(self.problem, one, "run") for one in several]
         cases = [self._runs.case(one) for one in runs]
         varied = [self._varied(one) for one in runs]
@@ -256,8 +252,6 @@ class Study:
 
     def case_of(self, optimum: Optimum) -> Case:
         """Return the user's case with the values of an optimum."""
-        if not isinstance(optimum, Optimum):
-            raise InputError(f"case_of: what result() returns is needed, got {optimum!r}")
         return self.problem.case.with_(optimum.changes())
 
 

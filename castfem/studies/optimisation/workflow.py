@@ -33,23 +33,14 @@ _TURNS = 3  # of search and runs about its optimum
 
 @dataclass(frozen=True, slots=True)
 class Workflow:
-    """Looks for the answer to a problem; it waits for each run that it needs.
-
-    Attributes:
-        problem: The problem.
-        find: Gives the results of a run, None where it has not been made.
-        case_of: Gives the case of a run.
-        runs: All results so far.
-        castfem_runs: Whether the runs are castfem's own, which may compute derivatives.
-        stage: Called with the purpose of the runs that follow.
-    """
+    """Looks for the answer to a problem; it waits for each run that it needs."""
 
     problem: DesignProblem
-    find: Find
-    case_of: Callable[[RunRequest], Case]
-    runs: Mapping[RunRequest, Evaluation]
-    castfem_runs: bool
-    stage: Callable[[str], None]
+    find: Find  #: gives the results of a run, None where it has not been made
+    case_of: Callable[[RunRequest], Case]  #: gives the case of a run
+    runs: Mapping[RunRequest, Evaluation]  #: all results so far
+    castfem_runs: bool  #: whether the runs are castfem's own, which may compute derivatives
+    stage: Callable[[str], None]  #: called with the purpose of the runs that follow
 
     def run(self, obtain: Obtain) -> Optimum:
         """Return the answer; `obtain` makes the runs that are missing."""
