@@ -7,6 +7,7 @@ and is refused if anything about it is wrong.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +23,7 @@ SMALLEST_SCALED_JACOBIAN = 0.05
 """A cell below this (angles within 3 degrees of 0 or 180) is degenerate."""
 
 _ON_CHORD = 1e-9
-"""Of its length: how near the start of a probe lies to a chord that it lies on."""
+"""Of its length, and of the section: how near the start of a probe lies to what it lies on."""
 
 # Vertices joined by the sides in the order of DOLFINx' second-order nodes.
 _MIDDLE_ENDS = {
@@ -156,20 +157,26 @@ def _on_chords(
     piece: np.ndarray,
 ) -> dict[str, Probe]:
     """Let probes that begin on an arc begin on the straight facets that stand for it."""
-    curved = np.array([p.centre is not None for p in outline.pieces])[piece]
-    chords = points[facets[curved, :2]]
     found = dict(probes)
     for name, probe in probes.items():
         start, end = np.array(probe.start), np.array(probe.end)
+        arcs = [
+            i
+            for i, p in enumerate(outline.pieces)
+            if p.centre is not None
+            and abs(math.dist(probe.start, p.centre) - p.radius) < _ON_CHORD * outline.extent
+        ]
+        chords = points[facets[np.isin(piece, arcs), :2]]
         along, sides = end - start, chords[:, 1] - chords[:, 0]
         across = along[0] * sides[:, 1] - along[1] * sides[:, 0]
         with np.errstate(divide="ignore", invalid="ignore"):
             x, y = (chords[:, 0] - start).T
             depth = (x * sides[:, 1] - y * sides[:, 0]) / across
             at = (x * along[1] - y * along[0]) / across
-        beyond = depth[(at >= 0.0) & (at <= 1.0) & (depth > _ON_CHORD)]
-        if beyond.size:
-            x, y = (start + beyond.min() * along).tolist()
+        met = depth[(at >= -_ON_CHORD) & (at <= 1.0 + _ON_CHORD)]
+        nearest = min(met, key=abs, default=0.0)
+        if nearest > _ON_CHORD:
+            x, y = (start + nearest * along).tolist()
             found[name] = replace(probe, start=(x, y))
     return found
 

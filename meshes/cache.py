@@ -20,7 +20,7 @@ import numpy as np
 from castfem.meshes.quality import vertex_count
 from castfem.meshes.section_mesh import SectionMesh
 
-MESH_VERSION = 3
+MESH_VERSION = 4
 """Raised whenever the same parameters give another mesh, so that old files are not found."""
 
 _ARRAYS = ("points", "cells", "facets", "facet_group")

@@ -363,3 +363,11 @@ def test_a_probe_begins_on_straight_cells_of_an_arc(cell: str, size: float, symm
         (x, y), (along_x, along_y) = curved[name][0] - start, end - start
         assert math.hypot(x, y) < 1.2 * size**2 / (8 * 5e-3)  # no more than the arc's height
         assert abs(x * along_y - y * along_x) < 1e-12  # on the same line
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_probes_of_a_beam_blank_stay_at_their_places(cell: str) -> None:
+    """No arc but the own one counts, though the line of a corner goes on to meet the fillet."""
+    straight, curved = (built(**BEAM, cell=cell, order=o).probes for o in (1, 2))
+    for name, (start, _) in straight.items():
+        assert np.linalg.norm(start - curved[name][0]) < 1e-3, name
