@@ -69,12 +69,12 @@ def check(case: str, overrides: tuple[str, ...], quiet: bool) -> None:
 @command("cases")
 def cases() -> None:
     """List the cases shipped with castfem."""
+    from castfem.base.table import pairs, say
+    from castfem.cli import parallel
     from castfem.model import shipped_cases
 
-    shipped = shipped_cases.shipped()
-    width = max((len(name) for name in shipped), default=0)
-    for name, path in shipped.items():
-        print(f"{name:{width}}  {shipped_cases.title_of(path)}")
+    shipped = shipped_cases.shipped().items()
+    say(parallel.console(), pairs([(name, shipped_cases.title_of(path)) for name, path in shipped]))
 
 
 def starter(file: str, title: str) -> str:

@@ -25,7 +25,7 @@ def table(printed):
     """Rows of the table of dimensions."""
     lines = printed.splitlines()
     start = next(i for i, line in enumerate(lines) if line.startswith("position [mm]"))
-    return [[float(cell) for cell in line.split()] for line in lines[start + 1 : start + 14]]
+    return [[float(cell) for cell in line.split()] for line in lines[start + 2 : start + 15]]
 
 
 def test_the_outline_that_is_drawn_is_that_of_the_mould():

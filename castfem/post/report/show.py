@@ -72,13 +72,16 @@ def _show(path: Path, out: Console, *, figures: bool, at: Sequence[float]) -> No
     if summary is None or record.status != "finished":
         say(out, *_last_state(path, record))
     if summary is not None:
-        say(out, *result_tables(summary), "", *balance_tables(summary), *_liquid_left(summary))
+        say(out, *result_tables(summary), "")
+        for table in balance_tables(summary):
+            say(out, table, "")
+        say(out, *_liquid_left(summary))
         say(out, *cautions(path, summary), style="yellow")
         if not (path / HISTORY_NAME).is_file():
             text = "is missing: no figures over time, and nothing to look at"
             say(out, f"{path / HISTORY_NAME} {text}", style="yellow")
     if (along := table_along(path, summary)) is not None:
-        say(out, along)
+        say(out, along, "")
     say(out, *_remarks(path, summary), *_cracks(path, summary), *_effort(record, summary))
     if warning := slow_output(record):
         say(out, warning, style="yellow")
