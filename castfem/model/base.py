@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
+import sys
+from collections.abc import Iterator
+from functools import cache
+from itertools import pairwise
 from typing import Any
 
 from pydantic import (
@@ -54,3 +60,35 @@ class TableModel(BaseModel):
             if info.context and info.context.get("lenient"):
                 return None
             raise
+
+
+@cache
+def meaning(model: type[BaseModel]) -> dict[str, str]:
+    """Return what each key of a table means: the docstring of the attribute, or of its Field."""
+    found: dict[str, str] = {}
+    for base in (base for base in reversed(model.__mro__) if issubclass(base, TableModel)):
+        found |= _attribute_docstrings(base.__module__).get(base.__name__, {})
+    own = {name: field.description for name, field in model.model_fields.items()}
+    return {name: text or found.get(name, "") for name, text in own.items()}
+
+
+@cache
+def _attribute_docstrings(module: str) -> dict[str, dict[str, str]]:
+    """Return the docstrings of the attributes of the table models of a module, by class."""
+    try:
+        tree = ast.parse(inspect.getsource(sys.modules[module]))
+    except (OSError, SyntaxError):  # without source, such as in an interactive session
+        return {}
+    classes = (node for node in tree.body if isinstance(node, ast.ClassDef))
+    return {node.name: dict(_documented(node.body)) for node in classes}
+
+
+def _documented(body: list[ast.stmt]) -> Iterator[tuple[str, str]]:
+    for key, text in pairwise(body):
+        if (
+            isinstance(key, ast.AnnAssign)
+            and isinstance(key.target, ast.Name)
+            and isinstance(text, ast.Expr)
+            and isinstance(text.value, ast.Constant)
+        ):
+            yield key.target.id, " ".join(str(text.value.value).split())

@@ -31,41 +31,26 @@ LargestBulge = Annotated[
 class Bulging(TableModel):
     """How the wide faces bulge between the rolls of [machine]; `bulging = "creep"` for short."""
 
-    model: Model = Field(
-        "creep",
-        description="creep: a travelling strip that creeps by the law of the case; elastic: a "
-        "strip clamped at the rolls; thesis: a plate of one cosine (308); none: no rolls bear it",
-    )
-    solid_fraction: SolidFraction = Field(
-        1.0, description="solid fraction at the inside of the shell that bulges"
-    )
-    largest: LargestBulge | None = Field(
-        None,
-        description="of the thesis' plate: largest bulge over position, which it is amplified to "
-        "(VI.2.2.3)",
-        examples=["0.5 mm"],
-    )
+    model: Model = "creep"
+    """creep: a travelling strip that creeps by the law of the case; elastic: a strip clamped at the
+    rolls; thesis: a plate of one cosine (308); none: no rolls bear it"""
+    solid_fraction: SolidFraction = 1.0
+    """solid fraction at the inside of the shell that bulges"""
+    largest: LargestBulge | None = Field(None, examples=["0.5 mm"])
+    """of the thesis' plate: largest bulge over position, which it is amplified to (VI.2.2.3)"""
 
-    axial_strain: bool = Field(
-        False,
-        description="whether the axial strain of the strip is added to that of the slice, in the "
-        "shell between the edges of the wide faces",
-    )
+    axial_strain: bool = False
+    """whether the axial strain of the strip is added to that of the slice, in the shell between the
+    edges of the wide faces"""
 
-    shear: bool | None = Field(
-        None,
-        description="whether the strip yields to shear, elastically, by the moduli of its own "
-        "section (not the thesis' plate); by default it does not",
-        examples=[True],
-    )
+    shear: bool | None = Field(None, examples=[True])
+    """whether the strip yields to shear, elastically, by the moduli of its own section (not the
+    thesis' plate); by default it does not"""
 
-    pull: bool | None = Field(
-        None,
-        description="whether rolls hold a face to their line that lies farther within it than "
-        "the bulge, as long as the core is liquid; by default they do, but not below a [mould], "
-        "whose corners shrink off the line",
-        examples=[False],
-    )
+    pull: bool | None = Field(None, examples=[False])
+    """whether rolls hold a face to their line that lies farther within it than the bulge, as long
+    as the core is liquid; by default they do, but not below a [mould], whose corners shrink off the
+    line"""
 
     @property
     def bears(self) -> bool:

@@ -78,43 +78,33 @@ class Span:
 class Case(TableModel):
     """A case file. Tables may be inherited from the file named by `extends`."""
 
-    title: str = Field(min_length=1, description="one line that says what the case is")
+    title: str = Field(min_length=1)
+    """one line that says what the case is"""
     casting: Casting
     steel: Steel
     section: Section
     mesh: Mesh
     cooling: tuple[Zone, ...] = Field(min_length=1)
     thermal: Thermal = Field(default_factory=lambda: Thermal.model_validate({}))
-    mechanics: Mechanics | None = Field(
-        None, description="the mechanical problem; left out: temperatures alone"
-    )
-    mould: Mould | None = Field(
-        None, description="the rigid mould; left out: an idealised one, without contact forces"
-    )
-    machine: Machine | None = Field(
-        None, description="the rolls below the mould; left out: a strand that goes straight down"
-    )
-    water: Water | None = Field(
-        None,
-        description="spray water of the whole strand, of which zones and circuits take shares; "
-        "left out: each tells its own",
-    )
-    secondary: Secondary | None = Field(
-        None, description="cooling from roll to roll below [[cooling]]; left out: none"
-    )
+    mechanics: Mechanics | None = None
+    """the mechanical problem; left out: temperatures alone"""
+    mould: Mould | None = None
+    """the rigid mould; left out: an idealised one, without contact forces"""
+    machine: Machine | None = None
+    """the rolls below the mould; left out: a strand that goes straight down"""
+    water: Water | None = None
+    """spray water of the whole strand, of which zones and circuits take shares; left out: each
+    tells its own"""
+    secondary: Secondary | None = None
+    """cooling from roll to roll below [[cooling]]; left out: none"""
     coupling: Coupling = Field(default_factory=lambda: Coupling.model_validate({}))
-    quality: Quality | None = Field(
-        None, description="by what the strand is judged; left out: no crack index is computed"
-    )
+    quality: Quality | None = None
+    """by what the strand is judged; left out: no crack index is computed"""
     output: Output = Field(default_factory=lambda: Output.model_validate({}))
-    verification: Verification | None = Field(
-        None, description="the closed form it is held against; left out: none"
-    )
-    optimise: Optimise | None = Field(
-        None,
-        description="what castfem optimise looks for; left out: nothing. A run of the case does "
-        "not look at it",
-    )
+    verification: Verification | None = None
+    """the closed form it is held against; left out: none"""
+    optimise: Optimise | None = None
+    """what castfem optimise looks for; left out: nothing. A run of the case does not look at it"""
     reference: tuple[Reference, ...] = ()
 
     @model_validator(mode="wrap")

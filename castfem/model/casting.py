@@ -47,31 +47,21 @@ SuperheatOverTime = Annotated[
 class Start(TableModel):
     """Where, when and with what a run begins."""
 
-    at: Literal["meniscus", "mould_exit"] = Field(
-        "meniscus",
-        description="where the run, its history and its mechanics begin: at mould_exit, unstrained "
-        "and in its shape as cold, after a run of the temperature alone through the zones of the "
-        "mould, or with the profile",
-    )
-    profile: TemperatureOverDepth | None = Field(
-        None,
-        description="temperature there over the depth below the surface; left out: the steel as "
-        "poured, cooled by the mould",
-    )
-    meniscus: Length | None = Field(
-        None,
-        description="height of the meniscus over which the steel has met the wall already where "
-        "the slice is formed: it is cooled as over the same height below, in its shape and "
-        "unstrained; left out: not at all",
-        examples=["8 mm"],
-    )
+    at: Literal["meniscus", "mould_exit"] = "meniscus"
+    """where the run, its history and its mechanics begin: at mould_exit, unstrained and in its
+    shape as cold, after a run of the temperature alone through the zones of the mould, or with the
+    profile"""
+    profile: TemperatureOverDepth | None = None
+    """temperature there over the depth below the surface; left out: the steel as poured, cooled by
+    the mould"""
+    meniscus: Length | None = Field(None, examples=["8 mm"])
+    """height of the meniscus over which the steel has met the wall already where the slice is
+    formed: it is cooled as over the same height below, in its shape and unstrained; left out: not
+    at all"""
 
-    time: Instant | None = Field(
-        None,
-        description="when the slice leaves the meniscus, on the clock by which the tables over "
-        "time of casting.speed, casting.superheat and of water go; left out: at 0 s",
-        examples=["120 s"],
-    )
+    time: Instant | None = Field(None, examples=["120 s"])
+    """when the slice leaves the meniscus, on the clock by which the tables over time of
+    casting.speed, casting.superheat and of water go; left out: at 0 s"""
 
     @field_validator("profile")
     @classmethod
@@ -87,27 +77,18 @@ class Start(TableModel):
 class Casting(TableModel):
     """How the strand is cast. Exactly one of `superheat` and `temperature` is given."""
 
-    speed: SpeedOverTime = Field(
-        description="casting speed, or over time; the slice leaves the meniscus at time 0, or at "
-        "casting.start.time",
-        examples=["3.6 m/min"],
-    )
-    length: Length = Field(
-        description="length that is followed, from the meniscus", examples=["600 mm"]
-    )
-    superheat: SuperheatOverTime | None = Field(
-        None,
-        description="temperature of the steel at the meniscus, above the liquidus; over time a "
-        "slice has that of its own start, casting.start.time",
-    )
-    temperature: Temperature | None = Field(
-        None,
-        description="temperature of the steel at the meniscus",
-        examples=["1540 degC"],
-    )
-    start: Start | None = Field(
-        None, description="where and with what it begins; left out: liquid, at the meniscus"
-    )
+    speed: SpeedOverTime = Field(examples=["3.6 m/min"])
+    """casting speed, or over time; the slice leaves the meniscus at time 0, or at
+    casting.start.time"""
+    length: Length = Field(examples=["600 mm"])
+    """length that is followed, from the meniscus"""
+    superheat: SuperheatOverTime | None = None
+    """temperature of the steel at the meniscus, above the liquidus; over time a slice has that of
+    its own start, casting.start.time"""
+    temperature: Temperature | None = Field(None, examples=["1540 degC"])
+    """temperature of the steel at the meniscus"""
+    start: Start | None = None
+    """where and with what it begins; left out: liquid, at the meniscus"""
 
     @field_validator("speed")
     @classmethod
@@ -144,19 +125,14 @@ class Casting(TableModel):
 class Steel(TableModel):
     """The steel that is cast: a property set, its composition and changes for this case."""
 
-    name: str = Field(
-        description="a set shipped with castfem, or a TOML file of your own, relative to this "
-        "file; it does away with an inherited composition, unless it is to be computed from it"
-    )
-    composition: dict[str, Percent] = Field(
-        default_factory=dict,
-        description="weight percent of the elements (C = 0.42), for sets computed from it; of an "
-        "inherited set that is not, it makes plain_carbon",
-    )
-    overrides: dict[str, Any] = Field(
-        default_factory=dict,
-        description="keys of the property set to change for this case, written as in its file",
-    )
+    name: str
+    """a set shipped with castfem, or a TOML file of your own, relative to this file; it does away
+    with an inherited composition, unless it is to be computed from it"""
+    composition: dict[str, Percent] = Field(default_factory=dict)
+    """weight percent of the elements (C = 0.42), for sets computed from it; of an inherited set
+    that is not, it makes plain_carbon"""
+    overrides: dict[str, Any] = Field(default_factory=dict)
+    """keys of the property set to change for this case, written as in its file"""
 
 
 def _whole_percent(fraction: float | None) -> float | None:
@@ -194,13 +170,10 @@ def usual_interval(duration: float) -> float:
 class Output(TableModel):
     """What a run writes, and how often."""
 
-    fields: tuple[FieldName, ...] | None = Field(
-        None,
-        description="fields in fields.xdmf, [] for none; by default those of the temperature, "
-        "with [mechanics] displacement, stress, von_mises and viscoplastic_strain, with [mould] "
-        "gap and contact_pressure",
-        examples=[["temperature", "displacement"]],
-    )
+    fields: tuple[FieldName, ...] | None = Field(None, examples=[["temperature", "displacement"]])
+    """fields in fields.xdmf, [] for none; by default those of the temperature, with [mechanics]
+    displacement, stress, von_mises and viscoplastic_strain, with [mould] gap and
+    contact_pressure"""
     every: Time | None = Field(
         None,
         description="time between two states of the fields, which end a step: none is longer. "
@@ -208,34 +181,20 @@ class Output(TableModel):
         "2, 5, 10 s ... that does not",
         examples=["2 s"],
     )
-    figures: bool = Field(True, strict=True, description="draw the figures at the end of the run")
-    checkpoint_every: int = Field(
-        20,
-        ge=0,
-        strict=True,
-        description="steps between two checkpoints (for --resume); 0 for none",
-    )
-    smooth: bool | None = Field(
-        None,
-        strict=True,
-        description="compute smooth twins of the largest von Mises stress, von_mises_smooth at the "
-        "end and way_von_mises_smooth on the way; `castfem optimise` does where it is named there",
-        examples=[True],
-    )
-    units: Annotated[ShownUnits, UnitsNotation()] | None = Field(
-        None,
-        description="in which units tables, figures and the report show numbers: plant (mm, degC, "
-        "MPa, kN ...), si, or a table of units by what is measured or by the name of a quantity, "
-        "with system for all others ([output.md](output.md#units)); files keep their documented "
-        "units; left out: plant",
-        examples=["si"],
-    )
-    shell_at: tuple[WholePercent, ...] = Field(
-        (),
-        description="solid fractions, whole per cents, to which the shell is told besides that of "
-        "the solidus: 0.7 gives the columns fs70_mid_face, fs70_corner ...",
-        examples=[[0.3, 0.7]],
-    )
+    figures: bool = Field(True, strict=True)
+    """draw the figures at the end of the run"""
+    checkpoint_every: int = Field(20, ge=0, strict=True)
+    """steps between two checkpoints (for --resume); 0 for none"""
+    smooth: bool | None = Field(None, strict=True, examples=[True])
+    """compute smooth twins of the largest von Mises stress, von_mises_smooth at the end and
+    way_von_mises_smooth on the way; `castfem optimise` does where it is named there"""
+    units: Annotated[ShownUnits, UnitsNotation()] | None = Field(None, examples=["si"])
+    """in which units tables, figures and the report show numbers: plant (mm, degC, MPa, kN ...),
+    si, or a table of units by what is measured or by the name of a quantity, with system for all
+    others ([output.md](output.md#units)); files keep their documented units; left out: plant"""
+    shell_at: tuple[WholePercent, ...] = Field((), examples=[[0.3, 0.7]])
+    """solid fractions, whole per cents, to which the shell is told besides that of the solidus: 0.7
+    gives the columns fs70_mid_face, fs70_corner ..."""
     probe: tuple[Probe, ...] = ()
 
 
@@ -247,28 +206,21 @@ def _quantity(text: str) -> str:
 class Reference(TableModel):
     """A number to compare with, printed beside the computed one where the run ends."""
 
-    quantity: str = Field(description="name of the computed quantity, as in summary.json")
-    value: Annotated[str, AfterValidator(_quantity)] = Field(
-        description='expected value with its unit, such as "4.75 mm"'
-    )
-    kind: ReferenceKind = Field(
-        "value",
-        description="`value` is what is expected, or a bound: the computed one is at least, or at "
-        "most, this",
-    )
-    source: str = Field(description="where the number comes from")
-    at: Length | None = Field(
-        None,
-        description="position where it holds, from the meniscus; by default the end of the run",
-        examples=["600 mm"],
-    )
-    note: str = Field("", description="remark printed with it")
-    changed: tuple[str, ...] | None = Field(
-        None,
-        description="keys that were changed since, by a file that extends this one, `--set` or a "
-        "script: castfem writes them, and takes no difference from a number of the unchanged case",
-        examples=[["casting.speed"]],
-    )
+    quantity: str
+    """name of the computed quantity, as in summary.json"""
+    value: Annotated[str, AfterValidator(_quantity)]
+    """expected value with its unit, such as "4.75 mm" """
+    kind: ReferenceKind = "value"
+    """`value` is what is expected, or a bound: the computed one is at least, or at most, this"""
+    source: str
+    """where the number comes from"""
+    at: Length | None = Field(None, examples=["600 mm"])
+    """position where it holds, from the meniscus; by default the end of the run"""
+    note: str = ""
+    """remark printed with it"""
+    changed: tuple[str, ...] | None = Field(None, examples=[["casting.speed"]])
+    """keys that were changed since, by a file that extends this one, `--set` or a script: castfem
+    writes them, and takes no difference from a number of the unchanged case"""
 
     @property
     def si(self) -> float:

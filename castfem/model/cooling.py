@@ -57,10 +57,10 @@ class Convection(HeatLaw):
     crosses_gap: ClassVar[bool] = True
 
     law: Literal["convection"]
-    coefficient: CoefficientOfTemperature = Field(description="heat transfer coefficient")
-    ambient: Temperature = Field(
-        description="temperature of the surroundings", examples=["25 degC"]
-    )
+    coefficient: CoefficientOfTemperature
+    """heat transfer coefficient"""
+    ambient: Temperature = Field(examples=["25 degC"])
+    """temperature of the surroundings"""
 
     def build(self, around: Surroundings) -> flux_laws.Convection:
         """See `HeatLaw.build`."""
@@ -73,19 +73,16 @@ class Radiation(HeatLaw):
     crosses_gap: ClassVar[bool] = True
 
     law: Literal["radiation"]
-    emissivity: EmissivityOfTemperature | None = Field(
-        None, description="emissivity of the strand; by default the steel's"
-    )
-    ambient: Temperature = Field(
-        description="temperature of the surroundings or the wall", examples=["25 degC"]
-    )
-    wall_emissivity: EmissivityOfTemperature = Field(1.0, description="emissivity of the wall")
-    refractive_index: PositiveNumber = Field(
-        1.0, description="of what fills the gap", examples=[1.5]
-    )
-    absorption: InverseLength = Field(
-        written("0 1/m"), description="absorption of what fills the gap"
-    )
+    emissivity: EmissivityOfTemperature | None = None
+    """emissivity of the strand; by default the steel's"""
+    ambient: Temperature = Field(examples=["25 degC"])
+    """temperature of the surroundings or the wall"""
+    wall_emissivity: EmissivityOfTemperature = 1.0
+    """emissivity of the wall"""
+    refractive_index: PositiveNumber = Field(1.0, examples=[1.5])
+    """of what fills the gap"""
+    absorption: InverseLength = written("0 1/m")
+    """absorption of what fills the gap"""
     gap: Distance | None = Field(
         None,
         description=GAP + "; by default that of a contact law on the same boundary group, none "
@@ -114,7 +111,8 @@ class PrescribedTemperature(HeatLaw):
     called: ClassVar[str] = "a given temperature"
 
     law: Literal["temperature"]
-    value: Temperature = Field(description="surface temperature", examples=["1000 degC"])
+    value: Temperature = Field(examples=["1000 degC"])
+    """surface temperature"""
 
     def build(self, around: Surroundings) -> flux_laws.PrescribedTemperature:
         """See `HeatLaw.build`."""
@@ -128,10 +126,9 @@ class Zone(TableModel):
     contact alone (eq. 35).
     """
 
-    name: str = Field(min_length=1, description="name of the zone, unique in the case")
-    to: Length | None = Field(
-        None,
-        description="where it ends, from the meniscus; left out: it goes on to the end",
-        examples=["600 mm"],
-    )
-    surface: tuple[HeatLaw, ...] = Field((), description="heat laws; none: insulated")
+    name: str = Field(min_length=1)
+    """name of the zone, unique in the case"""
+    to: Length | None = Field(None, examples=["600 mm"])
+    """where it ends, from the meniscus; left out: it goes on to the end"""
+    surface: tuple[HeatLaw, ...] = ()
+    """heat laws; none: insulated"""

@@ -71,7 +71,8 @@ class Defect(Variants):
 class RollDefect(Defect):
     """A defect of one pair."""
 
-    roll: int = Field(ge=1, strict=True, description="number of the pair, from 1", examples=[48])
+    roll: int = Field(ge=1, strict=True, examples=[48])
+    """number of the pair, from 1"""
 
     def __str__(self) -> str:
         """What messages call it."""
@@ -122,15 +123,11 @@ class Misaligned(RollDefect):
     """A pair that is off: the strand is bent there and back, with new radii (eq. 329)."""
 
     kind: Literal["misaligned"]
-    by: Offset = Field(
-        description="distance towards the centre of curvature; negative: away from it",
-        examples=["2 mm"],
-    )
-    resistance: ExtraForce | None = Field(
-        None,
-        description="what a maker's curve of the resistance grows by, as a coupled run tells it, "
-        "over the pairs where the strand is bent more than before; left out: nothing",
-    )
+    by: Offset = Field(examples=["2 mm"])
+    """distance towards the centre of curvature; negative: away from it"""
+    resistance: ExtraForce | None = None
+    """what a maker's curve of the resistance grows by, as a coupled run tells it, over the pairs
+    where the strand is bent more than before; left out: nothing"""
 
     def __str__(self) -> str:
         """What messages call it."""
@@ -209,12 +206,12 @@ class Nozzles(Defect):
     """Nozzles of a circuit that bring less, or more, water than they are meant to (VI.4.1)."""
 
     kind: Literal["nozzles"]
-    circuit: str = Field(description="name of the circuit of [secondary]", examples=["bender"])
-    rolls: tuple[int, int] = Field(
-        description="numbers of the roll above the first row of nozzles and of that below the last",
-        examples=[[47, 52]],
-    )
-    share: WaterShare = Field(description="of their water", examples=["66 percent"])
+    circuit: str = Field(examples=["bender"])
+    """name of the circuit of [secondary]"""
+    rolls: tuple[int, int] = Field(examples=[[47, 52]])
+    """numbers of the roll above the first row of nozzles and of that below the last"""
+    share: WaterShare = Field(examples=["66 percent"])
+    """of their water"""
 
     def __str__(self) -> str:
         """What messages call it."""

@@ -35,22 +35,16 @@ _PATH = ("machine", "extraction")
 class Extraction(TableModel):
     """What the rolls resist with; the drives of the machine share it (thesis III.1.3, VI.2.3)."""
 
-    resistance: ResistanceOverPosition = Field(
-        description="resistance of all rolls from the first to a position, as a maker gives it, "
-        'with the work of bending in it; or "coupled": from the forces on the rolls in the run',
-        examples=[{"file": "resistance.csv"}],
-    )
-    friction_axis: FrictionCoefficient = Field(
-        0.015, description="friction at the axes of the rolls (eq. 46)"
-    )
-    friction_surface: FrictionCoefficient = Field(
-        0.3, description="friction between strand and a roll that is locked (eq. 45)"
-    )
-    bending: Literal["equilibrium", "hinges"] = Field(
-        "equilibrium",
-        description="of a coupled resistance: force of bending on a pair, from the moments beside "
-        "it, or M/L at each by itself (eq. 320)",
-    )
+    resistance: ResistanceOverPosition = Field(examples=[{"file": "resistance.csv"}])
+    """resistance of all rolls from the first to a position, as a maker gives it, with the work of
+    bending in it; or "coupled": from the forces on the rolls in the run"""
+    friction_axis: FrictionCoefficient = 0.015
+    """friction at the axes of the rolls (eq. 46)"""
+    friction_surface: FrictionCoefficient = 0.3
+    """friction between strand and a roll that is locked (eq. 45)"""
+    bending: Literal["equilibrium", "hinges"] = "equilibrium"
+    """of a coupled resistance: force of bending on a pair, from the moments beside it, or M/L at
+    each by itself (eq. 320)"""
 
 
 def check_extraction(case: Case) -> Iterator[Problem]:

@@ -82,12 +82,9 @@ class HeatLaw(Variants):
     called: ClassVar[str] = ""
     """What a sentence calls it; by default as the case file does."""
 
-    on: tuple[str, ...] | None = Field(
-        None,
-        min_length=1,
-        description="boundary groups it holds on; a name also stands for all groups that begin "
-        "with it; by default the whole outer surface",
-    )
+    on: tuple[str, ...] | None = Field(None, min_length=1)
+    """boundary groups it holds on; a name also stands for all groups that begin with it; by default
+    the whole outer surface"""
 
     @abstractmethod
     def build(self, around: Surroundings) -> flux_laws.SurfaceLaw | flux_laws.PrescribedTemperature:

@@ -75,46 +75,35 @@ class RollTable(Notation):
 class RollSegment(TableModel):
     """Pairs of rolls of one pitch and diameter."""
 
-    rolls: int = Field(ge=1, strict=True, description="number of pairs", examples=[8])
-    pitch: Length = Field(
-        description="distance along the strand of each pair from the one before",
-        examples=["250 mm"],
-    )
-    diameter: Length = Field(description="diameter of the rolls", examples=["215 mm"])
-    radius: Length | None = Field(
-        None,
-        description="radius of the strand at the last pair, to which 1/R goes linearly from the "
-        "segment before; left out: straight",
-        examples=["8 m"],
-    )
-    aperture: Length | None = Field(
-        None, description="distance of the rolls of a pair; by default the section's height",
-        examples=["222 mm"],
-    )  # fmt: skip
+    rolls: int = Field(ge=1, strict=True, examples=[8])
+    """number of pairs"""
+    pitch: Length = Field(examples=["250 mm"])
+    """distance along the strand of each pair from the one before"""
+    diameter: Length = Field(examples=["215 mm"])
+    """diameter of the rolls"""
+    radius: Length | None = Field(None, examples=["8 m"])
+    """radius of the strand at the last pair, to which 1/R goes linearly from the segment before;
+    left out: straight"""
+    aperture: Length | None = Field(None, examples=["222 mm"])
+    """distance of the rolls of a pair; by default the section's height"""
 
 
 class Machine(TableModel):
     """The rolls below the mould, which bend and straighten the strand: `rolls` or `segment`."""
 
-    rolls: Annotated[Any, RollTable()] = Field(
-        None, description="table of the pairs, see docs/machine.md"
-    )
-    first: Length | None = Field(
-        None,
-        description="of segments: position of the first pair, from the meniscus",
-        examples=["900 mm"],
-    )
-    radius_of: Literal["extrados", "centreline", "intrados"] = Field(
-        "extrados", description="of segments: the face whose radius is given"
-    )
-    segment: tuple[RollSegment, ...] = Field((), description="pairs of one pitch and diameter")
-    extraction: Extraction | None = Field(
-        None, description="resistance of the rolls, shared by the drives; left out: no effort of it"
-    )
+    rolls: Annotated[Any, RollTable()] = None
+    """table of the pairs, see docs/machine.md"""
+    first: Length | None = Field(None, examples=["900 mm"])
+    """of segments: position of the first pair, from the meniscus"""
+    radius_of: Literal["extrados", "centreline", "intrados"] = "extrados"
+    """of segments: the face whose radius is given"""
+    segment: tuple[RollSegment, ...] = ()
+    """pairs of one pitch and diameter"""
+    extraction: Extraction | None = None
+    """resistance of the rolls, shared by the drives; left out: no effort of it"""
 
-    defect: tuple[Defect, ...] | None = Field(
-        None, description="what is wrong with the machine; left out: nothing"
-    )
+    defect: tuple[Defect, ...] | None = None
+    """what is wrong with the machine; left out: nothing"""
 
     def pairs(self) -> Rolls | None:
         """Return the rolls with their defects; None while what is needed for them is missing."""

@@ -36,25 +36,18 @@ MeasuredAt = Annotated[float | str, KindOr(Kind("m/s", "m/min", above=0.0), ANY_
 class ScaledLaw(HeatLaw):
     """A law whose heat may be scaled to a measured total."""
 
-    power: HeatFlow | None = Field(
-        None,
-        description="heat that the mould takes from the faces of this law in all, on the whole "
-        "strand and over the whole zone; the flux is scaled to it",
-    )
-    water: VolumeFlow | None = Field(
-        None, description="cooling water that takes this heat, instead of power"
-    )
-    water_rise: Rise | None = Field(
-        None, description="rise of its temperature, with water", examples=["7 K"]
-    )
-    measured_at: MeasuredAt | None = Field(
-        None,
-        description="casting speed at which this heat, or a flux over position, was measured: at "
-        "another speed the flux is the same after the same time in the mould, so that the total "
-        'changes; "any speed": the total is the same at every speed, as it is (with a warning '
-        "where speeds are compared) when this is left out",
-        examples=["2.8 m/min"],
-    )
+    power: HeatFlow | None = None
+    """heat that the mould takes from the faces of this law in all, on the whole strand and over the
+    whole zone; the flux is scaled to it"""
+    water: VolumeFlow | None = None
+    """cooling water that takes this heat, instead of power"""
+    water_rise: Rise | None = Field(None, examples=["7 K"])
+    """rise of its temperature, with water"""
+    measured_at: MeasuredAt | None = Field(None, examples=["2.8 m/min"])
+    """casting speed at which this heat, or a flux over position, was measured: at another speed the
+    flux is the same after the same time in the mould, so that the total changes; "any speed": the
+    total is the same at every speed, as it is (with a warning where speeds are compared) when this
+    is left out"""
 
     @property
     def asks_extent(self) -> bool:

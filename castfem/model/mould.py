@@ -97,15 +97,10 @@ class OneWord:
 class ContactSettings(TableModel):
     """How the strand is kept out of the wall: penalty (eq. 239) or Nitsche's method."""
 
-    method: Literal["penalty", "nitsche"] = Field(
-        "penalty",
-        description='method; `contact = "nitsche"` in [mould] says the same in one line',
-    )
-    factor: PositiveNumber | None = Field(
-        None,
-        description="stiffness of the contact over that of the cell behind it; by default 10",
-        examples=[1000],
-    )
+    method: Literal["penalty", "nitsche"] = "penalty"
+    """method; `contact = "nitsche"` in [mould] says the same in one line"""
+    factor: PositiveNumber | None = Field(None, examples=[1000])
+    """stiffness of the contact over that of the cell behind it; by default 10"""
 
     @field_validator("factor")
     @classmethod
@@ -148,7 +143,8 @@ class Coulomb(Friction):
     """Coulomb: the friction stress is at most the coefficient times the pressure (eq. 231)."""
 
     law: Literal["coulomb"]
-    coefficient: FrictionCoefficient = Field(description="friction stress over pressure")
+    coefficient: FrictionCoefficient
+    """friction stress over pressure"""
 
     def build(self) -> FrictionLaw:
         """See `Friction.build`."""
@@ -161,10 +157,10 @@ class Limited(Friction):
     """Coulomb, limited where pressure and friction make the surface yield (eq. 233)."""
 
     law: Literal["limited"]
-    coefficient: FrictionCoefficient = Field(description="friction stress over pressure")
-    yield_stress: Stress = Field(
-        description="yield stress p0 of the weaker of the two, sqrt(p^2 + 3 tau^2) <= p0"
-    )
+    coefficient: FrictionCoefficient
+    """friction stress over pressure"""
+    yield_stress: Stress
+    """yield stress p0 of the weaker of the two, sqrt(p^2 + 3 tau^2) <= p0"""
 
     def build(self) -> FrictionLaw:
         """See `Friction.build`."""
@@ -177,11 +173,12 @@ class Tresca(Friction):
     """Tresca: the friction stress is at most a share of the yield stress (eq. 234, 235)."""
 
     law: Literal["tresca"]
-    share: Share = Field(description="share m in m p0 / sqrt(3)")
-    yield_stress: Stress = Field(description="yield stress p0 of the weaker of the two")
-    steepest: PositiveNumber = Field(
-        1.0, description="the friction stress is at most this many times the pressure"
-    )
+    share: Share
+    """share m in m p0 / sqrt(3)"""
+    yield_stress: Stress
+    """yield stress p0 of the weaker of the two"""
+    steepest: PositiveNumber = 1.0
+    """the friction stress is at most this many times the pressure"""
 
     def build(self) -> FrictionLaw:
         """See `Friction.build`."""
@@ -194,19 +191,18 @@ class Viscous(Friction):
     """Friction that goes with a power of the sliding speed, beyond a threshold (eq. 236, 237)."""
 
     law: Literal["viscous"]
-    stress: Stress = Field(description="friction stress at the given speed", examples=["20 kPa"])
-    speed: Speed = Field(description="sliding speed at which it holds", examples=["3.6 m/min"])
-    exponent: Exponent = Field(1.0, description="exponent n of the speed")
-    coefficient: FrictionCoefficient = Field(
-        0.0, description="friction stress over pressure up to which it sticks; 0: a lubricant"
-    )
-    yield_stress: Stress | None = Field(
-        None,
-        description="yield stress p0: beyond the threshold at most p0 / sqrt(3); needed with one",
-    )
-    steepest: PositiveNumber = Field(
-        1.0, description="beyond the threshold it is at most this many times the pressure"
-    )
+    stress: Stress = Field(examples=["20 kPa"])
+    """friction stress at the given speed"""
+    speed: Speed = Field(examples=["3.6 m/min"])
+    """sliding speed at which it holds"""
+    exponent: Exponent = 1.0
+    """exponent n of the speed"""
+    coefficient: FrictionCoefficient = 0.0
+    """friction stress over pressure up to which it sticks; 0: a lubricant"""
+    yield_stress: Stress | None = None
+    """yield stress p0: beyond the threshold at most p0 / sqrt(3); needed with one"""
+    steepest: PositiveNumber = 1.0
+    """beyond the threshold it is at most this many times the pressure"""
 
     def build(self) -> FrictionLaw:
         """See `Friction.build`; without a yield stress the given stress has no other limit."""
@@ -238,41 +234,30 @@ class Viscous(Friction):
 class Copper(TableModel):
     """Thermal expansion of the mould, where its sizes are those of the cold mould."""
 
-    expansion: ExpansionCoefficient = Field(
-        written("17e-6 1/K"), description="mean expansion coefficient", examples=["17e-6 1/K"]
-    )
-    cold: Temperature = Field(
-        written("25 degC"),
-        description="temperature at which the sizes are given",
-        examples=["25 degC"],
-    )
-    temperature: TemperatureOfPosition | None = Field(
-        None,
-        description="mean temperature of the wall over its thickness; by default wall_temperature",
-        examples=["120 degC"],
-    )
-    conductivity: ConductivityOfTemperature | None = Field(
-        None,
-        description="for [mould.tube]; by default that of [Calcutt2001], 394 to 377 W/(m K)",
-    )
-    mean_expansion: ExpansionOfTemperature | None = Field(
-        None,
-        description="for [mould.tube]: mean coefficient from 20 degC over temperature; by default "
-        "that of [Calcutt2001], 16.8e-6 to 17.7e-6 1/K",
-    )
-    youngs_modulus: ModulusOfTemperature | None = Field(
-        None, description="for [mould.tube]; by default 117 GPa at 20 degC, 106 GPa at 300 degC"
-    )
-    poisson: PoissonOfTemperature | None = Field(
-        None, description="Poisson's ratio, for [mould.tube]; by default 0.34"
-    )
+    expansion: ExpansionCoefficient = Field(written("17e-6 1/K"), examples=["17e-6 1/K"])
+    """mean expansion coefficient"""
+    cold: Temperature = Field(written("25 degC"), examples=["25 degC"])
+    """temperature at which the sizes are given"""
+    temperature: TemperatureOfPosition | None = Field(None, examples=["120 degC"])
+    """mean temperature of the wall over its thickness; by default wall_temperature"""
+    conductivity: ConductivityOfTemperature | None = None
+    """for [mould.tube]; by default that of [Calcutt2001], 394 to 377 W/(m K)"""
+    mean_expansion: ExpansionOfTemperature | None = None
+    """for [mould.tube]: mean coefficient from 20 degC over temperature; by default that of
+    [Calcutt2001], 16.8e-6 to 17.7e-6 1/K"""
+    youngs_modulus: ModulusOfTemperature | None = None
+    """for [mould.tube]; by default 117 GPa at 20 degC, 106 GPa at 300 degC"""
+    poisson: PoissonOfTemperature | None = None
+    """Poisson's ratio, for [mould.tube]; by default 0.34"""
 
 
 class Oscillation(TableModel):
     """How the mould oscillates, a sine; nothing but its numbers is computed from it."""
 
-    stroke: Length = Field(description="from the highest to the lowest point", examples=["6 mm"])
-    frequency: Frequency = Field(description="strokes per time", examples=["150 1/min"])
+    stroke: Length = Field(examples=["6 mm"])
+    """from the highest to the lowest point"""
+    frequency: Frequency = Field(examples=["150 1/min"])
+    """strokes per time"""
 
     def negative_strip(self, speed: float) -> float:
         """Time in each stroke in which the mould goes down faster than the strand, s.
@@ -289,52 +274,39 @@ class Oscillation(TableModel):
 class Mould(TableModel):
     """The rigid mould round the strand; left out: an idealised mould that follows the strand."""
 
-    length: Length = Field(
-        description="from the meniscus to the end of the mould", examples=["600 mm"]
-    )
-    taper: Annotated[Perimeter, TaperMark()] = Field(
-        written("0 %/m"),
-        description="relative change of the section's sizes per metre (eq. 300); positive: the "
-        "mould closes downwards",
-        examples=["1 %/m"],
-    )
-    width: Length | None = Field(
-        None, description="of the cavity at the meniscus; by default that of the strand"
-    )
-    height: Length | None = Field(None, description="likewise, in y")
-    diameter: Length | None = Field(None, description="likewise, of a round")
-    corner_radius: Distance | None = Field(
-        None, description="of the cavity at the meniscus; by default that of the strand"
-    )
-    wall_temperature: TemperatureOfPosition | None = Field(
-        None,
-        description="of the face towards the strand, constant or along the mould",
-        examples=["160 degC"],
-    )
-    condition: Literal["working", "cold"] = Field(
-        "working",
-        description="the mould to which sizes and taper belong: hot as it works, or cold; a cold "
-        "one is expanded by [mould.copper]",
-    )
-    copper: Copper = Field(
-        default_factory=lambda: Copper.model_validate({}),
-        description="thermal expansion of a mould given cold",
-    )
-    displacement: Annotated[WallDisplacement, WallShape()] | None = Field(
-        None,
-        description="how far the wall at work stands from the cavity of sizes and taper, all round "
-        "and along; `castfem mould --hot` and `castfem section` write it. Instead of the expansion "
-        "of [mould.copper]",
-    )
-    tube: MouldTube | None = Field(
-        None, description="the copper tube, for `castfem mould --hot`; a run has no use for it"
-    )
-    oscillation: Oscillation | None = Field(None, description="its oscillation")
+    length: Length = Field(examples=["600 mm"])
+    """from the meniscus to the end of the mould"""
+    taper: Annotated[Perimeter, TaperMark()] = Field(written("0 %/m"), examples=["1 %/m"])
+    """relative change of the section's sizes per metre (eq. 300); positive: the mould closes
+    downwards"""
+    width: Length | None = None
+    """of the cavity at the meniscus; by default that of the strand"""
+    height: Length | None = None
+    """likewise, in y"""
+    diameter: Length | None = None
+    """likewise, of a round"""
+    corner_radius: Distance | None = None
+    """of the cavity at the meniscus; by default that of the strand"""
+    wall_temperature: TemperatureOfPosition | None = Field(None, examples=["160 degC"])
+    """of the face towards the strand, constant or along the mould"""
+    condition: Literal["working", "cold"] = "working"
+    """the mould to which sizes and taper belong: hot as it works, or cold; a cold one is expanded
+    by [mould.copper]"""
+    copper: Copper = Field(default_factory=lambda: Copper.model_validate({}))
+    """thermal expansion of a mould given cold"""
+    displacement: Annotated[WallDisplacement, WallShape()] | None = None
+    """how far the wall at work stands from the cavity of sizes and taper, all round and along;
+    `castfem mould --hot` and `castfem section` write it. Instead of the expansion of
+    [mould.copper]"""
+    tube: MouldTube | None = None
+    """the copper tube, for `castfem mould --hot`; a run has no use for it"""
+    oscillation: Oscillation | None = None
+    """its oscillation"""
     contact: Annotated[
         ContactSettings, OneWord("method", ("penalty", "nitsche"), EXAMPLES["contact"])
-    ] = Field(
-        default_factory=lambda: ContactSettings.model_validate({}), description="contact method"
-    )
+    ] = Field(default_factory=lambda: ContactSettings.model_validate({}))
+    """contact method"""
     friction: Annotated[Friction, OneWord("law", ("none",), EXAMPLES["friction"])] = Field(
-        default_factory=lambda: NoFriction(law="none"), description="friction law"
+        default_factory=lambda: NoFriction(law="none")
     )
+    """friction law"""

@@ -44,33 +44,20 @@ class Contact(ScaledLaw):
     called: ClassVar[str] = "contact with a gap of its own"
 
     law: Literal["contact"]
-    coefficient: ContactCoefficient | None = Field(
-        None,
-        description="coefficient without a gap; a table over temperature is over that of the "
-        "surface",
-        examples=["1600 W/(m^2 K)"],
-    )
-    flux: ContactFlux | None = Field(
-        None,
-        description="heat flux of good contact, instead of coefficient: what is measured where "
-        "there is no gap; a gap lowers it",
-        examples=["2 MW/m^2"],
-    )
-    wall: WallTemperature | None = Field(
-        None,
-        description='temperature of the wall; "mould", as by default: mould.wall_temperature',
-        examples=["160 degC"],
-    )
+    coefficient: ContactCoefficient | None = Field(None, examples=["1600 W/(m^2 K)"])
+    """coefficient without a gap; a table over temperature is over that of the surface"""
+    flux: ContactFlux | None = Field(None, examples=["2 MW/m^2"])
+    """heat flux of good contact, instead of coefficient: what is measured where there is no gap; a
+    gap lowers it"""
+    wall: WallTemperature | None = Field(None, examples=["160 degC"])
+    """temperature of the wall; "mould", as by default: mould.wall_temperature"""
     gap: Distance | None = Field(
         None,
         description=GAP + "; by default the one that opens in the mould, none without [mould]",
         examples=["0.2 mm"],
     )
-    gap_conductivity: Conductivity | None = Field(
-        None,
-        description="conductivity of what fills the gap; needed where there can be one",
-        examples=["0.15 W/(m K)"],
-    )
+    gap_conductivity: Conductivity | None = Field(None, examples=["0.15 W/(m K)"])
+    """conductivity of what fills the gap; needed where there can be one"""
 
     def build(self, around: Surroundings) -> flux_laws.Contact:
         """See `HeatLaw.build`."""
@@ -112,7 +99,8 @@ class Flux(ScaledLaw):
     called: ClassVar[str] = "a given flux"
 
     law: Literal["flux"]
-    value: GivenFlux = Field(description="heat flux; over the time since the meniscus")
+    value: GivenFlux
+    """heat flux; over the time since the meniscus"""
 
     @property
     def curve(self) -> str | float | Table | None:

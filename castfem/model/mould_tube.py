@@ -33,47 +33,33 @@ MOST_BRICKS = 300_000
 class MouldTube(TableModel):
     """The copper tube of a mould, for its distortion by heat; the length is the mould's."""
 
-    thickness: Length = Field(description="of the wall", examples=["10 mm"])
-    above: Distance = Field(written("100 mm"), description="how far it goes on above the meniscus")
-    support: Literal["free", "hung", "clamped", "between"] = Field(
-        "hung",
-        description="hung: its upper end is held along the mould; clamped: in all directions; "
-        "between: both ends along the mould; free: not at all",
-    )
-    flux: FluxOfPosition | None = Field(
-        None,
-        description="into the hot face below the meniscus; by default that of the strand, which "
-        "is run for it",
-        examples=["2 MW/m^2"],
-    )
-    corner_flux: Share = Field(
-        1.0, description="flux on the arcs of the corners over that at mid-face; of a given flux"
-    )
-    corner_reach: Length = Field(
-        written("20 mm"), description="length of face over which it falls to that"
-    )
-    water_coefficient: CoefficientOfPosition = Field(
-        written("30000 W/(m^2 K)"), description="heat transfer to the cooling water"
-    )
-    water_temperature: TemperatureOfPosition = Field(
-        written("40 degC"), description="of the cooling water"
-    )
-    hot_face: TemperatureOfPosition | None = Field(
-        None,
-        description="temperature of the face towards the strand, below the meniscus, instead of a "
-        "flux",
-    )
-    water_side: TemperatureOfPosition | None = Field(
-        None, description="temperature of the water side, instead of water"
-    )
-    cells_across: Cells = Field(2.0, description="cells through the wall")
-    cell_size: Length = Field(
-        written("12 mm"),
-        description="largest cell round the wall and along it; at the meniscus a third of it",
-    )
-    solver: Literal["auto", "direct", "multigrid"] = Field(
-        "auto", description="of the linear systems; auto: direct where they are small"
-    )
+    thickness: Length = Field(examples=["10 mm"])
+    """of the wall"""
+    above: Distance = written("100 mm")
+    """how far it goes on above the meniscus"""
+    support: Literal["free", "hung", "clamped", "between"] = "hung"
+    """hung: its upper end is held along the mould; clamped: in all directions; between: both ends
+    along the mould; free: not at all"""
+    flux: FluxOfPosition | None = Field(None, examples=["2 MW/m^2"])
+    """into the hot face below the meniscus; by default that of the strand, which is run for it"""
+    corner_flux: Share = 1.0
+    """flux on the arcs of the corners over that at mid-face; of a given flux"""
+    corner_reach: Length = written("20 mm")
+    """length of face over which it falls to that"""
+    water_coefficient: CoefficientOfPosition = written("30000 W/(m^2 K)")
+    """heat transfer to the cooling water"""
+    water_temperature: TemperatureOfPosition = written("40 degC")
+    """of the cooling water"""
+    hot_face: TemperatureOfPosition | None = None
+    """temperature of the face towards the strand, below the meniscus, instead of a flux"""
+    water_side: TemperatureOfPosition | None = None
+    """temperature of the water side, instead of water"""
+    cells_across: Cells = 2.0
+    """cells through the wall"""
+    cell_size: Length = written("12 mm")
+    """largest cell round the wall and along it; at the meniscus a third of it"""
+    solver: Literal["auto", "direct", "multigrid"] = "auto"
+    """of the linear systems; auto: direct where they are small"""
 
 
 def _bricks(table: MouldTube, section: Section, length: float | None) -> Iterator[Problem]:

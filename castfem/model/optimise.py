@@ -118,17 +118,14 @@ class Variable(TableModel):
     """A key of the case whose value is looked for, in a range."""
 
     key: str = Field(
-        description="dotted key; within a taper by part, or by segment and end",
-        examples=["mould.taper", "mould.taper.corner", "mould.taper.0.taper", "casting.speed"],
+        examples=["mould.taper", "mould.taper.corner", "mould.taper.0.taper", "casting.speed"]
     )
-    range: tuple[Value, ...] = Field(
-        description="lowest and highest value, with unit", examples=[["0 %/m", "3 %/m"]]
-    )
-    start: Value | None = Field(
-        None,
-        description="where the search begins; by default, of a taper, that of the strand in its "
-        "idealised mould (302), (303), else the value of the case",
-    )
+    """dotted key; within a taper by part, or by segment and end"""
+    range: tuple[Value, ...] = Field(examples=[["0 %/m", "3 %/m"]])
+    """lowest and highest value, with unit"""
+    start: Value | None = None
+    """where the search begins; by default, of a taper, that of the strand in its idealised mould
+    (302), (303), else the value of the case"""
 
     _is_range = field_validator("range")(_checked_range)
 
@@ -147,21 +144,13 @@ class Variable(TableModel):
 class Input(TableModel):
     """A number that is not known exactly: what it may be, every value as likely as another."""
 
-    key: str = Field(
-        description="dotted key, or, where it is relative, a property of the steel or a parameter "
-        "of the constitutive law or the elasticity",
-        examples=["cooling.mould.surface.0.coefficient", "mechanics.law.strength"],
-    )
-    range: tuple[Value, ...] | None = Field(
-        None,
-        description="lowest and highest value, with unit",
-        examples=[["1500 W/(m^2 K)", "1700 W/(m^2 K)"]],
-    )
-    relative: tuple[Value, ...] | None = Field(
-        None,
-        description="or by how much number or table may be smaller and larger",
-        examples=[["-10 %", "10 %"]],
-    )
+    key: str = Field(examples=["cooling.mould.surface.0.coefficient", "mechanics.law.strength"])
+    """dotted key, or, where it is relative, a property of the steel or a parameter of the
+    constitutive law or the elasticity"""
+    range: tuple[Value, ...] | None = Field(None, examples=[["1500 W/(m^2 K)", "1700 W/(m^2 K)"]])
+    """lowest and highest value, with unit"""
+    relative: tuple[Value, ...] | None = Field(None, examples=[["-10 %", "10 %"]])
+    """or by how much number or table may be smaller and larger"""
 
     _is_range = field_validator("range")(_checked_range)
 
@@ -182,13 +171,12 @@ class Input(TableModel):
 class Front(TableModel):
     """A second result to be weighed against the first: the front of what can be had of both."""
 
-    minimise: str | None = Field(
-        None, description="result that is to be small", examples=["mould_gap_max"]
-    )
-    maximise: str | None = Field(
-        None, description="or one that is to be large", examples=["heat_removed"]
-    )
-    points: int = Field(6, ge=3, le=50, strict=True, description="of the front, at most")
+    minimise: str | None = Field(None, examples=["mould_gap_max"])
+    """result that is to be small"""
+    maximise: str | None = Field(None, examples=["heat_removed"])
+    """or one that is to be large"""
+    points: int = Field(6, ge=3, le=50, strict=True)
+    """of the front, at most"""
 
     @property
     def objective(self) -> tuple[str, float]:
@@ -199,51 +187,35 @@ class Front(TableModel):
 class Optimise(TableModel):
     """What `castfem optimise` looks for: values of some keys with which a result is best."""
 
-    minimise: Names = Field((), description="result, as in summary.json, that is to be small")
-    maximise: Names = Field((), description="likewise, that is to be large")
+    minimise: Names = ()
+    """result, as in summary.json, that is to be small"""
+    maximise: Names = ()
+    """likewise, that is to be large"""
     constraints: Constraints = Field(
-        (),
-        description="what must hold: result, >= or <=, and a value with unit or a share of what "
-        "the idealised mould gives",
-        examples=[["heat_removed >= 99 % of idealised", "mould_gap_max <= 0.05 mm"]],
+        (), examples=[["heat_removed >= 99 % of idealised", "mould_gap_max <= 0.05 mm"]]
     )
-    fidelity: Literal["thermal", "coarse", "default", "fine"] = Field(
-        "default",
-        description="how well the runs of the search are computed (thermal: temperature alone, "
-        "without a mould); the best one is run by the others, too, which gives its numerical error",
-    )
-    method: Literal["cobyqa", "slsqp", "optuna"] = Field(
-        "cobyqa",
-        description="cobyqa: from the start downhill; slsqp: likewise, by derivatives that the "
-        "runs carry along, for three variables or more and a result without kinks "
-        "(von_mises_smooth); optuna (the extra castfem[optimise]): first with half of the runs all "
-        "over the ranges, for several valleys and many variables",
-    )
-    most_runs: int = Field(
-        60,
-        ge=1,
-        strict=True,
-        description="the search ends when so many runs have been made, at the earliest after those "
-        "that measure the noise; further ones, often as many again, look about the best run and "
-        "check it",
-    )
-    variable: tuple[Variable, ...] = Field(
-        min_length=1, description="the keys whose values are looked for"
-    )
-    input: tuple[Input, ...] = Field(
-        (), description="what is not known exactly, and spreads the answer"
-    )
-    samples: int | None = Field(
-        None,
-        ge=8,
-        strict=True,
-        description="runs for that spread, at least those that fix its polynomials; by default a "
-        "few more, fewer where runs carry derivatives",
-        examples=[32],
-    )
-    front: Front | None = Field(
-        None, description="what is weighed against the result that is to be best"
-    )
+    """what must hold: result, >= or <=, and a value with unit or a share of what the idealised
+    mould gives"""
+    fidelity: Literal["thermal", "coarse", "default", "fine"] = "default"
+    """how well the runs of the search are computed (thermal: temperature alone, without a mould);
+    the best one is run by the others, too, which gives its numerical error"""
+    method: Literal["cobyqa", "slsqp", "optuna"] = "cobyqa"
+    """cobyqa: from the start downhill; slsqp: likewise, by derivatives that the runs carry along,
+    for three variables or more and a result without kinks (von_mises_smooth); optuna (the extra
+    castfem[optimise]): first with half of the runs all over the ranges, for several valleys and
+    many variables"""
+    most_runs: int = Field(60, ge=1, strict=True)
+    """the search ends when so many runs have been made, at the earliest after those that measure
+    the noise; further ones, often as many again, look about the best run and check it"""
+    variable: tuple[Variable, ...] = Field(min_length=1)
+    """the keys whose values are looked for"""
+    input: tuple[Input, ...] = ()
+    """what is not known exactly, and spreads the answer"""
+    samples: int | None = Field(None, ge=8, strict=True, examples=[32])
+    """runs for that spread, at least those that fix its polynomials; by default a few more, fewer
+    where runs carry derivatives"""
+    front: Front | None = None
+    """what is weighed against the result that is to be best"""
 
     @property
     def bounds(self) -> tuple[Bound, ...]:

@@ -24,23 +24,17 @@ Coordinate = Annotated[float, Kind("m", "mm")]
 class Probe(TableModel):
     """A point of the steel that is followed, as a thermocouple would; x and y, or a depth."""
 
-    name: str = Field(
-        pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$",
-        description="name of the probe and of its file, probes/NAME.csv",
-    )
-    x: Coordinate | None = Field(
-        None, description="place on the undeformed section, from its middle", examples=["30 mm"]
-    )
-    y: Coordinate | None = Field(None, description="likewise, with x", examples=["57.5 mm"])
-    under: str | None = Field(
-        None,
-        description="place of the surface below which it lies, instead of x and y: mid_face, "
-        "narrow_face, corner ... as in the columns of history.csv",
-        examples=["mid_face"],
-    )
-    depth: Distance | None = Field(
-        None, description="how deep below it, with under", examples=["5 mm"]
-    )
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$")
+    """name of the probe and of its file, probes/NAME.csv"""
+    x: Coordinate | None = Field(None, examples=["30 mm"])
+    """place on the undeformed section, from its middle"""
+    y: Coordinate | None = Field(None, examples=["57.5 mm"])
+    """likewise, with x"""
+    under: str | None = Field(None, examples=["mid_face"])
+    """place of the surface below which it lies, instead of x and y: mid_face, narrow_face, corner
+    ... as in the columns of history.csv"""
+    depth: Distance | None = Field(None, examples=["5 mm"])
+    """how deep below it, with under"""
 
     def place(self, lines: Mapping[str, tuple[Any, Any]]) -> Array:
         """Return where it lies on the undeformed section, x and y in m.

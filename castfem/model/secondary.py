@@ -48,44 +48,36 @@ def is_wide(name: str) -> bool:
 class RollContact(TableModel):
     """Contact with the rolls; one of `share` and `coefficient`."""
 
-    angle: Angle = Field(
-        description="part of a roll's circumference that touches the strand; the length of contact "
-        "is that of the arc",
-        examples=["10 deg"],
-    )
-    share: Share | None = Field(
-        None, description="share of a roll in the heat of its pitch, 0.01 to 0.22 [Meng2003]"
-    )
-    coefficient: HeatTransferCoefficient | None = Field(
-        None, description="heat transfer coefficient of contact"
-    )
-    temperature: Temperature | None = Field(
-        None, description="temperature of the rolls, with coefficient", examples=["150 degC"]
-    )
+    angle: Angle = Field(examples=["10 deg"])
+    """part of a roll's circumference that touches the strand; the length of contact is that of the
+    arc"""
+    share: Share | None = None
+    """share of a roll in the heat of its pitch, 0.01 to 0.22 [Meng2003]"""
+    coefficient: HeatTransferCoefficient | None = None
+    """heat transfer coefficient of contact"""
+    temperature: Temperature | None = Field(None, examples=["150 degC"])
+    """temperature of the rolls, with coefficient"""
 
 
 class NozzleModel(TableModel):
     """A model of nozzle; one of `table` and `correlation`."""
 
-    name: str = Field(min_length=1, description="name of the model")
-    angle: Angle = Field(description="of its spray across the strand", examples=["110 deg"])
-    angle_along: Angle = Field(description="of its spray along the strand", examples=["14 deg"])
-    edge: Edge = Field(
-        0.0,
-        description="share of the half width over which its water falls to zero at the ends; 0 is "
-        "even all over, 1 a triangle",
-    )
-    table: Annotated[Any, NozzleTable()] = Field(
-        None,
-        description="measured coefficients of the water alone over surface temperature and water, "
-        "beginning at no water",
-    )
-    correlation: Annotated[str, NameOf(CORRELATIONS)] | None = Field(
-        None, description="formula of the coefficient; below its least water it falls to zero"
-    )
-    machine_factor: PositiveNumber = Field(
-        1.0, description="divides the coefficient: fit to the machine", examples=[4]
-    )
+    name: str = Field(min_length=1)
+    """name of the model"""
+    angle: Angle = Field(examples=["110 deg"])
+    """of its spray across the strand"""
+    angle_along: Angle = Field(examples=["14 deg"])
+    """of its spray along the strand"""
+    edge: Edge = 0.0
+    """share of the half width over which its water falls to zero at the ends; 0 is even all over, 1
+    a triangle"""
+    table: Annotated[Any, NozzleTable()] = None
+    """measured coefficients of the water alone over surface temperature and water, beginning at no
+    water"""
+    correlation: Annotated[str, NameOf(CORRELATIONS)] | None = None
+    """formula of the coefficient; below its least water it falls to zero"""
+    machine_factor: PositiveNumber = Field(1.0, examples=[4])
+    """divides the coefficient: fit to the machine"""
 
     def coefficient(self, water_temperature: float) -> Coefficient:
         """Return h of water and surface temperature."""
@@ -106,38 +98,25 @@ class NozzleModel(TableModel):
 class Circuit(TableModel):
     """Nozzles of one model that one valve feeds: a row of them in each gap between some rolls."""
 
-    name: str = Field(min_length=1, description="name of the circuit")
-    on: tuple[str, ...] = Field(
-        min_length=1,
-        description="faces it sprays; a name also stands for all groups that begin with it",
-    )
-    rolls: tuple[int, int] = Field(
-        description="number of the roll above the first row and of that below the last",
-        examples=[[8, 15]],
-    )
-    nozzle: str = Field(description="their model, the name of a [[secondary.nozzle]]")
-    across: tuple[Place, ...] = Field(
-        min_length=1,
-        description="where the nozzles of a row stand, from the middle of the face",
-        examples=[["-300 mm", "300 mm"]],
-    )
-    stand_off: Length = Field(
-        description="distance of the nozzles from the surface", examples=["210 mm"]
-    )
-    flow: ZoneFlow | None = Field(
-        None,
-        description="water of all its nozzles together, on the whole strand; over the casting "
-        "speed, or the time by the clock of casting.start.time",
-        examples=["445 L/min"],
-    )
-    specific: SpecificWater | None = Field(
-        None,
-        description="instead, per mass of steel that passes; it follows the casting speed",
-        examples=["0.12 L/kg"],
-    )
-    share: WaterShare | None = Field(
-        None, description="instead, its share of [water]", examples=[0.3]
-    )
+    name: str = Field(min_length=1)
+    """name of the circuit"""
+    on: tuple[str, ...] = Field(min_length=1)
+    """faces it sprays; a name also stands for all groups that begin with it"""
+    rolls: tuple[int, int] = Field(examples=[[8, 15]])
+    """number of the roll above the first row and of that below the last"""
+    nozzle: str
+    """their model, the name of a [[secondary.nozzle]]"""
+    across: tuple[Place, ...] = Field(min_length=1, examples=[["-300 mm", "300 mm"]])
+    """where the nozzles of a row stand, from the middle of the face"""
+    stand_off: Length = Field(examples=["210 mm"])
+    """distance of the nozzles from the surface"""
+    flow: ZoneFlow | None = Field(None, examples=["445 L/min"])
+    """water of all its nozzles together, on the whole strand; over the casting speed, or the time
+    by the clock of casting.start.time"""
+    specific: SpecificWater | None = Field(None, examples=["0.12 L/kg"])
+    """instead, per mass of steel that passes; it follows the casting speed"""
+    share: WaterShare | None = Field(None, examples=[0.3])
+    """instead, its share of [water]"""
 
     def nozzles(self) -> int:
         """Return how many nozzles share its flow, on the whole strand."""
@@ -156,33 +135,24 @@ class Secondary(TableModel):
     All but contact radiates to the surroundings.
     """
 
-    ambient: Temperature = Field(
-        description="temperature of rolls and surroundings that the strand radiates to",
-        examples=["60 degC"],
-    )
-    emissivity: EmissivityOfTemperature | None = Field(
-        None, description="emissivity of the strand; by default the steel's"
-    )
-    water_temperature: WaterTemperature = Field(
-        written("25 degC"), description="temperature of the water"
-    )
-    contact: RollContact | None = Field(
-        None, description="contact with the rolls, on the wide faces; left out: none"
-    )
-    run_off: CoefficientOfTemperature | None = Field(
-        None,
-        description="coefficient of the water between a spray and the next roll, on the wide "
-        "faces; left out: none",
-        examples=["150 W/(m^2 K)"],
-    )
-    falls_off: Angle | None = Field(
-        None,
-        description="inclination to the vertical from which on water falls off the extrados rather "
-        "than run on to the next roll; left out: it never does",
-        examples=["60 deg"],
-    )
-    nozzle: tuple[NozzleModel, ...] = Field((), description="models of nozzles")
-    circuit: tuple[Circuit, ...] = Field((), description="circuits of water")
+    ambient: Temperature = Field(examples=["60 degC"])
+    """temperature of rolls and surroundings that the strand radiates to"""
+    emissivity: EmissivityOfTemperature | None = None
+    """emissivity of the strand; by default the steel's"""
+    water_temperature: WaterTemperature = written("25 degC")
+    """temperature of the water"""
+    contact: RollContact | None = None
+    """contact with the rolls, on the wide faces; left out: none"""
+    run_off: CoefficientOfTemperature | None = Field(None, examples=["150 W/(m^2 K)"])
+    """coefficient of the water between a spray and the next roll, on the wide faces; left out:
+    none"""
+    falls_off: Angle | None = Field(None, examples=["60 deg"])
+    """inclination to the vertical from which on water falls off the extrados rather than run on to
+    the next roll; left out: it never does"""
+    nozzle: tuple[NozzleModel, ...] = ()
+    """models of nozzles"""
+    circuit: tuple[Circuit, ...] = ()
+    """circuits of water"""
 
     def model_of(self, circuit: Circuit) -> NozzleModel:
         """Return the model of a circuit's nozzles, in a sound case."""

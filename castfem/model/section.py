@@ -108,17 +108,16 @@ class Rectangle(Section):
     one_taper: ClassVar[bool] = False
 
     shape: Literal["rectangle"]
-    width: Length = Field(description="size in x, along the wide face")
-    height: Length = Field(description="size in y, along the narrow face (thickness of a slab)")
-    corner_radius: Distance = Field(
-        written("0 mm"), description="radius of the corners; 0 mm for sharp ones"
-    )
+    width: Length
+    """size in x, along the wide face"""
+    height: Length
+    """size in y, along the narrow face (thickness of a slab)"""
+    corner_radius: Distance = written("0 mm")
+    """radius of the corners; 0 mm for sharp ones"""
     symmetry: Symmetry = Field("quarter", description=_SYMMETRY)
-    bulge: Bulge | None = Field(
-        None,
-        description="how far the outline at the meniscus stands out from the rectangle, over the "
-        "way round a quarter from the middle of the narrow face; `castfem section` writes it",
-    )
+    bulge: Bulge | None = None
+    """how far the outline at the meniscus stands out from the rectangle, over the way round a
+    quarter from the middle of the narrow face; `castfem section` writes it"""
 
     def problems(self) -> Iterator[Problem]:
         """See `Section.problems`."""
@@ -144,7 +143,8 @@ class Round(Section):
     has_corner: ClassVar[bool] = False
 
     shape: Literal["round"]
-    diameter: Length = Field(description="diameter of the section")
+    diameter: Length
+    """diameter of the section"""
     symmetry: Symmetry = Field("quarter", description=_SYMMETRY)
 
     def outline(self) -> tuple[float | None, float | None]:
@@ -174,18 +174,22 @@ class BeamBlank(Section):
     }
 
     shape: Literal["beam_blank"]
-    width: Length = Field(description="size in x, over the outer faces of the flanges")
-    height: Length = Field(description="size in y, of the flanges from tip to tip")
-    web_thickness: Length = Field(description="thickness of the web, in y")
-    flange_thickness: Length = Field(
-        description="thickness of a flange at its tip, in x, the flank drawn through"
-    )
-    root_thickness: Length = Field(
-        description="thickness of a flange at the surface of the web, likewise"
-    )
-    fillet_radius: Length = Field(description="radius between web and flank (concave)")
-    shoulder_radius: Length = Field(description="radius between flank and tip (convex)")
-    corner_radius: Length = Field(description="radius between tip and outer face (convex)")
+    width: Length
+    """size in x, over the outer faces of the flanges"""
+    height: Length
+    """size in y, of the flanges from tip to tip"""
+    web_thickness: Length
+    """thickness of the web, in y"""
+    flange_thickness: Length
+    """thickness of a flange at its tip, in x, the flank drawn through"""
+    root_thickness: Length
+    """thickness of a flange at the surface of the web, likewise"""
+    fillet_radius: Length
+    """radius between web and flank (concave)"""
+    shoulder_radius: Length
+    """radius between flank and tip (convex)"""
+    corner_radius: Length
+    """radius between tip and outer face (convex)"""
     symmetry: Symmetry = Field("quarter", description=_SYMMETRY)
 
     def halves(self) -> tuple[float | None, float | None]:
@@ -232,8 +236,10 @@ class Strip(Section):
     has_corner: ClassVar[bool] = False
 
     shape: Literal["strip"]
-    length: Length = Field(description="size in x, from the surface into the strand")
-    width: Length = Field(description="size in y")
+    length: Length
+    """size in x, from the surface into the strand"""
+    width: Length
+    """size in y"""
 
     def cooled_groups(self) -> tuple[str, ...]:
         """See `Section.cooled_groups`; its sides and its core are no surface of the strand."""
@@ -251,30 +257,22 @@ class Strip(Section):
 class Mesh(TableModel):
     """Cells of the section, graded from the surface to the core."""
 
-    cell: Literal["quadrilateral", "triangle"] = Field("quadrilateral", description="cell shape")
-    order: Literal[1, 2] = Field(1, description="order of the cells' geometry")
-    surface_size: Length = Field(
-        description="cell size at the surface, normal to it", examples=["0.5 mm"]
-    )
-    corner_size: Length | None = Field(
-        None,
-        description="cell size along the surface at a corner; by default surface_size",
-        examples=["0.5 mm"],
-    )
-    face_size: Length | None = Field(
-        None,
-        description="cell size along the surface at mid-face; by default core_size",
-        examples=["5 mm"],
-    )
-    core_size: Length = Field(description="cell size in the core", examples=["8 mm"])
-    surface_depth: Distance = Field(
-        written("0 mm"), description="depth over which the sizes at the surface are kept"
-    )
-    core_depth: Length | None = Field(
-        None,
-        description="depth at which core_size is reached; by default half the thickness",
-        examples=["40 mm"],
-    )
+    cell: Literal["quadrilateral", "triangle"] = "quadrilateral"
+    """cell shape"""
+    order: Literal[1, 2] = 1
+    """order of the cells' geometry"""
+    surface_size: Length = Field(examples=["0.5 mm"])
+    """cell size at the surface, normal to it"""
+    corner_size: Length | None = Field(None, examples=["0.5 mm"])
+    """cell size along the surface at a corner; by default surface_size"""
+    face_size: Length | None = Field(None, examples=["5 mm"])
+    """cell size along the surface at mid-face; by default core_size"""
+    core_size: Length = Field(examples=["8 mm"])
+    """cell size in the core"""
+    surface_depth: Distance = written("0 mm")
+    """depth over which the sizes at the surface are kept"""
+    core_depth: Length | None = Field(None, examples=["40 mm"])
+    """depth at which core_size is reached; by default half the thickness"""
 
 
 def outer_groups(section: Section) -> tuple[str, ...]:

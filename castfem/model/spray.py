@@ -32,42 +32,24 @@ class Spray(HeatLaw):
     called: ClassVar[str] = "a spray"
 
     law: Literal["spray"]
-    water: WaterFlow | None = Field(
-        None, description="water flow per surface area", examples=["5 L/(m^2 s)"]
-    )
-    flow: ZoneFlow | None = Field(
-        None,
-        description="instead of water, that of the zone on all faces of this law, of the whole "
-        "strand; in a table over the casting speed it follows it, over time goes by "
-        "the clock of casting.start.time",
-        examples=["240 L/min"],
-    )
-    specific: SpecificWater | None = Field(
-        None,
-        description="instead of water, that of the zone per mass of steel that passes; it follows "
-        "the casting speed",
-        examples=["0.3 L/kg"],
-    )
-    share: WaterShare | None = Field(
-        None, description="instead of water, the zone's share of [water]", examples=[0.3]
-    )
-    area: SprayedArea | None = Field(
-        None,
-        description="sprayed area of these faces, with the water of the zone; by default all of "
-        "them in it",
-        examples=["1.2 m^2"],
-    )
-    water_temperature: WaterTemperature = Field(
-        description="temperature of the water", examples=["25 degC"]
-    )
-    correlation: Annotated[str, NameOf(CORRELATIONS)] = Field(
-        description="formula of the coefficient"
-    )
-    machine_factor: PositiveNumber = Field(
-        1.0,
-        description="divides the coefficient: fit to the machine, about 4 for nozaki",
-        examples=[4],
-    )
+    water: WaterFlow | None = Field(None, examples=["5 L/(m^2 s)"])
+    """water flow per surface area"""
+    flow: ZoneFlow | None = Field(None, examples=["240 L/min"])
+    """instead of water, that of the zone on all faces of this law, of the whole strand; in a table
+    over the casting speed it follows it, over time goes by the clock of casting.start.time"""
+    specific: SpecificWater | None = Field(None, examples=["0.3 L/kg"])
+    """instead of water, that of the zone per mass of steel that passes; it follows the casting
+    speed"""
+    share: WaterShare | None = Field(None, examples=[0.3])
+    """instead of water, the zone's share of [water]"""
+    area: SprayedArea | None = Field(None, examples=["1.2 m^2"])
+    """sprayed area of these faces, with the water of the zone; by default all of them in it"""
+    water_temperature: WaterTemperature = Field(examples=["25 degC"])
+    """temperature of the water"""
+    correlation: Annotated[str, NameOf(CORRELATIONS)]
+    """formula of the coefficient"""
+    machine_factor: PositiveNumber = Field(1.0, examples=[4])
+    """divides the coefficient: fit to the machine, about 4 for nozaki"""
 
     @property
     def asks_extent(self) -> bool:

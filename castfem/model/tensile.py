@@ -58,10 +58,10 @@ PoissonOfTemperature = Annotated[
 class Segment(TableModel):
     """A part of the test at one strain rate."""
 
-    rate: StrainRate = Field(
-        description="axial strain rate; negative: compression or unloading, 0: held"
-    )
-    duration: Time = Field(description="how long it lasts", examples=["10 s"])
+    rate: StrainRate
+    """axial strain rate; negative: compression or unloading, 0: held"""
+    duration: Time = Field(examples=["10 s"])
+    """how long it lasts"""
 
 
 class Tensile(TableModel):
@@ -70,53 +70,42 @@ class Tensile(TableModel):
     A bar with free sides is strained along its axis in segments of constant rate.
     """
 
-    material: Material = Field(
-        description="constitutive law: a shipped set, a TOML file of your own, or the table "
-        "[tensile.material] with what such a file holds (docs/laws.md)"
-    )
-    carbon: Percent | None = Field(
-        None,
-        description="carbon of the steel in weight percent, for laws that go by it",
-        examples=[0.1],
-    )
-    elasticity: str = Field(
-        "elastic_steel", description="elastic part: a shipped set, or a TOML file of your own"
-    )
-    young: YoungOfTemperature | None = Field(
-        None, description="Young's modulus in place of that of the set"
-    )
-    poisson: PoissonOfTemperature | None = Field(
-        None, description="Poisson's ratio in place of that of the set"
-    )
-    temperature: TemperatureOfTime = Field(
-        description="of the bar; a table is over the time since the start, or since that of each "
-        "cycle",
-        examples=["1100 degC"],
-    )
-    expansion: Expansion = Field(
-        written("0 1/K"),
-        description="mean thermal expansion from the temperature of the start; the segments give "
-        "the total strain, the law sees what is left of it",
-    )
-    steps: Annotated[int, AfterValidator(_at_least_one)] = Field(
-        200, strict=True, description="time steps in each segment"
-    )
-    segment: tuple[Segment, ...] = Field(min_length=1, description="parts of the test, in order")
-    cycles: Annotated[int, AfterValidator(_at_least_one)] = Field(
-        1, strict=True, description="how often the segments and the temperature are gone through"
-    )
+    material: Material
+    """constitutive law: a shipped set, a TOML file of your own, or the table [tensile.material]
+    with what such a file holds (docs/laws.md)"""
+    carbon: Percent | None = Field(None, examples=[0.1])
+    """carbon of the steel in weight percent, for laws that go by it"""
+    elasticity: str = "elastic_steel"
+    """elastic part: a shipped set, or a TOML file of your own"""
+    young: YoungOfTemperature | None = None
+    """Young's modulus in place of that of the set"""
+    poisson: PoissonOfTemperature | None = None
+    """Poisson's ratio in place of that of the set"""
+    temperature: TemperatureOfTime = Field(examples=["1100 degC"])
+    """of the bar; a table is over the time since the start, or since that of each cycle"""
+    expansion: Expansion = written("0 1/K")
+    """mean thermal expansion from the temperature of the start; the segments give the total strain,
+    the law sees what is left of it"""
+    steps: Annotated[int, AfterValidator(_at_least_one)] = Field(200, strict=True)
+    """time steps in each segment"""
+    segment: tuple[Segment, ...] = Field(min_length=1)
+    """parts of the test, in order"""
+    cycles: Annotated[int, AfterValidator(_at_least_one)] = Field(1, strict=True)
+    """how often the segments and the temperature are gone through"""
 
 
 class TensileOutput(TableModel):
     """What a tensile test writes."""
 
-    figures: bool = Field(True, strict=True, description="draw the figure at the end of the run")
+    figures: bool = Field(True, strict=True)
+    """draw the figure at the end of the run"""
 
 
 class TensileCase(TableModel):
     """A case file with the table [tensile] instead of a strand."""
 
-    title: str = Field(min_length=1, description="one line that says what the case is")
+    title: str = Field(min_length=1)
+    """one line that says what the case is"""
     tensile: Tensile
     output: TensileOutput = Field(default_factory=lambda: TensileOutput.model_validate({}))
     reference: tuple[Reference, ...] = ()

@@ -24,20 +24,25 @@ PetscOption = Annotated[
 class Adaptive(TableModel):
     """Steps chosen from an estimate of the error in time."""
 
-    tolerance: PositiveDifference = Field(written("0.5 K"), description="error allowed in one step")
-    first: Time = Field(written("1 ms"), description="first step, and after each change of zone")
-    smallest: Time = Field(written("0.01 ms"), description="smallest step; the run fails below it")
-    largest: Time = Field(written("0.5 s"), description="largest step")
+    tolerance: PositiveDifference = written("0.5 K")
+    """error allowed in one step"""
+    first: Time = written("1 ms")
+    """first step, and after each change of zone"""
+    smallest: Time = written("0.01 ms")
+    """smallest step; the run fails below it"""
+    largest: Time = written("0.5 s")
+    """largest step"""
 
 
 class Stepping(TableModel):
     """Steps in time: `step` for fixed ones or [thermal.time.adaptive], the default."""
 
-    scheme: Literal["sdirk2", "backward_euler"] = Field(
-        "sdirk2", description="second-order L-stable scheme, or first-order backward Euler"
-    )
-    step: Time | None = Field(None, description="fixed step", examples=["50 ms"])
-    adaptive: Adaptive | None = Field(None, description="bounds of steps that adapt themselves")
+    scheme: Literal["sdirk2", "backward_euler"] = "sdirk2"
+    """second-order L-stable scheme, or first-order backward Euler"""
+    step: Time | None = Field(None, examples=["50 ms"])
+    """fixed step"""
+    adaptive: Adaptive | None = None
+    """bounds of steps that adapt themselves"""
 
     @model_validator(mode="before")
     @classmethod
@@ -50,10 +55,9 @@ class Stepping(TableModel):
 class Thermal(TableModel):
     """The thermal problem."""
 
-    form: Literal["enthalpy"] = Field("enthalpy", description="form of the heat equation")
-    solver: dict[str, PetscOption] = Field(
-        default_factory=dict, description="PETSc options of the nonlinear solver, merged over ours"
-    )
-    time: Stepping = Field(
-        default_factory=lambda: Stepping.model_validate({}), description="steps in time"
-    )
+    form: Literal["enthalpy"] = "enthalpy"
+    """form of the heat equation"""
+    solver: dict[str, PetscOption] = Field(default_factory=dict)
+    """PETSc options of the nonlinear solver, merged over ours"""
+    time: Stepping = Field(default_factory=lambda: Stepping.model_validate({}))
+    """steps in time"""

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Literal
 
-from pydantic import Field
-
 from castfem.model.base import TableModel
 from castfem.model.cooling import PrescribedTemperature
 from castfem.model.problems import Problem
@@ -19,11 +17,10 @@ if TYPE_CHECKING:
 class Verification(TableModel):
     """A closed form: the run ends with what it expects and how far off the run is."""
 
-    closed_form: Literal["alloy_similarity", "neumann", "weiner_boley"] = Field(
-        description="half-space chilled to one temperature, of constant properties: an alloy with "
-        "a solid fraction linear in temperature; a melt that freezes at one temperature; stress in "
-        "the elastic, perfectly plastic shell of Weiner and Boley"
-    )
+    closed_form: Literal["alloy_similarity", "neumann", "weiner_boley"]
+    """half-space chilled to one temperature, of constant properties: an alloy with a solid fraction
+    linear in temperature; a melt that freezes at one temperature; stress in the elastic, perfectly
+    plastic shell of Weiner and Boley"""
 
 
 def check_verification(case: Case) -> Iterator[Problem]:

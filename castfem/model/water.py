@@ -41,12 +41,10 @@ PER_LITRE_AND_KG = 1e3  # L/kg in a m3/kg
 class Water(TableModel):
     """Spray water of the whole strand, of which zones and circuits take shares; one of the two."""
 
-    specific: SpecificWater | None = Field(
-        None,
-        description="water per mass of steel; its flow follows the casting speed",
-        examples=["0.8 L/kg"],
-    )
-    flow: ZoneFlow | None = Field(None, description="instead, its flow", examples=["1200 L/min"])
+    specific: SpecificWater | None = Field(None, examples=["0.8 L/kg"])
+    """water per mass of steel; its flow follows the casting speed"""
+    flow: ZoneFlow | None = Field(None, examples=["1200 L/min"])
+    """instead, its flow"""
 
 
 class Watered(Protocol):
