@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator
 from functools import cache
 from itertools import pairwise
-from typing import Any
+from typing import Any, NoReturn
 
 from pydantic import (
     BaseModel,
@@ -20,11 +20,37 @@ from pydantic import (
 )
 
 LENIENT: dict[str, bool] = {"lenient": True}
-"""Validation context in which a bad value becomes None instead of an error.
+"""Validation context in which a bad value becomes `UNREADABLE` instead of an error.
 
 With it the checks across keys can still run on the sound part of a faulty case, so that all
 problems are reported at once.
 """
+
+
+class FaultyError(Exception):
+    """A check has asked for a value that could not be read."""
+
+
+class Unreadable:
+    """Stands for a value that could not be read; to ask it for anything raises `FaultyError`."""
+
+    def _refuse(self, *_: object) -> NoReturn:
+        raise FaultyError
+
+    def __getattr__(self, name: str) -> NoReturn:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        raise FaultyError
+
+    __hash__ = object.__hash__
+    __eq__ = __lt__ = __le__ = __gt__ = __ge__ = _refuse  # type: ignore[assignment]
+    __bool__ = __len__ = __iter__ = __contains__ = __getitem__ = __call__ = _refuse
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = _refuse
+    __rtruediv__ = __neg__ = __abs__ = __float__ = __int__ = __str__ = __format__ = _refuse
+    __mod__ = _refuse
+
+
+UNREADABLE = Unreadable()
 
 
 def written(default: str) -> Any:
@@ -58,7 +84,7 @@ class TableModel(BaseModel):
             return handler(value)
         except ValidationError:
             if info.context and info.context.get("lenient"):
-                return None
+                return UNREADABLE
             raise
 
 

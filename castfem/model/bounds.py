@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 import typing
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 from castfem.base import ranges
-from castfem.base.messages import Path
+from castfem.base.messages import Path, dotted
 from castfem.base.quantities import Kind
 from castfem.base.ranges import Bounds
 from castfem.base.table_notation import Curve
 from castfem.base.tables import ARGUMENTS, Table
 from castfem.base.units import convert, format
-from castfem.model.base import TableModel
-from castfem.model.problems import Problem
+from castfem.model.base import TableModel, Unreadable
+from castfem.model.checks import Faults, caution, check
 from castfem.model.variants import Variants
 
 _COLDEST = 200.0  # K; what is colder was mostly meant in degC
@@ -46,32 +46,37 @@ class Given(NamedTuple):
             yield f"at {convert(at, over.unit, over.shown):g} {over.shown}: ", value
 
 
-def impossible(case: TableModel) -> Iterator[Problem]:
+def _beyond(case: TableModel, text_of: Callable[[Given, float], str]) -> Faults:
+    """Yield the numbers for which there is a text; of a table the first."""
+    for given in numbers(case):
+        for where, value in given.rows():
+            if text := text_of(given, value):
+                yield dotted(given.path), where + text
+                break
+
+
+@check()
+def impossible(case: TableModel, _: object) -> Faults:
     """Yield the values that cannot be, of a faulty case those that are sound in form."""
-    for given in numbers(case):
-        for where, value in given.rows():
-            if text := given.bounds.impossible(value, given.kind):
-                yield Problem(given.path, where + text)
-                break
+    yield from _beyond(case, lambda given, value: given.bounds.impossible(value, given.kind))
 
 
-def unusual(case: TableModel) -> Iterator[Problem]:
+@caution()
+def unusual(case: TableModel, _: object) -> Faults:
     """Yield the values that were probably not meant."""
-    for given in numbers(case):
-        for where, value in given.rows():
-            text = given.bounds.unusual(value, given.kind)
-            if text and given.path[-1] == "coefficient" and "friction" in given.path:
-                near = f"; did you mean {0.01 * value:.3g}?" if 5.0 <= value <= 100.0 else ""
-                text = (
-                    f"({value:g}) is more than {given.bounds.usual[1]:g} times the pressure{near}"
-                )
-            if text and given.kind.unit == "K" and not given.kind.difference and value < _COLDEST:
-                written = format(value, "K", "K").removesuffix(" K")
-                text = f"({written} K) is {convert(value, 'K', 'degC'):.4g} degC; did you mean "
-                text += f'"{written} degC"?'
-            if text:
-                yield Problem(given.path, where + text)
-                break
+    yield from _beyond(case, _unusual)
+
+
+def _unusual(given: Given, value: float) -> str:
+    text = given.bounds.unusual(value, given.kind)
+    if text and given.path[-1] == "coefficient" and "friction" in given.path:
+        near = f"; did you mean {0.01 * value:.3g}?" if 5.0 <= value <= 100.0 else ""
+        return f"({value:g}) is more than {given.bounds.usual[1]:g} times the pressure{near}"
+    if text and given.kind.unit == "K" and not given.kind.difference and value < _COLDEST:
+        written = format(value, "K", "K").removesuffix(" K")
+        text = f"({written} K) is {convert(value, 'K', 'degC'):.4g} degC; did you mean "
+        text += f'"{written} degC"?'
+    return text
 
 
 def numbers(table: TableModel, path: Path = (), key: str = "") -> Iterator[Given]:
@@ -102,7 +107,7 @@ def _below(table: TableModel, value: Any, path: Path, key: str) -> Iterator[Give
 
 def _rolls(rolls: Any) -> Iterator[Given]:
     """Yield the numbers of a table of rolls."""
-    if rolls is None:
+    if rolls is None or isinstance(rolls, Unreadable):
         return
     from castfem.physics.machine.rolls import KINDS
 

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from castfem.base.tables import as_function
 from castfem.base.tolerances import ROUNDING
 from castfem.base.units import in_mm
+from castfem.model.base import Unreadable
+from castfem.model.checks import Faults, check
 from castfem.model.mould import Mould
-from castfem.model.mould_tube import check_tube
-from castfem.model.problems import Problem
 from castfem.model.section import Section, Strip
 from castfem.physics import mould as wall
+
+if TYPE_CHECKING:
+    from castfem.model.case import Case
+
+SIZES = ("width", "height", "diameter", "corner_radius")
+"""Keys of [mould] that are sizes of its cavity."""
 
 
 def build_mould(table: Mould, section: Section) -> wall.Mould:
@@ -75,40 +81,24 @@ def _tapers(table: Mould) -> wall.Tapers:
     )
 
 
-def check_mould(table: Mould | None, section: Section) -> Iterator[Problem]:
-    """Yield what does not fit between [mould] and [section]; faulty values are None in both."""
-    if table is None or section is None:
-        return
+@check("mould")
+def _goes_with(case: Case, table: Mould) -> Faults:
+    """Yield what does not fit between [mould] and [section]."""
+    section = case.section
     if isinstance(section, Strip):
-        yield Problem(("mould",), "a strip has no mould; leave the table out")
+        yield "", "a strip has no mould; leave the table out"
         return
-    found = list(_sizes(table, section, section.mould_sizes))
-    given = None if table.taper is None else table.taper.parts
-    if section.one_taper and given and set(given) != {"face"}:
-        found.append(
-            Problem(
-                ("mould", "taper"),
-                f'a section of shape "{section.tag}" has one taper for all: taper = "1 %/m"',
-            )
+    if section.one_taper and not set(table.taper.parts) <= {"face"}:
+        yield (
+            "taper",
+            f'a section of shape "{section.tag}" has one taper for all: taper = "1 %/m"',
         )
-    found += [] if table.friction is None else table.friction.problems()
     if getattr(section, "bulge", None) is not None and table.displacement is None:
-        found.append(
-            Problem(
-                ("section", "bulge"),
-                "the cavity must have the strand's outline, too: mould.displacement = "
-                '{ file = "wall.csv" } (castfem section writes both)',
-            )
+        yield (
+            "/section.bulge",
+            "the cavity must have the strand's outline, too: mould.displacement = "
+            '{ file = "wall.csv" } (castfem section writes both)',
         )
-    if table.tube is not None:
-        found += check_tube(table.tube, section, table.length)
-    yield from found
-    # What may be left out is None where it is; what is faulty, too.
-    fields = type(section).model_fields.items()
-    sizes = [getattr(section, name, None) for name, key in fields if key.default is not None]
-    needed = [table.length, table.taper, table.condition, table.copper, *sizes]
-    if not found and None not in needed:
-        yield from _fits(table, section)
 
 
 def nominal_mould(table: Mould, section: Section) -> wall.Mould:
@@ -120,68 +110,66 @@ def nominal_mould(table: Mould, section: Section) -> wall.Mould:
     return wall.Mould(_cavity(table, section, 1.0), table.length, _tapers(table))
 
 
-def _sizes(table: Mould, section: Section, known: tuple[str, ...]) -> Iterator[Problem]:
+@check("mould")
+def _sizes(case: Case, table: Mould) -> Faults:
     """Yield the sizes a section of this shape does not have, and those too small for the strand."""
-    hot = hot_lengths(table)
-    for name in ("width", "height", "diameter", "corner_radius"):
+    section, hot = case.section, hot_lengths(table)
+    known = section.mould_sizes
+    for name in () if isinstance(section, Strip) else SIZES:
         size = getattr(table, name)
-        if size is None:
+        if size is None or isinstance(size, Unreadable):
             continue
         if name not in known:
             sizes = f"; allowed: {', '.join(known)}" if known else "; its sizes are the section's"
-            yield Problem(
-                ("mould", name), f'not a size of a section of shape "{section.tag}"{sizes}'
-            )
+            yield name, f'not a size of a section of shape "{section.tag}"{sizes}'
             continue
         own = getattr(section, name)
-        if own is None or hot is None:
+        if hot is None:
             continue
         if name == "corner_radius":
-            allowed = _widest_corner(table, section, hot)
-            short = allowed is not None and size > allowed + ROUNDING * own
+            bound, allowed = "at most", _widest_corner(table, section, hot)
+            short = size > allowed + ROUNDING * own
         else:
-            allowed, short = own / hot, hot * size < own * (1.0 - ROUNDING)
-        if short and allowed is not None:
-            bound = "at most" if name == "corner_radius" else "at least"
+            bound, allowed, short = "at least", own / hot, hot * size < own * (1.0 - ROUNDING)
+        if short:
             limit = "that" if allowed == own else in_mm(allowed)
-            yield Problem(
-                ("mould", name),
+            yield (
+                name,
                 f"({in_mm(size)}) does not let the strand in, which has {in_mm(own)}; allowed: "
                 f"{bound} {limit}, or leave it out",
             )
 
 
-def _widest_corner(table: Mould, section: Section, hot: float) -> float | None:
+def _widest_corner(table: Mould, section: Section, hot: float) -> float:
     """Return the largest corner radius of a cavity that lets the strand in, m.
 
     A rectangle with round corners is one of straight corners, inner, and all that is within the
     radius of it.  The strand's is inside the mould's where no direction has it reach farther.
     """
     sizes = [(getattr(section, name), getattr(table, name)) for name in ("width", "height")]
-    radius = getattr(section, "corner_radius", None)
-    if radius is None or any(own is None for own, _ in sizes):
-        return None
     # Half of what the cavity has beyond the strand, and by how much its radius may be larger: the
     # centres of the corners lie (grown - a, grown - b) apart, and that far the strand's reaches.
     a, b = (0.0 if size is None else max(0.5 * (hot * size - own), 0.0) for own, size in sizes)
     grown = a + b + math.sqrt(2.0 * a * b)
-    return float((radius + grown) / hot)
+    return float((section.corner_radius + grown) / hot)
 
 
 def hot_lengths(table: Mould) -> float | None:
     """Return hot over cold lengths at the meniscus, None where that cannot be told."""
-    if None in (table.condition, table.copper):
-        return None
     try:
         expansion = _expansion(table)
-    except (TypeError, ValueError):  # told elsewhere
+    except ValueError:  # another check yields it
         return None
     return 1.0 if expansion is None else expansion.factor(0.0)
 
 
-def _fits(table: Mould, section: Section) -> Iterator[Problem]:
-    """Yield why the mould cannot be built, unless it is the section that is impossible."""
-    key = "wall_temperature"
+@check("mould")
+def _fits(case: Case, table: Mould) -> Faults:
+    """Yield why the mould cannot be built, unless another check says so."""
+    section, key = case.section, "wall_temperature"
+    others = (*_goes_with(case, table), *_sizes(case, table), *table.friction.problems())
+    if others or isinstance(section, Strip):
+        return
     try:
         _expansion(table)
         key = "taper"
@@ -193,4 +181,4 @@ def _fits(table: Mould, section: Section) -> Iterator[Problem]:
         build_mould(table, section)
     except ValueError as error:
         if key:
-            yield Problem(("mould", key), str(error))
+            yield key, str(error)

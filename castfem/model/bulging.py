@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
@@ -13,7 +12,7 @@ from castfem.base.quantities import Kind
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
 from castfem.model.base import TableModel
-from castfem.model.problems import Problem
+from castfem.model.checks import Faults, check
 from castfem.model.secondary import is_wide
 
 if TYPE_CHECKING:
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
 
 Model = Literal["creep", "elastic", "thesis", "none"]
 MODELS: tuple[Model, ...] = get_args(Model)
-_KEY = ("mechanics", "bulging")
 SolidFraction = Annotated[float, Kind("1", least=0.0, most=1.0, label="solid fraction", sample="1")]
 LargestBulge = Annotated[
     float | Table, Curve(Kind("m", "mm", above=0.0, label="bulge", sample="0.5 mm"), "position")
@@ -78,43 +76,45 @@ def _table(given: Any) -> Any:
     return {"model": given} if isinstance(given, str) else given
 
 
-def check_bulging(case: Case) -> Iterator[Problem]:
-    """Yield what keeps a case from bulging between rolls, of a faulty case what can be told."""
-    mechanics = case.mechanics
-    table = None if mechanics is None else mechanics.bulging
-    if mechanics is None or table is None or table.model is None:
-        return
+@check("mechanics.bulging")
+def _no_effect(case: Case, table: Bulging) -> Faults:
     if table.model == "none":
         # A case that was written out and is read again has every default in it.
-        changed = (n for n, f in Bulging.model_fields.items() if getattr(table, n) != f.default)
-        for name in sorted(set(changed) - {"model"}):
-            yield Problem((*_KEY, name), 'has no effect with model = "none"; leave one of both out')
+        for name, field in Bulging.model_fields.items():
+            if name != "model" and getattr(table, name) != field.default:
+                yield name, 'has no effect with model = "none"; leave one of both out'
+    if table.largest is not None and table.model not in ("thesis", "none"):
+        yield "largest", f'is for model = "thesis", not "{table.model}"'
+    if table.shear and table.model == "thesis":
+        yield "shear", 'is for a strip, not for model = "thesis"'
+
+
+@check("mechanics.bulging")
+def _needs(case: Case, table: Bulging) -> Faults:
+    """Yield what keeps a case from bulging between rolls."""
+    mechanics = case.mechanics
+    if not table.bears or mechanics is None:
         return
     if case.machine is None:
-        if "machine" not in case.model_fields_set:
-            yield Problem(_KEY, "needs rolls, the table [machine]; add it, or leave bulging out")
+        yield "", "needs rolls, the table [machine]; add it, or leave bulging out"
         return
-    if case.section is not None and getattr(case.section, "shape", "") != "rectangle":
-        yield Problem(
-            _KEY, "is for a section with wide faces; give section.shape = \"rectangle\", or leave "
-            "bulging out",
-        )  # fmt: skip
+    if case.section.tag != "rectangle":
+        yield (
+            "",
+            'is for a section with wide faces; give section.shape = "rectangle", or leave it out',
+        )
     if mechanics.ferrostatic == "off":
-        yield Problem(
-            _KEY,
+        yield (
+            "",
             'needs the pressure of the liquid, and ferrostatic is "off"; leave one of both out',
         )
-    for index, held in enumerate(mechanics.held or ()):
-        if held is not None and held.component == "y" and any(map(is_wide, held.on or ())):
-            yield Problem(
-                ("mechanics", "held", index),
+    for index, held in enumerate(mechanics.held):
+        if held.component == "y" and any(map(is_wide, held.on)):
+            yield (
+                f"/mechanics.held.{index}",
                 "moves the wide faces, which the rolls bear where they bulge; leave one of the two "
                 "out (held = [])",
             )
-    if table.largest is not None and table.model != "thesis":
-        yield Problem((*_KEY, "largest"), f'is for model = "thesis", not "{table.model}"')
-    if table.shear and table.model == "thesis":
-        yield Problem((*_KEY, "shear"), 'is for a strip, not for model = "thesis"')
     pairs = case.machine.pairs()
     if pairs is not None and len(pairs.pairs) < 2:
-        yield Problem(_KEY, "needs two pairs of rolls at least")
+        yield "", "needs two pairs of rolls at least"

@@ -14,7 +14,7 @@ from pydantic import Field, ModelWrapValidatorHandler, model_validator
 
 from castfem.base.errors import InputError
 from castfem.base.tables import Table as TableOfValues
-from castfem.model.base import TableModel
+from castfem.model.base import FaultyError, TableModel
 from castfem.model.casting import (
     CONTACT_FIELDS,
     THERMAL_FIELDS,
@@ -112,12 +112,13 @@ class Case(TableModel):
     def _with_interval(cls, data: Any, handler: ModelWrapValidatorHandler[Case]) -> Case:
         """Put in how often the fields are written, so that the case of a run names it."""
         case = handler(data)
-        casting, output = case.casting, case.output
-        if output is None or output.every is not None or casting is None:
-            return case  # faulty tables are None where all problems are gathered
-        if None in (casting.speed, casting.length):
+        try:
+            if case.output.every is not None:
+                return case
+            every = usual_interval(case.casting.duration)
+        except FaultyError:
             return case
-        output = output.model_copy(update={"every": usual_interval(casting.duration)})
+        output = case.output.model_copy(update={"every": every})
         return case.model_copy(update={"output": output})
 
     def zones(self) -> tuple[Span, ...]:

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
-from pydantic import AfterValidator, Field, field_validator
+from pydantic import AfterValidator, Field
 
-from castfem.base import units
+from castfem.base import result_registry, units
 from castfem.base.quantities import Kind, Length, Percent, Temperature, Time
 from castfem.base.shown_units import ShownUnits, UnitsNotation
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
 from castfem.base.tolerances import ROUNDING
+from castfem.base.units import in_mm
 from castfem.model.base import TableModel
+from castfem.model.checks import Faults, check, check_test, one_of
 from castfem.model.probe import Probe
 from castfem.physics.machine.travel import Changing, Steady, Travel
+
+if TYPE_CHECKING:
+    from castfem.model.case import Case
+    from castfem.model.tensile import TensileCase
 
 ThermalField = Literal["temperature", "solid_fraction"]
 MechanicalField = Literal[
@@ -24,7 +30,27 @@ MechanicalField = Literal[
 ContactField = Literal["gap", "contact_pressure"]
 ReferenceKind = Literal["value", "at_least", "at_most"]
 """What is known of a quantity: its value, or a bound."""
-SpeedOverTime = Annotated[float | Table, Curve(Kind("m/s", "m/min", least=0.0), over="time")]
+
+
+def _goes(speed: float | Table) -> float | Table:
+    """Refuse a strand that never goes at all."""
+    if max(speed.values if isinstance(speed, Table) else (speed,)) > 0.0:
+        return speed
+    raise ValueError("must be above 0 m/min")
+
+
+def _is_table(profile: float | Table) -> float | Table:
+    """Refuse one temperature, which is casting.temperature."""
+    if isinstance(profile, Table):
+        return profile
+    raise ValueError(
+        "a table over depth is needed; the one temperature of a slice is casting.temperature"
+    )
+
+
+SpeedOverTime = Annotated[
+    float | Table, Curve(Kind("m/s", "m/min", least=0.0), over="time"), AfterValidator(_goes)
+]
 FieldName = Literal[ThermalField, MechanicalField, ContactField]
 """Fields that can be written."""
 THERMAL_FIELDS: tuple[FieldName, ...] = get_args(ThermalField)
@@ -32,7 +58,9 @@ MECHANICAL_FIELDS: tuple[FieldName, ...] = get_args(MechanicalField)
 CONTACT_FIELDS: tuple[FieldName, ...] = get_args(ContactField)
 
 
-TemperatureOverDepth = Annotated[float | Table, Curve(Kind("K", "degC"), over="depth")]
+TemperatureOverDepth = Annotated[
+    float | Table, Curve(Kind("K", "degC"), over="depth"), AfterValidator(_is_table)
+]
 
 
 _ROUNDED = 1e-6  # of a per cent
@@ -63,16 +91,6 @@ class Start(TableModel):
     """when the slice leaves the meniscus, on the clock by which the tables over time of
     casting.speed, casting.superheat and of water go; left out: at 0 s"""
 
-    @field_validator("profile")
-    @classmethod
-    def _is_table(cls, profile: float | Table | None) -> float | Table | None:
-        """Refuse one temperature, which is casting.temperature."""
-        if profile is None or isinstance(profile, Table):
-            return profile
-        raise ValueError(
-            "a table over depth is needed; the one temperature of a slice is casting.temperature"
-        )
-
 
 class Casting(TableModel):
     """How the strand is cast. Exactly one of `superheat` and `temperature` is given."""
@@ -89,14 +107,6 @@ class Casting(TableModel):
     """temperature of the steel at the meniscus"""
     start: Start | None = None
     """where and with what it begins; left out: liquid, at the meniscus"""
-
-    @field_validator("speed")
-    @classmethod
-    def _goes(cls, speed: float | Table | None) -> float | Table | None:
-        """Refuse a strand that never goes at all."""
-        if speed is None or max(speed.values if isinstance(speed, Table) else (speed,)) > 0.0:
-            return speed
-        raise ValueError("must be above 0 m/min")
 
     @property
     def travel(self) -> Travel:
@@ -236,3 +246,93 @@ class Reference(TableModel):
     def unit(self) -> str:
         """The unit in which the value was given, empty for a plain number."""
         return units.split(self.value)[1]
+
+
+@check("casting")
+def _temperature(case: Case, casting: Casting) -> Faults:
+    yield from one_of(casting, {"superheat": '"40 K"', "temperature": '"1540 degC"'})
+
+
+@check("casting")
+def _stands(case: Case, casting: Casting) -> Faults:
+    """Yield a strand that stands for good before it has come to the end."""
+    table = casting.speed
+    if not isinstance(table, Table) or math.isfinite(casting.duration):
+        return
+    last = table.arguments[-1]
+    yield (
+        "speed",
+        f"the strand stands for good after {last:g} s, {casting.travel.position(last):.6g} m below "
+        f"the meniscus: it never comes to casting.length ({casting.length:g} m); let the last row "
+        "of the table be above 0 m/min, or shorten the length",
+    )
+
+
+@check("casting.start")
+def _start(case: Case, start: Start) -> Faults:
+    """Yield what a start below the mould, or from a profile, does not go with."""
+    if case.verification is not None:
+        yield "", "a closed form begins at the meniscus, at one temperature; leave it out"
+    if start.at != "mould_exit":
+        return
+    if case.mould is not None:
+        yield "at", '("mould_exit") begins below the mould; leave it or [mould] out'
+        return
+    ends, length = case.mould_exit(), case.casting.length
+    if ends is None:
+        yield "at", '("mould_exit"): there is no mould; name a zone of [[cooling]] so, with its end'
+    elif not ends < length:
+        yield (
+            "at",
+            f'("mould_exit"), {in_mm(ends)}, does not lie above casting.length ({in_mm(length)})',
+        )
+
+
+@check("casting.start")
+def _meniscus(case: Case, start: Start) -> Faults:
+    """Yield what a meniscus that has met the wall does not go with."""
+    height = start.meniscus
+    if height is None:
+        return
+    if start.profile is not None or start.at == "mould_exit":
+        other = "profile" if start.profile is not None else 'at = "mould_exit"'
+        yield "meniscus", f"and {other} both say what the run begins with; leave one of them out"
+        return
+    ends = case.cooling[0].to
+    if ends is not None and not height < ends:
+        yield (
+            "meniscus",
+            f"({in_mm(height)}) is not within the first zone of the cooling, which ends at "
+            f"{in_mm(ends)}; a meniscus is about 10 mm high",
+        )
+
+
+@check("output")
+def _fields(case: Case, output: Output) -> Faults:
+    names = output.fields or ()
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            yield "fields", f"'{name}' stands there twice"
+        if name in MECHANICAL_FIELDS and case.mechanics is None:
+            yield "fields", f"'{name}' needs the table [mechanics], which is missing"
+        if name in CONTACT_FIELDS and case.mould is None:
+            yield "fields", f"'{name}' needs the table [mould], which is missing"
+    if len({round(100.0 * fraction) for fraction in output.shell_at}) < len(output.shell_at):
+        yield "shell_at", "has a solid fraction twice"
+
+
+@check("reference.*")
+def _compared(case: Case, reference: Reference) -> Faults:
+    """Yield references that no run could ever be compared with."""
+    if fault := result_registry.fault(reference.quantity, reference.value):
+        yield fault
+
+
+@check_test("reference.*")
+def _without_position(case: TensileCase, reference: Reference) -> Faults:
+    if reference.at is not None:
+        yield (
+            "at",
+            "a tensile test has no position; the quantities stress_1, stress_2 ... hold at the "
+            "ends of its segments",
+        )

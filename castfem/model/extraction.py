@@ -6,7 +6,6 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
@@ -16,7 +15,7 @@ from castfem.base.table_notation import CurveOr
 from castfem.base.tables import Table
 from castfem.base.tolerances import ROUNDING
 from castfem.model.base import TableModel
-from castfem.model.problems import Problem
+from castfem.model.checks import Faults, caution, check
 
 if TYPE_CHECKING:
     from castfem.model.case import Case
@@ -29,7 +28,6 @@ ResistanceOverPosition = Annotated[
 FrictionCoefficient = Annotated[
     float, Kind("1", least=0.0, label="friction coefficient", sample="0.3")
 ]
-_PATH = ("machine", "extraction")
 
 
 class Extraction(TableModel):
@@ -47,56 +45,54 @@ class Extraction(TableModel):
     each by itself (eq. 320)"""
 
 
-def check_extraction(case: Case) -> Iterator[Problem]:
-    """Yield what keeps [machine.extraction] from being one; of a faulty case what can be told."""
-    table = None if case.machine is None else case.machine.extraction
-    if table is None or case.machine is None:
+@check("machine.extraction")
+def _draws(case: Case, table: Extraction) -> Faults:
+    rolls = None if case.machine is None else case.machine.pairs()
+    if rolls is None:
         return
-    rolls = case.machine.pairs()
-    if rolls is not None and not any(pair.driven for pair in rolls.pairs):
-        yield Problem(
-            _PATH,
+    if not any(pair.driven for pair in rolls.pairs):
+        yield (
+            "",
             "no pair of rolls is driven, nothing would draw the strand; set driven to yes in the "
             "table of [machine] rolls",
         )
-    yield from _resistance(table)
-    if case.mechanics is None or rolls is None:
-        return
-    if not case.bends:
-        yield Problem(
-            _PATH,
+    if case.mechanics is not None and not case.bends:
+        yield (
+            "",
             "is for a strand that its machine bends; give the rolls of [machine] a radius, or "
             "leave it out and give mechanics.planes.force",
         )
-        return
-    yield from _twice(case)
 
 
-def _resistance(table: Extraction) -> Iterator[Problem]:
+@check("machine.extraction")
+def _resistance(case: Case, table: Extraction) -> Faults:
     """Yield a resistance that is no curve, or falls."""
-    given = table.resistance
-    if isinstance(given, Table):
-        for before, row in itertools.pairwise(zip(given.arguments, given.values, strict=True)):
-            if row[1] < before[1]:
-                yield Problem(
-                    (*_PATH, "resistance"),
-                    f"falls from {1e-3 * before[1]:g} kN at {before[0]:g} m to "
-                    f"{1e-3 * row[1]:g} kN at {row[0]:g} m: it is that of all rolls above, not "
-                    "the effort in the strand, which castfem makes of it with the drives",
-                )
-                return
-    elif isinstance(given, float | int):
-        yield Problem(
-            (*_PATH, "resistance"),
+    curve = table.resistance
+    if isinstance(curve, float | int):
+        yield (
+            "resistance",
             'must be a table over position, such as { file = "resistance.csv" }, or "coupled"',
         )
+    if not isinstance(curve, Table):
+        return
+    for before, row in itertools.pairwise(zip(curve.arguments, curve.values, strict=True)):
+        if row[1] < before[1]:
+            yield (
+                "resistance",
+                f"falls from {1e-3 * before[1]:g} kN at {before[0]:g} m to {1e-3 * row[1]:g} kN at "
+                f"{row[0]:g} m: it is that of all rolls above, not the effort in the strand, which "
+                "castfem makes of it with the drives",
+            )
+            return
 
 
-def _twice(case: Case) -> Iterator[Problem]:
+@check("machine.extraction")
+def _twice(case: Case, table: Extraction) -> Faults:
     """Yield forces that would be counted twice."""
-    assert case.mechanics is not None
+    if case.mechanics is None or not case.bends:
+        return
     planes = case.mechanics.planes
-    if planes is not None and planes.neutral_axis in (None, "free"):
+    if planes.neutral_axis in (None, "free"):
         for key, reason in (
             ("force", "stands beside [machine.extraction], which gives the force"),
             (
@@ -107,22 +103,21 @@ def _twice(case: Case) -> Iterator[Problem]:
         ):
             value = getattr(planes, key)
             if value is not None and (key != "force" or value != 0.0):
-                yield Problem(("mechanics", "planes", key), f"{reason}; leave one of the two out")
-    mould = case.mould
-    if mould is not None and mould.friction is not None and mould.friction.tag != "none":
-        yield Problem(
-            ("mould", "friction"),
+                yield f"/mechanics.planes.{key}", f"{reason}; leave one of the two out"
+    if case.mould is not None and case.mould.friction.tag != "none":
+        yield (
+            "/mould.friction",
             "pulls at the strand beside [machine.extraction], whose drives take what rolls "
             'resist and would never take it; give friction = { law = "none" }, or leave '
             "machine.extraction out",
         )
 
 
-def extraction_warnings(case: Case) -> Iterator[Problem]:
+@caution("machine.extraction")
+def _leaves_out(case: Case, table: Extraction) -> Faults:
     """Yield a curve of the resistance that leaves out pairs of the machine."""
-    table = None if case.machine is None else case.machine.extraction
     rolls = None if case.machine is None else case.machine.normal()
-    if table is None or rolls is None or not isinstance(table.resistance, Table):
+    if rolls is None or not isinstance(table.resistance, Table):
         return
     from castfem.physics.machine.extraction.resistance import steps_of
 
@@ -137,8 +132,8 @@ def extraction_warnings(case: Case) -> Iterator[Problem]:
         if left and left != [0]
     ]
     if told:
-        yield Problem(
-            (*_PATH, "resistance"),
+        yield (
+            "resistance",
             f"goes from {rows[0]:.4g} to {rows[-1]:.4g} m, the rolls from {places[0]:.4g} to "
             f"{places[-1]:.4g} m: {' and '.join(told)} resist with nothing; give the curve from "
             "the first pair to the last",

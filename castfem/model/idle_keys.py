@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from castfem.base.tables import Table
 from castfem.base.tolerances import ROUNDING
-from castfem.model.extraction import COUPLED
-from castfem.model.problems import Problem
+from castfem.model.casting import Start
+from castfem.model.checks import Faults, caution, own_caution
+from castfem.model.extraction import COUPLED, Extraction
+from castfem.model.mechanics import Coupling, Mechanics
 
 if TYPE_CHECKING:
     from castfem.model.base import TableModel
@@ -17,16 +18,7 @@ if TYPE_CHECKING:
 _REPEATED = ("passes", "settled", "window_error")
 
 
-def idle_keys(case: Case) -> Iterator[Problem]:
-    """Yield keys that were given and have no effect, with the reason."""
-    yield from _coupling(case)
-    yield from _liquid(case)
-    yield from _extraction(case)
-    yield from _clock(case)
-    yield from _longest_step(case)
-
-
-def _given(table: TableModel) -> list[str]:
+def _changed(table: TableModel) -> list[str]:
     """Keys with another value than their default: the case of a run names the defaults, too."""
     fields = type(table).model_fields
     needed = {name for name, field in fields.items() if field.is_required()}
@@ -34,46 +26,48 @@ def _given(table: TableModel) -> list[str]:
     return [n for n in fields if getattr(table, n) != getattr(plain, n)]
 
 
-def _longest_step(case: Case) -> Iterator[Problem]:
+@caution()
+def _longest_step(case: Case, _: object) -> Faults:
     """Yield a step that was asked for and is never taken, since fields are written within it."""
     time, every = case.thermal.time, case.output_every
     given: dict[tuple[str, ...], float | None] = {("step",): time.step}
-    if time.adaptive is not None and "largest" in _given(time.adaptive):
+    if time.adaptive is not None and "largest" in _changed(time.adaptive):
         given = {("adaptive", "largest"): time.adaptive.largest}
     for name, step in given.items():
         if case.output_fields and step is not None and step > every * (1.0 + ROUNDING):
-            yield Problem(
-                ("thermal", "time", *name),
+            yield (
+                ".".join(("thermal", "time", *name)),
                 f"({step:.4g} s) is cut to output.every ({every:.4g} s): the states of the fields "
                 "end a step; write them less often, or none (output.fields = [])",
             )
 
 
-def _clock(case: Case) -> Iterator[Problem]:
+@caution("casting.start")
+def _clock(case: Case, start: Start) -> Faults:
     """Yield a start by the clock, where nothing goes by it."""
-    if case.casting.clock == 0.0:
+    if not start.time:
         return
     water = [] if case.water is None else [case.water.flow]
     water += [getattr(law, "flow", None) for zone in case.cooling for law in zone.surface]
     water += [] if case.secondary is None else [c.flow for c in case.secondary.circuit]
     given = (case.casting.speed, case.casting.superheat, *water)
     if not any(isinstance(value, Table) and value.over == "time" for value in given):
-        yield Problem(
-            ("casting", "start", "time"),
+        yield (
+            "time",
             "has no effect: neither speed, nor superheat, nor a flow of water is over time",
         )
 
 
-def _coupling(case: Case) -> Iterator[Problem]:
+@caution("coupling")
+def _coupling(case: Case, table: Coupling) -> Faults:
     """Yield what is told of windows that are not repeated, or of a coupling that is not there."""
-    table = case.coupling
-    given = _given(table)
+    given = _changed(table)
     if case.mechanics is None:
         for name in given:
-            yield Problem(("coupling", name), "has no effect without [mechanics]")
+            yield name, "has no effect without [mechanics]"
         return
     if "strain_error" in given and (table.growth or 1.0) == 1.0:
-        yield Problem(("coupling", "strain_error"), "has no effect without coupling.growth")
+        yield "strain_error", "has no effect without coupling.growth"
     for name in (n for n in _REPEATED if n in given):
         if case.mould is None:
             reason = "without [mould]: no gap opens, and a window is not repeated"
@@ -83,35 +77,27 @@ def _coupling(case: Case) -> Iterator[Problem]:
             reason = "with passes = 1: the error of a window is found by repeating it"
         else:
             continue
-        yield Problem(("coupling", name), f"has no effect {reason}")
+        yield name, f"has no effect {reason}"
 
 
-def _liquid(case: Case) -> Iterator[Problem]:
+@own_caution("mechanics")
+def _liquid(case: Case, table: Mechanics) -> Faults:
     """Yield a modulus of liquid that is fed, where no mushy zone is stiffer than it."""
-    table = case.mechanics
-    if table is None or table.liquid_has_modulus:
-        return
-    if "liquid_stiffness" in _given(table):
-        yield Problem(
-            ("mechanics", "liquid_stiffness"),
+    if not table.liquid_has_modulus and "liquid_stiffness" in _changed(table):
+        yield (
+            "liquid_stiffness",
             "has no effect: liquid that is fed is as soft as its pressure allows; what has this "
             'modulus is liquid = "elastic", or a mushy zone that stiffens (mush)',
-            inherited=False,  # the case above may be of another liquid
         )
 
 
-def _extraction(case: Case) -> Iterator[Problem]:
+@caution("machine.extraction")
+def _extraction(case: Case, table: Extraction) -> Faults:
     """Yield friction and bending that a maker's curve has in it."""
-    table = None if case.machine is None else case.machine.extraction
     rolls = None if case.machine is None else case.machine.pairs()
-    if table is None or rolls is None or table.resistance == COUPLED:
+    if rolls is None or table.resistance == COUPLED:
         return
-    names = ["bending"]
-    if not any(pair.locked for pair in rolls.pairs):
-        names += ["friction_axis", "friction_surface"]
-    for name in names:
-        if name in _given(table):
-            yield Problem(
-                ("machine", "extraction", name),
-                "has no effect beside a maker's curve, which has it in it",
-            )
+    locked = any(pair.locked for pair in rolls.pairs)
+    for name in ("bending", *(() if locked else ("friction_axis", "friction_surface"))):
+        if name in _changed(table):
+            yield name, "has no effect beside a maker's curve, which has it in it"

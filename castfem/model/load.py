@@ -40,7 +40,7 @@ class Reading:
     """What came of reading a case.
 
     Attributes:
-        case: The case; with problems, what is sound of it: whatever is faulty is None in it.
+        case: The case; with problems, what is sound of it: what is faulty is `UNREADABLE` in it.
             None if not even the files could be read.
         problems: One line each.
         steel: Where the steel was chosen ("billet.toml: steel"), for its own messages; of a tensile
@@ -172,7 +172,7 @@ def _validate(written: document.Document) -> Reading:
     """Validate a document, check across keys, and collect the problems with their files."""
     kind = _kind(written)
     case, found = _build(kind, written.data)
-    found = [*found, *_together(case, faulty=bool(found))]
+    found = [*found, *validation.problems_of(case, sound=not found)]
     lines = [*written.faults, *(_line(written, problem) for problem in found)]
     table, name = ("steel", "name") if kind is Case else (tensile.TABLE, "material")
     steel = f"{written.origin((table, name))}: {table}"
@@ -190,30 +190,12 @@ def _validate(written: document.Document) -> Reading:
     )
 
 
-def _together(case: AnyCase, faulty: bool) -> list[problems.Problem]:
-    """Return the problems of keys taken together; where some are faulty, as many as can be told.
-
-    Args:
-        case: The case, its faulty values None.
-        faulty: Whether there are any: a check that trips over one of them, or over what another
-            check has found, has nothing to add.
-    """
-    checks = tensile.check(case) if isinstance(case, TensileCase) else validation.check(case)
-    found: list[problems.Problem] = []
-    try:
-        found.extend(checks)
-    except (ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError):
-        if not faulty and not found:
-            raise
-    return found
-
-
 def _kind(written: document.Document) -> type[AnyCase]:
     return TensileCase if tensile.TABLE in written.data else Case
 
 
 def _build(kind: type[AnyCase], data: dict[str, Any]) -> tuple[AnyCase, list[problems.Problem]]:
-    """Return the case, faulty values None, and the problems within single keys."""
+    """Return the case, faulty values `UNREADABLE`, and the problems within single keys."""
     try:
         return kind.model_validate(data), []
     except ValidationError as error:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -18,6 +17,8 @@ from castfem.physics.machine.travel import Steady
 from castfem.physics.thermal import mould_flux
 
 ANY_SPEED = "any speed"
+TOTALS = ("power", "water", "water_rise")
+"""Keys of a measured total."""
 
 HeatFlow = Annotated[
     float | Table, Curve(Kind("W", "kW", above=0.0, label="heat flow", sample="1450 kW"), "speed")
@@ -108,17 +109,25 @@ class ScaledLaw(HeatLaw):
 
     def milestones(self, around: Surroundings) -> tuple[float, ...]:
         """See `HeatLaw.milestones`; totals do not change while a slice is in the mould."""
-        given = (getattr(self, key) for key in type(self).model_fields if key not in _TOTALS)
+        given = (
+            getattr(self, key)
+            for key in type(self).model_fields
+            if key not in (*TOTALS, "measured_at")
+        )
         measured = self._as_measured(around)
         found: list[float] = []
         for value in given:
             found += kinks_in_time(value, measured if value is self.curve else around)
         return tuple(found)
 
+    curve_key: ClassVar[str] = "value"
+    """The key of the flux that is scaled."""
+
     @property
-    @abstractmethod
     def curve(self) -> str | float | Table | None:
         """The flux that is scaled; None where the law has none."""
+        found: str | float | Table | None = getattr(self, self.curve_key)
+        return found
 
     def _as_measured(self, around: Surroundings) -> Surroundings:
         """Return the surroundings at the speed at which the heat was measured."""
@@ -126,9 +135,6 @@ class ScaledLaw(HeatLaw):
             return around
         assert isinstance(self.measured_at, float), "it is a speed"
         return replace(around, machine=Machine(Steady(self.measured_at)))
-
-
-_TOTALS = ("power", "water", "water_rise", "measured_at")
 
 
 def _at(given: float | Table, speed: float) -> float:

@@ -21,11 +21,14 @@ from castfem.base.types import MushyZone
 from castfem.base.units import parse_any
 from castfem.model.base import TableModel, written
 from castfem.model.bulging import Bulging, BulgingMark
+from castfem.model.checks import Faults, check
 from castfem.model.thermal import PetscOption
 
 if TYPE_CHECKING:
     from pydantic import GetJsonSchemaHandler
     from pydantic_core import CoreSchema
+
+    from castfem.model.case import Case
 
 FREE = "free"
 _TIME, _LENGTH = Kind("s", "s", above=0.0), Kind("m", "mm", above=0.0)
@@ -302,3 +305,26 @@ def free_strains(planes: GeneralizedPlaneStrain, allowed: tuple[str, ...]) -> tu
         for name, value in given.items()
         if value == FREE or (value is None and name in ("a1", "a2") and name in allowed)
     )
+
+
+_SOFTEST = 1e-6  # of the solid: liquid that keeps its shape at large strain
+
+
+@check("mechanics")
+def _liquid_in_mould(case: Case, table: Mechanics) -> Faults:
+    if case.mould is None:
+        return
+    if table.liquid == "fed" and table.ferrostatic in ("off", "none"):
+        yield (
+            "ferrostatic",
+            f'("{table.ferrostatic}"): in a mould liquid that is fed resists nothing: without its '
+            "pressure nothing holds a surface at the wall until it has frozen; give ferrostatic = "
+            '"full", or liquid = "elastic"',
+        )
+    soft = table.liquid_has_modulus and table.liquid_stiffness < _SOFTEST
+    if soft and table.strain == "large":
+        yield (
+            "liquid_stiffness",
+            f"({table.liquid_stiffness:g}): liquid this soft folds in a mould at large strain; at "
+            f'least {_SOFTEST:g}, or strain = "small"',
+        )

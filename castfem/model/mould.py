@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field
 
 from castfem.base.quantities import Distance, Kind, Length, PositiveNumber, Speed, Temperature
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
 from castfem.base.units import nearest
 from castfem.model.base import TableModel, written
+from castfem.model.checks import Faults, check
 from castfem.model.mechanics import Share
 from castfem.model.mould_tube import MouldTube
-from castfem.model.problems import Problem
 from castfem.model.taper import Perimeter, TaperMark
 from castfem.model.variants import Variants
 from castfem.model.wall_shape import WallShape
@@ -102,21 +101,6 @@ class ContactSettings(TableModel):
     factor: PositiveNumber | None = Field(None, examples=[1000])
     """stiffness of the contact over that of the cell behind it; by default 10"""
 
-    @field_validator("factor")
-    @classmethod
-    def _stable(cls, factor: float | None, info: ValidationInfo) -> float | None:
-        """Refuse factors with which Nitsche's method cannot solve a strand (docs/contact.md)."""
-        if factor is None or info.data.get("method") != "nitsche":
-            return factor
-        from castfem.physics.contact.settings import FACTOR, LEAST_NITSCHE
-
-        if factor >= LEAST_NITSCHE:
-            return factor
-        raise ValueError(
-            f"too small for Nitsche's method to be stable; allowed: at least "
-            f"{LEAST_NITSCHE:g}, or leave it out for {FACTOR:g}"
-        )
-
 
 class Friction(Variants):
     """What every friction law has; a new one is a subclass with its own `law` and `build`."""
@@ -128,8 +112,8 @@ class Friction(Variants):
         """Return the law as the contact asks it, None for a wall without friction."""
         return None
 
-    def problems(self) -> Iterator[Problem]:
-        """Yield what its values cannot be together."""
+    def problems(self) -> Faults:
+        """Yield what its values cannot be together: keys, and what is wrong."""
         yield from ()
 
 
@@ -215,19 +199,18 @@ class Viscous(Friction):
         base = friction.Coulomb(self.coefficient)
         return friction.Viscous(base, share, self.yield_stress, speed, exponent, steepest)
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Faults:
         """See `Friction.problems`."""
-        if self.coefficient and self.yield_stress is None:
-            yield Problem(
-                ("mould", "friction"),
-                'a threshold needs the limit of what comes on top: yield_stress = "10 MPa"',
-            )
-        if self.yield_stress is not None and self.stress > self.yield_stress / math.sqrt(3.0):
-            yield Problem(
-                ("mould", "friction", "stress"),
+        if self.yield_stress is None:
+            if self.coefficient:
+                yield "", 'a threshold needs the limit of what is above it: yield_stress = "10 MPa"'
+            return
+        most = self.yield_stress / math.sqrt(3.0)
+        if self.stress > most:
+            yield (
+                "stress",
                 f"({1e-6 * self.stress:.4g} MPa) is above yield_stress / sqrt(3), "
-                f"{1e-6 * self.yield_stress / math.sqrt(3.0):.4g} MPa, to which it is limited at "
-                "any speed; lower it, or raise yield_stress",
+                f"{1e-6 * most:.4g} MPa, its limit at any speed; lower it, or raise yield_stress",
             )
 
 
@@ -310,3 +293,23 @@ class Mould(TableModel):
         default_factory=lambda: NoFriction(law="none")
     )
     """friction law"""
+
+
+@check("mould.friction")
+def _friction(case: Any, friction: Friction) -> Faults:
+    yield from friction.problems()
+
+
+@check("mould.contact")
+def _stable(case: Any, contact: ContactSettings) -> Faults:
+    """Yield a factor with which Nitsche's method cannot solve a strand (docs/contact.md)."""
+    if contact.factor is None or contact.method != "nitsche":
+        return
+    from castfem.physics.contact.settings import FACTOR, LEAST_NITSCHE
+
+    if contact.factor < LEAST_NITSCHE:
+        yield (
+            "factor",
+            f"too small for Nitsche's method to be stable; allowed: at least {LEAST_NITSCHE:g}, or "
+            f"leave it out for {FACTOR:g} ({contact.factor:g})",
+        )

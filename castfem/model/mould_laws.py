@@ -42,6 +42,7 @@ class Contact(ScaledLaw):
     )
 
     called: ClassVar[str] = "contact with a gap of its own"
+    curve_key: ClassVar[str] = "flux"
 
     law: Literal["contact"]
     coefficient: ContactCoefficient | None = Field(None, examples=["1600 W/(m^2 K)"])
@@ -72,11 +73,6 @@ class Contact(ScaledLaw):
             follows=self.gap is None,
         )
 
-    @property
-    def curve(self) -> str | float | Table | None:
-        """See `ScaledLaw.curve`."""
-        return self.flux
-
     def _good(self, around: Surroundings) -> float | mould_flux.Curve:
         """Return the coefficient without a gap."""
         if self.flux is not None:
@@ -101,11 +97,6 @@ class Flux(ScaledLaw):
     law: Literal["flux"]
     value: GivenFlux
     """heat flux; over the time since the meniscus"""
-
-    @property
-    def curve(self) -> str | float | Table | None:
-        """See `ScaledLaw.curve`."""
-        return self.value
 
     def build(self, around: Surroundings) -> flux_laws.PrescribedFlux:
         """See `HeatLaw.build`."""

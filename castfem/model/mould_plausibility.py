@@ -8,8 +8,9 @@ from castfem.base.tables import Table
 from castfem.base.tolerances import ROUNDING
 from castfem.base.units import in_mm
 from castfem.model.build_mould import hot_lengths
+from castfem.model.case import Case
+from castfem.model.checks import Faults, caution
 from castfem.model.mould import Mould
-from castfem.model.problems import Problem
 from castfem.model.section import Mesh, Section
 from castfem.physics.mould.taper import TaperProfile
 
@@ -22,88 +23,74 @@ _ENDS = 0.02  # of the mould's length, that a table may end above or below it
 _CELLS = 6.0  # along the radius of a corner; with fewer its gap and shell are off by a tenth
 
 
-def mould_warnings(mould: Mould, section: Section, mesh: Mesh) -> Iterator[Problem]:
-    """Yield what a sound mould has that was probably not meant."""
-    yield from _wider(mould, section)
-    yield from _taper(mould, section)
-    yield from _corner(section, mesh)
-
-
-def _wider(mould: Mould, section: Section) -> Iterator[Problem]:
+@caution("mould")
+def _wider(case: Case, mould: Mould) -> Faults:
     """Yield a cavity that is wider than the strand at the meniscus, where liquid fills it."""
-    hot = hot_lengths(mould)
+    hot = hot_lengths(mould) or 0.0
     for name in ("width", "height", "diameter"):
-        size, own = getattr(mould, name), getattr(section, name, None)
-        if size is None or own is None or hot is None or hot * size <= own * (1.0 + _FILLED):
-            continue
-        yield Problem(
-            ("mould", name),
-            f"({in_mm(size)}) leaves a gap to the strand at the meniscus ({in_mm(own)}), but "
-            f"liquid fills its mould: give section.{name} the size of the cavity, not that of the "
-            "cold product",
-        )
+        size, own = getattr(mould, name), getattr(case.section, name, None)
+        if size is not None and own is not None and hot * size > own * (1.0 + _FILLED):
+            yield (
+                name,
+                f"({in_mm(size)}) leaves a gap to the strand at the meniscus ({in_mm(own)}), but "
+                f"liquid fills its mould: give section.{name} the size of the cavity, not that of "
+                "the cold product",
+            )
 
 
-def _corner(section: Section, mesh: Mesh) -> Iterator[Problem]:
+@caution("mesh")
+def _corner(case: Case, mesh: Mesh) -> Faults:
     """Yield that the cells at a round corner are too long for what happens there."""
-    radius = getattr(section, "corner_radius", 0.0)
-    size = mesh.surface_size if mesh.corner_size is None else mesh.corner_size
-    if radius > 0.0 and size * _CELLS > radius * (1.0 + ROUNDING):
-        yield Problem(
-            ("mesh", "surface_size" if mesh.corner_size is None else "corner_size"),
+    radius = getattr(case.section, "corner_radius", 0.0)
+    key = "surface_size" if mesh.corner_size is None else "corner_size"
+    size = getattr(mesh, key)
+    if case.mould is not None and radius > 0.0 and size * _CELLS > radius * (1.0 + ROUNDING):
+        yield (
+            key,
             f"cells of {_mm(size)} along a corner of radius {_mm(radius)}: gap, shell and stress "
             f"there may be off by a tenth or more; {_mm(radius / _CELLS)} or less resolve it",
         )
 
 
-def _taper(mould: Mould, section: Section) -> Iterator[Problem]:
+@caution("mould")
+def _taper(case: Case, mould: Mould) -> Faults:
     """Yield the tapers that close or open the mould by much more than a strand shrinks."""
     for name, given in mould.taper.parts.items():
-        half = _half(section, name)
+        half, part = _half(case.section, name), "" if name == "face" else f"{name}: "
         if given.closing is not None:
-            yield from _table(given.closing, name, half, mould.length)
+            yield from (("taper", part + t) for t in _rows(given.closing, half, mould.length))
         closed = _closure(given.profile(mould.length), half, mould.length)
         if abs(closed) <= _CLOSED:
             continue
-        part = _part(name)
-        how = "closes" if closed > 0.0 else "opens"
-        near = ""
+        how, near = "closes" if closed > 0.0 else "opens", ""
         if len(given.segments) == 1:
             tenth = 0.1 * given.segments[0].mean
             single = given.segments[0].top == given.segments[0].bottom
             if single and abs(tenth) <= _USUAL_TAPER:
                 near = f"; did you mean {100.0 * tenth:.3g} %/m?"
-        yield Problem(
-            ("mould", "taper"), f"{part}the mould {how} by {100.0 * abs(closed):.3g} %{near}"
-        )
+        yield "taper", f"{part}the mould {how} by {100.0 * abs(closed):.3g} %{near}"
 
 
-def _table(closing: Table, name: str, half: float, length: float) -> Iterator[Problem]:
-    """Yield a wall given in rows that are no movement, or not from the meniscus of this mould."""
-
-    def odd(text: str) -> Problem:
-        return Problem(("mould", "taper"), _part(name) + text)
-
+def _rows(closing: Table, half: float, length: float) -> Iterator[str]:
+    """Yield why rows of a wall are no movement, or not from the meniscus of this mould."""
     first, last, there = closing.arguments[0], closing.arguments[-1], closing(0.0)
     if abs(there) > _SIZE * half:
-        yield odd(
+        yield (
             f"{_mm(there)} at the meniscus look like a size of the cavity, not like a movement of "
             "its wall; the table has how far each face has moved in since the meniscus: half of "
             "what width or height have lost, larger where the mould closes"
         )
     elif first > ROUNDING * length and there != 0.0:
-        yield odd(
+        yield (
             f"the table begins {_mm(first)} below the meniscus with {_mm(there)}, which is taken "
             "off all its rows; give the row of the meniscus, where the wall has not moved"
         )
     below = f"below the meniscus, the mould ends {_mm(length)} below it"
     asked = "are the positions from the meniscus, not from the top of the mould?"
     if last > (1.0 + _ENDS) * length:
-        yield odd(f"the table goes on to {_mm(last)} {below}; {asked}")
+        yield f"the table goes on to {_mm(last)} {below}; {asked}"
     elif last < (1.0 - _ENDS) * length and 0.0 < abs(_slope(closing)) < _STEP * half:
-        yield odd(
-            f"the table ends {_mm(last)} {below}; the wall is straight from there on: {asked}"
-        )
+        yield f"the table ends {_mm(last)} {below}; the wall is straight from there on: {asked}"
 
 
 def _slope(closing: Table) -> float:
@@ -112,11 +99,6 @@ def _slope(closing: Table) -> float:
         return 0.0
     (*_, above, last), (*_, before, end) = closing.values, closing.arguments
     return (last - above) / (end - before)
-
-
-def _part(name: str) -> str:
-    """Return how a message begins that is about the taper of a part."""
-    return "" if name == "face" else f"{name}: "
 
 
 def _mm(value: float) -> str:

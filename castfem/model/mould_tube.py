@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
@@ -12,8 +11,11 @@ from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
 from castfem.base.units import in_mm
 from castfem.model.base import TableModel, written
-from castfem.model.problems import Problem
-from castfem.model.section import BeamBlank, Rectangle, Section
+from castfem.model.checks import Faults, check
+from castfem.model.section import BeamBlank, Rectangle
+
+if TYPE_CHECKING:
+    from castfem.model.case import Case
 
 FluxOfPosition = Annotated[
     float | Table, Curve(Kind("W/m^2", "MW/m^2", least=0.0), over="position")
@@ -62,38 +64,32 @@ class MouldTube(TableModel):
     """of the linear systems; auto: direct where they are small"""
 
 
-def _bricks(table: MouldTube, section: Section, length: float | None) -> Iterator[Problem]:
+@check("mould.tube")
+def _bricks(case: Case, table: MouldTube) -> Faults:
     """Yield cells so small that there would be no end to them."""
-    size, across = table.cell_size, table.cells_across
-    width, height = section.outline()
-    if size is None or across is None or table.above is None:
+    size, length = table.cell_size, case.mould.length if case.mould is not None else 0.0
+    width, height = case.section.outline()
+    if table.cells_across % 1.0:
+        yield "cells_across", "must be a whole number"
+    if width is None or height is None:
         return
-    if width is None or height is None or length is None:
-        return
-    count = across * 0.5 * (width + height) / size * (length + table.above) / size
+    count = table.cells_across * 0.5 * (width + height) / size * (length + table.above) / size
     if count > MOST_BRICKS:
-        yield Problem(
-            ("mould", "tube", "cell_size"),
-            f"({in_mm(size)}) makes about {count:.2g} cells of the tube, at most "
-            f"{MOST_BRICKS:g}; give a larger one",
+        yield (
+            "cell_size",
+            f"({in_mm(size)}) makes about {count:.2g} cells of the tube, at most {MOST_BRICKS:g}; "
+            "give a larger one",
         )
 
 
-def check_tube(table: MouldTube, section: Section, length: float | None) -> Iterator[Problem]:
-    """Yield what a tube of a mould of this length (m) cannot be; faulty values are None."""
-    path = ("mould", "tube")
-    if isinstance(section, BeamBlank):
-        yield Problem(path, "only a rectangle or a round has a tube; leave the table out")
-    if isinstance(section, Rectangle) and section.corner_radius == 0.0:
-        yield Problem(
-            path,
-            "a tube has rounded corners; give the section some: corner_radius = "
-            '"5 mm" in [section]',
+@check("mould.tube")
+def _surrounds(case: Case, table: MouldTube) -> Faults:
+    if isinstance(case.section, BeamBlank):
+        yield "", "only a rectangle or a round has a tube; leave the table out"
+    if isinstance(case.section, Rectangle) and case.section.corner_radius == 0.0:
+        yield (
+            "",
+            'a tube has rounded corners; give [section] some: corner_radius = "5 mm"',
         )
     if table.flux is not None and table.hot_face is not None:
-        yield Problem(
-            (*path, "hot_face"), "the flux is given, too: one of the two, leave the other out"
-        )
-    yield from _bricks(table, section, length)
-    if table.cells_across is not None and table.cells_across % 1.0:
-        yield Problem((*path, "cells_across"), "must be a whole number")
+        yield "hot_face", "the flux is given, too: one of the two, leave the other out"

@@ -7,24 +7,27 @@ computed.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from castfem.base import ranges
 from castfem.base.tables import Table
 from castfem.base.tolerances import ROUNDING
 from castfem.base.units import convert, format, in_mm
-from castfem.model import bounds, effort
+from castfem.model import (  # noqa: F401 - each enters its cautions
+    bounds,
+    effort,
+    idle_keys,
+    mould_plausibility,
+    shared_heat,
+)
 from castfem.model.case import Case
 from castfem.model.check_cooling import law_groups
-from castfem.model.check_secondary import secondary_warnings
+from castfem.model.checks import Faults, caution, own_caution
 from castfem.model.cooling import Contact, HeatLaw, Radiation, Spray, Zone
-from castfem.model.extraction import extraction_warnings
-from castfem.model.idle_keys import idle_keys
-from castfem.model.machine import machine_warnings
-from castfem.model.mechanics import Way
-from castfem.model.mould_plausibility import mould_warnings
+from castfem.model.mechanics import Coupling, Way
+from castfem.model.mould import Mould
 from castfem.model.problems import Problem
-from castfem.model.shared_heat import beyond_tables
 from castfem.physics.thermal.sprays import CORRELATIONS
 
 if TYPE_CHECKING:
@@ -33,7 +36,6 @@ if TYPE_CHECKING:
 
 _WARMER = 1.0  # K, that a start may be above what was poured
 _SAME_CARBON = 0.03  # wt%
-_WIDEST_CELL = 15e-3  # m: shells are some 10 to 25 mm thick where their mould ends
 _LONGEST_WINDOW = 0.25  # m of strand: a narrow pitch of rolls, a third of a mould
 _MISSING = 0.2  # of a zone, in which a table of it has no rows
 _NEARLY = 1e-3  # m: a zone that ends as near to a roll as this was meant to end there
@@ -44,25 +46,8 @@ _SIGNED = {
 
 def warnings(case: Case) -> Iterator[Problem]:
     """Yield what a sound case has that was probably not meant."""
-    yield from bounds.unusual(case)
-    yield from effort.many(case)
-    yield from _coarse(case)
-    yield from _sprays(case)
-    yield from beyond_tables(case)
-    yield from machine_warnings(case)
-    yield from extraction_warnings(case)
-    yield from _short_tables(case)
-    yield from _nearly_at_rolls(case)
-    yield from secondary_warnings(case)
-    yield from idle_keys(case)
-    if case.mould is not None:
-        yield from mould_warnings(case.mould, case.section, case.mesh)
-    start = 0.0
-    for index, zone in enumerate(case.cooling):
-        yield from _wasted(case, zone, ("cooling", index))
-        if case.mould is not None and start < case.mould.length:
-            yield from _fixed(case, zone, ("cooling", index))
-        start = case.casting.length if zone.to is None else zone.to
+    yield from caution.run(case)
+    yield from (replace(problem, inherited=False) for problem in own_caution.run(case))
 
 
 def warnings_with(
@@ -169,29 +154,24 @@ def _limit_of_signed_strain(case: Case, law: Law) -> Iterator[Problem]:
         )
 
 
-def _coarse(case: Case) -> Iterator[Problem]:
-    """Yield cells and coupling windows in which what is looked for is lost."""
-    if case.mesh.surface_size > _WIDEST_CELL:
-        yield Problem(
-            ("mesh", "surface_size"),
-            f"({format(case.mesh.surface_size, 'm', 'mm')}) is as thick as a shell; castfem error "
-            "tells what cells cost",
-        )
+@caution("coupling")
+def _long_windows(case: Case, coupling: Coupling) -> Faults:
     if case.mechanics is None:
         return
-    window, given = case.coupling.interval, case.casting.speed
+    window, given = coupling.interval, case.casting.speed
     speed = max(given.values) if isinstance(given, Table) else given
     fastest = ranges.RANGES["casting.speed"].usual[1]
     length = window.length if isinstance(window, Way) else window * min(speed, fastest)
     if length > _LONGEST_WINDOW:
-        yield Problem(
-            ("coupling", "interval"),
-            f"({length:.4g} m of strand) is longer than what a gap opens or "
-            "a pitch bulges in; 0.1 s or 5 mm is usual",
+        yield (
+            "interval",
+            f"({length:.4g} m of strand) is longer than what a gap opens or a pitch bulges in; "
+            "0.1 s or 5 mm is usual",
         )
 
 
-def _short_tables(case: Case) -> Iterator[Problem]:
+@caution()
+def _short_tables(case: Case, _: object) -> Faults:
     """Yield heat given over position that ends, while it changes, long before its zone does."""
     start = 0.0
     for index, zone in enumerate(case.cooling):
@@ -203,57 +183,59 @@ def _short_tables(case: Case) -> Iterator[Problem]:
                     continue
                 last, settled = table.arguments[-1], table.values[-1] == table.values[-2]
                 if not settled and start < end and last < end - _MISSING * (end - start):
-                    yield Problem(
-                        ("cooling", index, "surface", place, key),
+                    yield (
+                        f"cooling.{index}.surface.{place}.{key}",
                         f"the table ends at {in_mm(last)}, the zone at {in_mm(end)}: its last "
                         "value goes on to there; give the row at the end of the zone",
                     )
         start = end
 
 
-def _nearly_at_rolls(case: Case) -> Iterator[Problem]:
+@caution("cooling.*")
+def _nearly_at_rolls(case: Case, zone: Zone) -> Faults:
     """Yield zones that end beside a roll: what jumps there falls into a window of no length."""
     rolls = None if case.machine is None else case.machine.pairs()
-    if case.mechanics is None or rolls is None:
+    if case.mechanics is None or rolls is None or zone.to is None:
         return
-    for index, zone in enumerate(case.cooling):
-        for number, pair in enumerate(rolls.pairs, start=1):
-            if zone.to is not None and ROUNDING < abs(zone.to - pair.position) < _NEARLY:
-                yield Problem(
-                    ("cooling", index, "to"),
-                    f"({zone.to:.9g} m) is {1e3 * abs(zone.to - pair.position):.3g} mm off roll "
-                    f"{number}: strain rates between the two mean nothing; give "
-                    f'"{pair.position:.9g} m"',
-                )
-
-
-def _sprays(case: Case) -> Iterator[Problem]:
-    """Yield sprays outside of what their correlation was measured for, and without radiation."""
-    for i, zone in enumerate(case.cooling):
-        sprays = [(j, law) for j, law in enumerate(zone.surface) if isinstance(law, Spray)]
-        for j, law in sprays:
-            low, high = CORRELATIONS[law.correlation].water
-            if law.water is None:
-                continue  # that of the whole zone
-            if low <= law.water <= high or law.water == 0.0:
-                continue
-            reach = f"{low:g} to {high:g}" if low else f"at most {high:g}"
-            held = CORRELATIONS[law.correlation].held
-            how = "extrapolated" if not held or law.water < low else held
-            yield Problem(
-                ("cooling", i, "surface", j, "water"),
-                f"({law.water:.4g} L/(m^2 s)) is outside of what {law.correlation} was measured "
-                f"for, {reach} L/(m^2 s): {how}",
-            )
-        if sprays and not any(isinstance(law, Radiation) for law in zone.surface):
-            yield Problem(
-                ("cooling", i),
-                "a spray without radiation; the correlation is of the water alone, add a surface "
-                'with law = "radiation"',
+    for number, pair in enumerate(rolls.pairs, start=1):
+        if ROUNDING < abs(zone.to - pair.position) < _NEARLY:
+            yield (
+                "to",
+                f"({zone.to:.9g} m) is {1e3 * abs(zone.to - pair.position):.3g} mm off roll "
+                f'{number}: strain rates between them mean nothing; give "{pair.position:.9g} m"',
             )
 
 
-def _wasted(case: Case, zone: Zone, path: tuple[str | int, ...]) -> Iterator[Problem]:
+@caution("cooling.*.surface.*")
+def _sprays(case: Case, law: HeatLaw) -> Faults:
+    """Yield sprays outside of what their correlation was measured for."""
+    if not isinstance(law, Spray) or not law.water:
+        return  # none, or that of the whole zone
+    of = CORRELATIONS[law.correlation]
+    low, high = of.water
+    if not low <= law.water <= high:
+        reach = f"{low:g} to {high:g}" if low else f"at most {high:g}"
+        how = "extrapolated" if not of.held or law.water < low else of.held
+        yield (
+            "water",
+            f"({law.water:.4g} L/(m^2 s)) is outside of what {law.correlation} was measured for, "
+            f"{reach} L/(m^2 s): {how}",
+        )
+
+
+@caution("cooling.*")
+def _radiates(case: Case, zone: Zone) -> Faults:
+    sprays = any(isinstance(law, Spray) for law in zone.surface)
+    if sprays and not any(isinstance(law, Radiation) for law in zone.surface):
+        yield (
+            "",
+            "a spray without radiation; the correlation is of the water alone, add a surface with "
+            'law = "radiation"',
+        )
+
+
+@caution("cooling.*")
+def _wasted(case: Case, zone: Zone) -> Faults:
     """Yield radiation and convection beside contact that has no gap for them to cross."""
     touching: set[str] = set()
     for law in zone.surface:
@@ -261,28 +243,29 @@ def _wasted(case: Case, zone: Zone, path: tuple[str | int, ...]) -> Iterator[Pro
             touching |= law_groups(case.section, law)
     for index, law in enumerate(zone.surface):
         if law.crosses_gap and touching & law_groups(case.section, law):
-            yield Problem(
-                (*path, "surface", index),
+            yield (
+                f"surface.{index}",
                 f"{law.tag} has no effect beside contact without a gap: where the strand touches "
                 "there is contact alone (eq. 35); what is meant as a mean of both is convection "
                 "with a mean coefficient",
             )
 
 
-def _fixed(case: Case, zone: Zone, path: tuple[str | int, ...]) -> Iterator[Problem]:
+@caution("mould")
+def _fixed(case: Case, mould: Mould) -> Faults:
     """Yield heat in the mould that the gap which opens there does not change."""
-    following = [law for law in zone.surface if isinstance(law, Contact) and law.gap is None]
-    met = {group for law in following for group in law_groups(case.section, law)}
-    for index, law in enumerate(zone.surface):
-        if law in following or _crosses(law, law_groups(case.section, law), met):
-            continue
-        yield Problem(
-            (*path, "surface", index),
-            f"{law.called or law.tag} is not changed by the gap that opens in the mould; heat "
-            'that is to follow it is law = "contact" without the key gap',
-        )
-
-
-def _crosses(law: HeatLaw, groups: set[str], met: set[str]) -> bool:
-    """Return whether a law crosses the gap of contact wherever it holds."""
-    return law.crosses_gap and groups <= met
+    start = 0.0
+    for number, zone in enumerate(case.cooling):
+        if start >= mould.length:
+            return
+        following = [law for law in zone.surface if isinstance(law, Contact) and law.gap is None]
+        met = {group for law in following for group in law_groups(case.section, law)}
+        for index, law in enumerate(zone.surface):
+            crosses = law.crosses_gap and law_groups(case.section, law) <= met
+            if law not in following and not crosses:
+                yield (
+                    f"/cooling.{number}.surface.{index}",
+                    f"{law.called or law.tag} is not changed by the gap that opens in the mould; "
+                    'heat that is to follow it is law = "contact" without the key gap',
+                )
+        start = case.casting.length if zone.to is None else zone.to

@@ -11,13 +11,16 @@ from pydantic import Field
 from castfem.base.errors import InputError
 from castfem.base.messages import choices
 from castfem.base.quantities import Distance, Kind
+from castfem.base.tolerances import ROUNDING
 from castfem.base.types import Array
-from castfem.base.units import nearest
+from castfem.base.units import in_mm, nearest
 from castfem.model.base import TableModel
+from castfem.model.checks import Faults, check, given, twice
 
 if TYPE_CHECKING:
     from castfem.model.case import Case
 
+_ONE_SIDED = {"quarter": "xy", "half": "x"}  # part of the section: coordinates without negatives
 Coordinate = Annotated[float, Kind("m", "mm")]
 
 
@@ -79,3 +82,43 @@ def outside(case: Case, name: str, place: Array) -> InputError:
         f'output.probe "{name}": x = {x:g}, y = {y:g} mm lies outside the section{round_}{mend}; '
         "under and depth, instead of x and y, place it below the surface"
     )
+
+
+@check("output")
+def _names(case: Case, output: Any) -> Faults:
+    for key, text in twice([probe.name.lower() for probe in output.probe], "name"):
+        yield f"probe.{key}", text
+
+
+@check("output.probe.*")
+def _says_where(case: Case, probe: Probe) -> Faults:
+    found = [given(probe, *way) for way in (("x", "y"), ("under", "depth"))]
+    if all(found) or not any(found):
+        yield "", "one of x with y, or under with depth, is needed to say where it is"
+    for one, other in (("x", "y"), ("y", "x"), ("under", "depth"), ("depth", "under")):
+        if given(probe, one) and not given(probe, other):
+            yield "", f"{other} is missing; {one} and {other} go together"
+
+
+@check("output.probe.*")
+def _is_within(case: Case, probe: Probe) -> Faults:
+    """Yield a place beyond the rectangle round the section; the run looks closer."""
+    section = case.section
+    width, height = section.outline()
+    if width is None or height is None or getattr(section, "bulge", None) is not None:
+        return
+    part = getattr(section, "symmetry", "")
+    for key, size in (("x", width), ("y", height)):
+        at = getattr(probe, key)
+        if at is not None and abs(at) > 0.5 * size * (1.0 + ROUNDING):
+            yield (
+                key,
+                f"({in_mm(at)}) lies outside of the section, which reaches to {in_mm(0.5 * size)} "
+                "from its middle",
+            )
+        elif at is not None and at < -ROUNDING * size and key in _ONE_SIDED.get(part, ""):
+            yield (
+                key,
+                f"({in_mm(at)}) lies beyond the line of symmetry: the modelled part is a {part}; "
+                f"give its mirror image, {in_mm(-at)}",
+            )

@@ -6,8 +6,8 @@ A shape of section is one class here: its sizes, its boundary groups, the cavity
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import Annotated, Any, ClassVar, Literal
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -15,10 +15,13 @@ from castfem.base.quantities import Distance, Kind, Length
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
 from castfem.base.units import in_mm
-from castfem.model.base import TableModel, written
-from castfem.model.problems import Problem
+from castfem.model.base import TableModel, Unreadable, written
+from castfem.model.checks import Faults, caution, check
 from castfem.model.variants import Variants
 from castfem.physics import mould as wall
+
+if TYPE_CHECKING:
+    from castfem.model.case import Case
 
 Size = Callable[[str], float]
 """Size of a cavity at the meniscus by the name that [mould] and [section] give it, m."""
@@ -83,10 +86,6 @@ class Section(Variants):
         """Return whether part of its surface is an arc."""
         return bool(getattr(self, "corner_radius", 0.0))
 
-    def problems(self) -> Iterator[Problem]:
-        """Yield what its sizes cannot be together."""
-        yield from ()
-
     def cavity(self, size: Size, hot: float) -> wall.Cavity:
         """Return the cavity of its mould.
 
@@ -118,17 +117,6 @@ class Rectangle(Section):
     bulge: Bulge | None = None
     """how far the outline at the meniscus stands out from the rectangle, over the way round a
     quarter from the middle of the narrow face; `castfem section` writes it"""
-
-    def problems(self) -> Iterator[Problem]:
-        """See `Section.problems`."""
-        radius, sides = self.corner_radius, (self.width, self.height)
-        if None not in (radius, *sides) and radius >= 0.5 * min(sides):
-            given, most = (in_mm(x) for x in (radius, 0.5 * min(sides)))
-            yield Problem(
-                ("section", "corner_radius"),
-                f"({given}) leaves no flat face; allowed: below half the smaller side "
-                f'({most}), or shape = "round"',
-            )
 
     def cavity(self, size: Size, hot: float) -> wall.Cavity:
         """See `Section.cavity`."""
@@ -283,3 +271,84 @@ def outer_groups(section: Section) -> tuple[str, ...]:
 def cooled_groups(section: Section) -> tuple[str, ...]:
     """Return the groups a heat law without `on` holds on, see `Section`."""
     return section.cooled_groups()
+
+
+_WIDEST_CELL = 15e-3  # m: shells are some 10 to 25 mm thick where their mould ends
+_FINEST = 1e-5  # of half the section: smallest cell
+
+
+@check("section")
+def _round_corners(case: Case, section: Section) -> Faults:
+    if not isinstance(section, Rectangle):
+        return
+    radius, most = section.corner_radius, 0.5 * min(section.width, section.height)
+    if radius >= most:
+        yield (
+            "corner_radius",
+            f"({in_mm(radius)}) leaves no flat face; allowed: below half the smaller side "
+            f'({in_mm(most)}), or shape = "round"',
+        )
+
+
+@check("mesh")
+def _sizes(case: Case, mesh: Mesh) -> Faults:
+    thin, large = case.section.halves()
+    for key in ("surface_size", "corner_size", "face_size", "core_size", "core_depth"):
+        value, most = getattr(mesh, key), thin if key == "surface_size" else large
+        if value is None or isinstance(value, Unreadable) or most is None or large is None:
+            continue
+        if value > most:
+            what = "half the thickness of" if key == "surface_size" else "half"
+            yield key, f"({in_mm(value)}) is larger than {what} the section ({in_mm(most)})"
+        # Curved cells so flat lose their shape in rounding, and DOLFINx finds no point in them.
+        if value < _FINEST * large:
+            yield (
+                key,
+                f"({in_mm(value)}) is too fine to be told apart in the section; at least "
+                f"{in_mm(_FINEST * large)}",
+            )
+
+
+@check("mesh")
+def _grading(case: Case, mesh: Mesh) -> Faults:
+    for small, big in (("surface_size", "core_size"), ("corner_size", "face_size")):
+        fine, coarse = getattr(mesh, small), getattr(mesh, big)
+        if fine is not None and coarse is not None and fine > coarse:
+            yield (
+                small,
+                f"({in_mm(fine)}) is larger than {big} ({in_mm(coarse)}); cells grow from the "
+                "surface to the core and from the corner to the middle of a face",
+            )
+
+
+@check("mesh")
+def _order(case: Case, mesh: Mesh) -> Faults:
+    if case.mould is None or mesh.order != 1:
+        return
+    if mesh.cell == "triangle":
+        yield (
+            "order",
+            "(1) makes triangles too stiff for a freezing shell in its mould; give order = 2, "
+            'or cell = "quadrilateral"',
+        )
+    elif case.section.is_curved():
+        yield (
+            "order",
+            "(1) makes a polygon of the round surface, which its mould is not; give order = 2",
+        )
+
+
+@check("mesh")
+def _corner(case: Case, mesh: Mesh) -> Faults:
+    if not case.section.has_corner and mesh.corner_size is not None:
+        yield "corner_size", f'a section of shape "{case.section.tag}" has no corner'
+
+
+@caution("mesh")
+def _coarse(case: Case, mesh: Mesh) -> Faults:
+    if mesh.surface_size > _WIDEST_CELL:
+        yield (
+            "surface_size",
+            f"({in_mm(mesh.surface_size)}) is as thick as a shell; castfem error "
+            "tells what cells cost",
+        )

@@ -9,8 +9,9 @@ from castfem.base.tables import Table
 from castfem.base.units import convert, format
 from castfem.model.build_machine import build_machine
 from castfem.model.case import Case
-from castfem.model.measured_heat import ScaledLaw
-from castfem.model.problems import Problem
+from castfem.model.checks import Faults, caution
+from castfem.model.heat_law import HeatLaw
+from castfem.model.measured_heat import TOTALS, ScaledLaw
 
 _ALIKE = 1e-4  # relative; speeds that differ by less are the same
 SPEED_KEY = "casting.speed"
@@ -86,26 +87,22 @@ def fixed_while_varied(case: Case, keys: Iterable[str]) -> list[str]:
     ]
 
 
-def beyond_tables(case: Case) -> Iterator[Problem]:
+@caution("cooling.*.surface.*")
+def beyond_tables(case: Case, law: HeatLaw) -> Faults:
     """Yield tables over the casting speed that end before the speed of the case."""
     given = case.casting.speed
-    speeds = given.values if isinstance(given, Table) else (given,)
-    moving = [speed for speed in speeds if speed > 0.0]
-    if not moving:
-        return
-    for i, zone in enumerate(case.cooling):
-        for j, law in enumerate(zone.surface):
-            for key in ("power", "water", "water_rise"):
-                table = getattr(law, key, None) if isinstance(law, ScaledLaw) else None
-                if not isinstance(table, Table):
-                    continue
-                first, last = table.arguments[0], table.arguments[-1]
-                if min(moving) < first * (1.0 - _ALIKE) or max(moving) > last * (1.0 + _ALIKE):
-                    yield Problem(
-                        ("cooling", i, "surface", j, key),
-                        f"the table goes from {_speed(first)} to {_speed(last)}, the strand at "
-                        f"{_listed(moving)}: the value of its end is taken there",
-                    )
+    moving = [v for v in (given.values if isinstance(given, Table) else (given,)) if v > 0.0]
+    for key in TOTALS if isinstance(law, ScaledLaw) and moving else ():
+        table = getattr(law, key)
+        if not isinstance(table, Table):
+            continue
+        first, last = table.arguments[0], table.arguments[-1]
+        if min(moving) < first * (1.0 - _ALIKE) or max(moving) > last * (1.0 + _ALIKE):
+            yield (
+                key,
+                f"the table goes from {_speed(first)} to {_speed(last)}, the strand at "
+                f"{_listed(moving)}: the value of its end is taken there",
+            )
 
 
 def _listed(speeds: Iterable[float]) -> str:

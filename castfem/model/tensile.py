@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,8 +15,8 @@ from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
 from castfem.model.base import TableModel, written
 from castfem.model.casting import Reference
+from castfem.model.checks import Faults, check_test
 from castfem.model.document import is_path
-from castfem.model.problems import Problem
 
 TABLE = "tensile"
 SAME = 1e-6  # K
@@ -136,44 +135,29 @@ class TensileCase(TableModel):
         return hashlib.sha256(json.dumps(physics, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def check(case: TensileCase) -> Iterator[Problem]:
-    """Yield everything that does not fit together."""
-    yield from _too_many(case.tensile)
-    yield from _check_cycles(case.tensile)
-    for index, reference in enumerate(case.reference or ()):
-        if reference is not None and reference.at is not None:
-            yield Problem(
-                ("reference", index, "at"),
-                "a tensile test has no position; the quantities stress_1, stress_2 ... hold at the "
-                "ends of its segments",
-            )
-
-
-def _too_many(given: Tensile) -> Iterator[Problem]:
-    """Yield the steps that would be too many to come to an end; None stands for what is faulty."""
-    if None in (given.steps, given.cycles, given.segment):
-        return
-    count = given.steps * given.cycles * len(given.segment)
+@check_test("tensile")
+def _too_many(case: TensileCase, table: Tensile) -> Faults:
+    """Yield steps that would be too many to come to an end."""
+    count = table.steps * table.cycles * len(table.segment)
     if count > _MOST_STEPS:
-        key = "cycles" if given.cycles > given.steps else "steps"
-        yield Problem(
-            (TABLE, key),
-            f"({getattr(given, key)}) makes {grouped(count)} steps of the test; at most "
+        key = "cycles" if table.cycles > table.steps else "steps"
+        yield (
+            key,
+            f"({getattr(table, key)}) makes {grouped(count)} steps of the test; at most "
             f"{grouped(_MOST_STEPS)}: give fewer",
         )
 
 
-def _check_cycles(given: Tensile) -> Iterator[Problem]:
-    """Yield whether the temperature comes back after a cycle; None stands for what is faulty."""
-    lengths = [None if part is None else part.duration for part in given.segment or (None,)]
-    if given.cycles is None or given.cycles == 1 or None in lengths:
+@check_test("tensile")
+def _comes_back(case: TensileCase, table: Tensile) -> Faults:
+    """Yield a temperature that does not come back after a cycle."""
+    if table.cycles == 1 or not isinstance(table.temperature, Table):
         return
-    if isinstance(given.temperature, Table):
-        end = sum(length or 0.0 for length in lengths)
-        change = given.temperature(end) - given.temperature(0.0)
-        if abs(change) > SAME:
-            yield Problem(
-                (TABLE, "temperature"),
-                f"ends a cycle of {end:g} s {change:+.4g} K from where it began; with "
-                f"cycles = {given.cycles} it must come back",
-            )
+    end = sum(part.duration for part in table.segment)
+    change = table.temperature(end) - table.temperature(0.0)
+    if abs(change) > SAME:
+        yield (
+            "temperature",
+            f"ends a cycle of {end:g} s {change:+.4g} K from where it began; with "
+            f"cycles = {table.cycles} it must come back",
+        )

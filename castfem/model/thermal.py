@@ -8,6 +8,7 @@ from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
 
 from castfem.base.quantities import PositiveDifference, Time
 from castfem.model.base import TableModel, written
+from castfem.model.checks import Faults, check, one_of
 
 
 def _scalar(value: Any) -> Any:
@@ -61,3 +62,18 @@ class Thermal(TableModel):
     """PETSc options of the nonlinear solver, merged over ours"""
     time: Stepping = Field(default_factory=lambda: Stepping.model_validate({}))
     """steps in time"""
+
+
+@check("thermal.time")
+def _one_stepping(case: Any, time: Stepping) -> Faults:
+    yield from one_of(time, {"step": '"50 ms"', "adaptive": "{}"})
+
+
+@check("thermal.time.adaptive")
+def _bounds(case: Any, bounds: Adaptive) -> Faults:
+    if not bounds.smallest <= bounds.first <= bounds.largest:
+        yield (
+            "",
+            f"smallest ({bounds.smallest:g} s) <= first ({bounds.first:g} s) <= largest "
+            f"({bounds.largest:g} s) does not hold",
+        )

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Literal
 
 from castfem.model.base import TableModel
+from castfem.model.checks import Faults, check
 from castfem.model.cooling import PrescribedTemperature
-from castfem.model.problems import Problem
 from castfem.model.section import Strip
 
 if TYPE_CHECKING:
@@ -23,34 +22,28 @@ class Verification(TableModel):
     plastic shell of Weiner and Boley"""
 
 
-def check_verification(case: Case) -> Iterator[Problem]:
+@check("verification")
+def _is_that_case(case: Case, table: Verification) -> Faults:
     """Yield what makes the case another one than that of its closed form."""
-    table = case.verification
-    if table is None or table.closed_form is None or None in (case.section, case.cooling):
-        return
-    name, path = table.closed_form, ("verification", "closed_form")
+    key, name = "closed_form", table.closed_form
     if not isinstance(case.section, Strip):
-        yield Problem(path, f'("{name}") is of a half-space: give section.shape = "strip"')
-    laws = [law for zone in case.cooling for law in zone.surface or ()]
+        yield key, f'("{name}") is of a half-space: give section.shape = "strip"'
+    laws = [law for zone in case.cooling for law in zone.surface]
     if len(laws) != 1 or not isinstance(laws[0], PrescribedTemperature):
-        yield Problem(
-            path,
+        yield (
+            key,
             f'("{name}") is of a surface held at one temperature: give one cooling zone with one '
             'law = "temperature"',
         )
     if name != "weiner_boley":
         return
     if case.mechanics is None:
-        yield Problem(path, f'("{name}") is of stress: give the table [mechanics]')
+        yield key, f'("{name}") is of stress: give the table [mechanics]'
     elif case.mechanics.law != name:
-        yield Problem(path, f'("{name}") is of its own law: give mechanics.law = "{name}"')
+        yield key, f'("{name}") is of its own law: give mechanics.law = "{name}"'
     elif case.mechanics.strain != "small":
-        yield Problem(path, f'("{name}") is of small strains: give mechanics.strain = "small"')
-    elif case.coupling is not None and case.coupling.follow_shape:
-        yield Problem(
-            path,
-            f'("{name}") conducts through the slice as it was cast, not as it has strained: give '
-            "coupling.follow_shape = false",
-        )
-    elif case.coupling is not None and case.coupling.dissipation:
-        yield Problem(path, f'("{name}") has no heat of flow: give coupling.dissipation = 0')
+        yield key, f'("{name}") is of small strains: give mechanics.strain = "small"'
+    elif case.coupling.follow_shape:
+        yield key, f'("{name}") is of the slice as it was cast: give coupling.follow_shape = false'
+    elif case.coupling.dissipation:
+        yield key, f'("{name}") has no heat of flow: give coupling.dissipation = 0'
