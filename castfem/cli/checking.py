@@ -17,7 +17,7 @@ from castfem.cli.options import read_from
 from castfem.model import AnyCase, Case, Reading, TensileCase, plausibility, read_case
 from castfem.model.base import FaultyError
 from castfem.model.cooling import Radiation
-from castfem.model.missing_data import no_emissivity, no_expansion
+from castfem.model.heat_law import no_emissivity, no_expansion
 from castfem.model.probe import outside
 from castfem.model.problems import Problem
 
@@ -148,7 +148,7 @@ def _solvers(reading: Reading, case: Case) -> list[str]:
     for table, options in tables.items():
         if not options:
             continue
-        from castfem.model.build.solver_options import try_solver
+        from castfem.model.build.law import try_solver
 
         try:
             try_solver(table, options)
@@ -222,7 +222,7 @@ def drive_faults(case: Case) -> Iterator[str]:
     machine = case.machine
     if machine is None or machine.extraction is None:
         return
-    from castfem.model.build_extraction import known_resistance
+    from castfem.model.build_machine import known_resistance
     from castfem.physics.machine.extraction.drives import StrandStopsError
 
     try:

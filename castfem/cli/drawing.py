@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from castfem.base.errors import InputError
 from castfem.model import Case
-from castfem.model.section_mesh import meshing
+from castfem.model.section import meshing
 
 if TYPE_CHECKING:
     from castfem.meshes import SectionMesh

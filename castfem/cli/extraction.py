@@ -14,7 +14,7 @@ from castfem.cli.drawing import drawing
 from castfem.cli.machine import aligned
 from castfem.cli.machine_run import drives_of
 from castfem.model import Case
-from castfem.model.build_extraction import capacities, known_resistance
+from castfem.model.build_machine import capacities, known_resistance
 from castfem.post.plots.extraction import draw
 
 if TYPE_CHECKING:

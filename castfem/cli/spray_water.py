@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from castfem.model.check_cooling import law_groups
-from castfem.model.spray import Spray
+from castfem.model.cooling import Spray
 from castfem.model.water import PER_LITRE_AND_KG, Supply, steel_per_length
 from castfem.physics.thermal.sprays import WATER_DENSITY
 

@@ -6,9 +6,10 @@ import ast
 import inspect
 import sys
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from pydantic import (
     BaseModel,
@@ -18,6 +19,12 @@ from pydantic import (
     ValidatorFunctionWrapHandler,
     field_validator,
 )
+
+from castfem.base.units import nearest
+
+if TYPE_CHECKING:
+    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+    from pydantic_core import CoreSchema
 
 LENIENT: dict[str, bool] = {"lenient": True}
 """Validation context in which a bad value becomes `UNREADABLE` instead of an error.
@@ -86,6 +93,43 @@ class TableModel(BaseModel):
             if info.context and info.context.get("lenient"):
                 return UNREADABLE
             raise
+
+
+@dataclass(frozen=True, slots=True)
+class OneWord:
+    """Annotation of a table that a single word may stand for: that word under its main key.
+
+    Attributes:
+        key: The main key.
+        words: What it may be where nothing else has to be given.
+        example: The table written out.
+    """
+
+    key: str
+    words: tuple[str, ...]
+    example: str
+
+    def _table(self, given: Any) -> Any:
+        if not isinstance(given, str):
+            return given
+        if given not in self.words:
+            raise ValueError(
+                f"must be {' or '.join(self.words)}, or a table with '{self.key}', such as "
+                f"{self.example}{nearest(given, self.words)}"
+            )
+        return {self.key: given}
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_before_validator_function(self._table, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"anyOf": [{"enum": list(self.words)}, handler(schema)]}
 
 
 @cache

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
-from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
-from pydantic_core import core_schema
+from pydantic import Field
 
 from castfem.base.quantities import Kind
 from castfem.base.table_notation import Curve
@@ -54,26 +52,6 @@ class Bulging(TableModel):
     def bears(self) -> bool:
         """Whether rolls bear the wide faces."""
         return self.model != "none"
-
-
-@dataclass(frozen=True, slots=True)
-class BulgingMark:
-    """Annotation of a field that takes the table, or the name of the model alone."""
-
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> core_schema.CoreSchema:
-        return core_schema.no_info_before_validator_function(_table, handler(source))
-
-    def __get_pydantic_json_schema__(
-        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        return {"anyOf": [{"enum": list(MODELS)}, {"$ref": handler(schema)["anyOf"][0]["$ref"]}]}
-
-
-def _table(given: Any) -> Any:
-    """The table that the name of a model alone stands for."""
-    return {"model": given} if isinstance(given, str) else given
 
 
 @check("mechanics.bulging")

@@ -34,8 +34,7 @@ from castfem.model.optimise import Optimise
 from castfem.model.quality import Quality
 from castfem.model.secondary import Secondary
 from castfem.model.section import Mesh, Section
-from castfem.model.thermal import Thermal
-from castfem.model.verification import Verification
+from castfem.model.thermal import Thermal, Verification
 from castfem.model.water import Water
 from castfem.physics.mould.taper import segment_ends
 

@@ -10,13 +10,10 @@ from castfem.base.tolerances import ROUNDING
 from castfem.base.units import format, in_mm, nearest
 from castfem.model.case import Case
 from castfem.model.checks import Faults, check, given, one_of, twice
-from castfem.model.cooling import PrescribedTemperature, Zone
-from castfem.model.heat_law import HeatLaw
-from castfem.model.measured_heat import TOTALS, ScaledLaw
+from castfem.model.cooling import MOULD, Contact, Flux, PrescribedTemperature, Spray, Zone
+from castfem.model.heat_law import TOTALS, HeatLaw, ScaledLaw
 from castfem.model.mould import Mould
-from castfem.model.mould_laws import MOULD, Contact, Flux
 from castfem.model.section import Section
-from castfem.model.spray import Spray
 from castfem.physics.thermal.mould_flux import MOULD_FLUXES
 
 _SHORTEST = 1e-6  # m: of a zone; less is what rounding makes of one and the same place

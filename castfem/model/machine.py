@@ -22,9 +22,6 @@ from castfem.model.extraction import Extraction
 from castfem.model.section import Strip
 
 if TYPE_CHECKING:
-    from pydantic import GetJsonSchemaHandler
-    from pydantic_core import CoreSchema
-
     from castfem.model.case import Case
     from castfem.physics.machine.rolls import Fault, Rolls
 
@@ -58,9 +55,8 @@ class RollTable(Notation):
 
         return None if value is None else columns_of(value)
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def json_schema(self) -> dict[str, Any]:
+        """See `Notation.json_schema`."""
         from castfem.physics.machine.rolls import COLUMNS, KINDS
 
         ways = schema_of_columns(

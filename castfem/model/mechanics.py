@@ -19,15 +19,12 @@ from castfem.base.table_notation import Curve, CurveOr
 from castfem.base.tables import Table
 from castfem.base.types import MushyZone
 from castfem.base.units import parse_any
-from castfem.model.base import TableModel, written
-from castfem.model.bulging import Bulging, BulgingMark
+from castfem.model.base import OneWord, TableModel, written
+from castfem.model.bulging import MODELS, Bulging
 from castfem.model.checks import Faults, check
 from castfem.model.thermal import PetscOption
 
 if TYPE_CHECKING:
-    from pydantic import GetJsonSchemaHandler
-    from pydantic_core import CoreSchema
-
     from castfem.model.case import Case
 
 FREE = "free"
@@ -102,9 +99,8 @@ class AxisMark(Notation):
             return {name: self.write(place) for name, place in value.items()}
         return _DISTANCE.write(value) if isinstance(value, float) else value
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def json_schema(self) -> dict[str, Any]:
+        """See `Notation.json_schema`."""
         place = {"anyOf": [{"enum": list(AXES)}, _DISTANCE.json_schema()]}
         both = {
             "type": "object",
@@ -195,7 +191,7 @@ class Mechanics(TableModel):
         default_factory=lambda: GeneralizedPlaneStrain.model_validate({})
     )
     """degrees of freedom of generalized plane strain"""
-    bulging: Annotated[Bulging | None, BulgingMark()] = None
+    bulging: Annotated[Bulging, OneWord("model", MODELS, '{ model = "creep" }')] | None = None
     """how the wide faces bulge between the rolls of [machine], which bear them; left out: they are
     not borne"""
     held: tuple[GivenDisplacement, ...] = ()
@@ -256,9 +252,8 @@ class WindowMark(Notation):
         """Return what reads back to the same window."""
         return _LENGTH.write(value.length) if isinstance(value, Way) else _TIME.write(value)
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def json_schema(self) -> dict[str, Any]:
+        """See `Notation.json_schema`."""
         return {"anyOf": [_TIME.json_schema(), _LENGTH.json_schema()]}
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
@@ -11,23 +10,99 @@ from pydantic import Field
 from castfem.base.quantities import Distance, Kind, Length, PositiveNumber, Speed, Temperature
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
-from castfem.base.units import nearest
-from castfem.model.base import TableModel, written
+from castfem.base.units import in_mm
+from castfem.model.base import OneWord, TableModel, written
 from castfem.model.checks import Faults, check
 from castfem.model.mechanics import Share
-from castfem.model.mould_tube import MouldTube
+from castfem.model.section import BeamBlank, Rectangle
 from castfem.model.taper import Perimeter, TaperMark
 from castfem.model.variants import Variants
 from castfem.model.wall_shape import WallShape
 from castfem.physics.mould.displaced import WallDisplacement
 
 if TYPE_CHECKING:
-    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
-    from pydantic_core import CoreSchema
-
+    from castfem.model.case import Case
     from castfem.physics.contact.friction import Friction as FrictionLaw
 
+
+FluxOfPosition = Annotated[
+    float | Table, Curve(Kind("W/m^2", "MW/m^2", least=0.0), over="position")
+]
+CoefficientOfPosition = Annotated[
+    float | Table, Curve(Kind("W/(m^2 K)", "W/(m^2 K)", above=0.0), over="position")
+]
 TemperatureOfPosition = Annotated[float | Table, Curve(Kind("K", "degC"), over="position")]
+Cells = Annotated[float, Kind("1", least=1.0, most=64.0, label="number of cells", sample="2")]
+CornerShare = Annotated[float, Kind("1", least=0.0, most=2.0, label="share", sample="0.6")]
+
+
+MOST_BRICKS = 300_000
+"""Cells of a tube, at most: each has 27 nodes."""
+
+
+class MouldTube(TableModel):
+    """The copper tube of a mould, for its distortion by heat; the length is the mould's."""
+
+    thickness: Length = Field(examples=["10 mm"])
+    """of the wall"""
+    above: Distance = written("100 mm")
+    """how far it goes on above the meniscus"""
+    support: Literal["free", "hung", "clamped", "between"] = "hung"
+    """hung: its upper end is held along the mould; clamped: in all directions; between: both ends
+    along the mould; free: not at all"""
+    flux: FluxOfPosition | None = Field(None, examples=["2 MW/m^2"])
+    """into the hot face below the meniscus; by default that of the strand, which is run for it"""
+    corner_flux: CornerShare = 1.0
+    """flux on the arcs of the corners over that at mid-face; of a given flux"""
+    corner_reach: Length = written("20 mm")
+    """length of face over which it falls to that"""
+    water_coefficient: CoefficientOfPosition = written("30000 W/(m^2 K)")
+    """heat transfer to the cooling water"""
+    water_temperature: TemperatureOfPosition = written("40 degC")
+    """of the cooling water"""
+    hot_face: TemperatureOfPosition | None = None
+    """temperature of the face towards the strand, below the meniscus, instead of a flux"""
+    water_side: TemperatureOfPosition | None = None
+    """temperature of the water side, instead of water"""
+    cells_across: Cells = 2.0
+    """cells through the wall"""
+    cell_size: Length = written("12 mm")
+    """largest cell round the wall and along it; at the meniscus a third of it"""
+    solver: Literal["auto", "direct", "multigrid"] = "auto"
+    """of the linear systems; auto: direct where they are small"""
+
+
+@check("mould.tube")
+def _bricks(case: Case, table: MouldTube) -> Faults:
+    """Yield cells so small that there would be no end to them."""
+    size, length = table.cell_size, case.mould.length if case.mould is not None else 0.0
+    width, height = case.section.outline()
+    if table.cells_across % 1.0:
+        yield "cells_across", "must be a whole number"
+    if width is None or height is None:
+        return
+    count = table.cells_across * 0.5 * (width + height) / size * (length + table.above) / size
+    if count > MOST_BRICKS:
+        yield (
+            "cell_size",
+            f"({in_mm(size)}) makes about {count:.2g} cells of the tube, at most {MOST_BRICKS:g}; "
+            "give a larger one",
+        )
+
+
+@check("mould.tube")
+def _surrounds(case: Case, table: MouldTube) -> Faults:
+    if isinstance(case.section, BeamBlank):
+        yield "", "only a rectangle or a round has a tube; leave the table out"
+    if isinstance(case.section, Rectangle) and case.section.corner_radius == 0.0:
+        yield (
+            "",
+            'a tube has rounded corners; give [section] some: corner_radius = "5 mm"',
+        )
+    if table.flux is not None and table.hot_face is not None:
+        yield "hot_face", "the flux is given, too: one of the two, leave the other out"
+
+
 ConductivityOfTemperature = Annotated[
     float | Table, Curve(Kind("W/(m K)", "W/(m K)", above=0.0), over="temperature")
 ]
@@ -54,43 +129,6 @@ EXAMPLES = {
     "friction": '{ law = "coulomb", coefficient = 0.3 }',
 }
 """Tables within [mould] that one word may stand for, written out."""
-
-
-@dataclass(frozen=True, slots=True)
-class OneWord:
-    """Annotation of a table that a single word may stand for: that word under its main key.
-
-    Attributes:
-        key: The main key.
-        words: What it may be where nothing else has to be given.
-        example: The table written out.
-    """
-
-    key: str
-    words: tuple[str, ...]
-    example: str
-
-    def _table(self, given: Any) -> Any:
-        if not isinstance(given, str):
-            return given
-        if given not in self.words:
-            raise ValueError(
-                f"must be {' or '.join(self.words)}, or a table with '{self.key}', such as "
-                f"{self.example}{nearest(given, self.words)}"
-            )
-        return {self.key: given}
-
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        from pydantic_core import core_schema
-
-        return core_schema.no_info_before_validator_function(self._table, handler(source))
-
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        return {"anyOf": [{"enum": list(self.words)}, handler(schema)]}
 
 
 class ContactSettings(TableModel):

@@ -12,8 +12,7 @@ from castfem.base.quantities import Kind, Notation
 from castfem.model.base import TableModel, written
 
 if TYPE_CHECKING:
-    from pydantic import GetJsonSchemaHandler
-    from pydantic_core import CoreSchema
+    pass
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +45,8 @@ class Range(Notation):
         """Return what reads back to the same range."""
         return [self.kind.write(end) for end in value]
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def json_schema(self) -> dict[str, Any]:
+        """See `Notation.json_schema`."""
         return {
             "type": "array",
             "items": self.kind.json_schema(),

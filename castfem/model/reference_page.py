@@ -17,11 +17,11 @@ from castfem.base.shown_units import UnitsNotation
 from castfem.base.table_notation import Curve, CurveOr
 from castfem.model.base import meaning
 from castfem.model.case import Case
-from castfem.model.coefficient_table import NozzleTable
 from castfem.model.machine import RollTable
 from castfem.model.mechanics import AxisMark, WindowMark
 from castfem.model.problems import Table, submodels, tables
 from castfem.model.quality import Range
+from castfem.model.secondary import NozzleTable
 from castfem.model.section import Section
 from castfem.model.taper import TaperMark
 from castfem.model.tensile import TensileCase, TensileOutput

@@ -6,11 +6,13 @@ A shape of section is one class here: its sizes, its boundary groups, the cavity
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
+from castfem.base.errors import CaseError
 from castfem.base.quantities import Distance, Kind, Length
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
@@ -22,6 +24,7 @@ from castfem.physics import mould as wall
 
 if TYPE_CHECKING:
     from castfem.model.case import Case
+
 
 Size = Callable[[str], float]
 """Size of a cavity at the meniscus by the name that [mould] and [section] give it, m."""
@@ -352,3 +355,16 @@ def _coarse(case: Case, mesh: Mesh) -> Faults:
             f"({in_mm(mesh.surface_size)}) is as thick as a shell; castfem error "
             "tells what cells cost",
         )
+
+
+@contextmanager
+def meshing() -> Iterator[None]:
+    """Return a block in which the section of a case is meshed.
+
+    Raises:
+        CaseError: What the mesher refuses: too many cells, cells that would be bad.
+    """
+    try:
+        yield
+    except ValueError as error:
+        raise CaseError(f"mesh: {error}") from error

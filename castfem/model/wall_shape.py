@@ -26,8 +26,7 @@ from castfem.base.types import Array
 from castfem.physics.mould.displaced import WallDisplacement
 
 if TYPE_CHECKING:
-    from pydantic import GetJsonSchemaHandler
-    from pydantic_core import CoreSchema
+    pass
 
 COLUMNS = ("position", "way", "x", "y")
 _KIND = Kind("m", "mm")
@@ -69,9 +68,8 @@ class WallShape(Notation):
         rows = flat(value)
         return {**{name: rows[:, i].tolist() for i, name in enumerate(COLUMNS)}, "unit": "m"}
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def json_schema(self) -> dict[str, Any]:
+        """See `Notation.json_schema`."""
         ways = schema_of_columns(COLUMNS, ("unit",))
         return {"anyOf": ways, "description": "displaced wall, from a file"}
 

@@ -14,7 +14,7 @@ from castfem.base.errors import InputError
 from castfem.base.types import Array
 from castfem.cli import checking
 from castfem.model import Case, load_case
-from castfem.model.build_extraction import coupled_pairs, known_resistance
+from castfem.model.build_machine import coupled_pairs, known_resistance
 from castfem.model.defects import Defect, RollDefect
 from castfem.model.plausibility import warnings
 from castfem.physics.machine.defects import circle, out_of_line, with_radii

@@ -12,7 +12,7 @@ from typing import Any
 from castfem.base.atomic_files import write_json
 from castfem.base.errors import InputError
 from castfem.base.file_lock import taken
-from castfem.model.portable import portable
+from castfem.model.load import portable
 from castfem.runs import existing_run
 from castfem.runs.output.folder import CASE_NAME, PROPERTIES_NAME, OutputFolder
 from castfem.runs.output.run_record import RUN_NAME, RunRecord
