@@ -102,17 +102,17 @@ class OneWord:
     Attributes:
         key: The main key.
         words: What it may be where nothing else has to be given.
-        example: The table written out.
+        example: The table written out; "" where the table itself refuses other words.
     """
 
     key: str
     words: tuple[str, ...]
-    example: str
+    example: str = ""
 
     def _table(self, given: Any) -> Any:
         if not isinstance(given, str):
             return given
-        if given not in self.words:
+        if self.example and given not in self.words:
             raise ValueError(
                 f"must be {' or '.join(self.words)}, or a table with '{self.key}', such as "
                 f"{self.example}{nearest(given, self.words)}"

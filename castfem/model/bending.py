@@ -54,11 +54,8 @@ def _exists(case: Case, planes: GeneralizedPlaneStrain) -> Faults:
     ):
         for name in (strain, moment) if strain in case.section.barred() else ():
             if getattr(planes, name) not in (None, 0.0):
-                yield (
-                    name,
-                    f"the section is mirrored at {mirror}; leave it out, or give section.symmetry "
-                    f"= {enough}",
-                )
+                fix = f"leave it out, or give section.symmetry = {enough}"
+                yield name, f"the section is mirrored at {mirror}; {fix}"
 
 
 @check("mechanics.planes")
@@ -78,11 +75,8 @@ def _not_bent(case: Case, planes: GeneralizedPlaneStrain) -> Faults:
         return
     for key, as_without in _ITS_OWN.items():
         if getattr(planes, key) not in (None, as_without):
-            yield (
-                key,
-                "is for a strand that its machine bends; give the rolls of [machine] a radius, or "
-                "leave it out",
-            )
+            fix = "give the rolls of [machine] a radius, or leave it out"
+            yield key, f"is for a strand that its machine bends; {fix}"
 
 
 @check("mechanics.planes")
@@ -91,19 +85,13 @@ def _bent(case: Case, planes: GeneralizedPlaneStrain) -> Faults:
     if isinstance(case.section, Strip) or not case.bends:
         return
     if "a2" in case.section.barred():
-        yield (
-            "/section.symmetry",
-            '("quarter") mirrors the strand at y = 0, which the rolls of [machine] bend: intrados '
-            'and extrados differ; give symmetry = "half" or "whole"',
-        )
+        fix = 'intrados and extrados differ; give symmetry = "half" or "whole"'
+        yield "/section.symmetry", f'("quarter") mirrors what the rolls of [machine] bend: {fix}'
         return
     names = [name for name in _IMPOSED if getattr(planes, name) not in (None, 0.0)]
     for name in [*(["a0"] if planes.a0 not in (None, FREE) else []), *names]:
-        yield (
-            name,
-            "is not free to be given: the rolls of [machine] impose the curvature, equilibrium or "
-            "neutral_axis finds the rest; leave it out",
-        )
+        why = "the rolls of [machine] impose the curvature, equilibrium the rest"
+        yield name, f"is not free to be given: {why}; leave it out"
     if planes.neutral_axis in (None, FREE):
         yield from _work(planes)
     else:
@@ -116,18 +104,12 @@ def _axis(planes: GeneralizedPlaneStrain, thickness: float) -> Faults:
     for place in places_of(planes.neutral_axis):
         axis = axis_position(place, thickness) or 0.0
         if abs(axis) > 0.5 * thickness:
-            yield (
-                "neutral_axis",
-                f"({in_mm(axis)}) lies outside of the strand; from -{most} (extrados) to {most} "
-                "(intrados)",
-            )
+            fix = f"from -{most} (extrados) to {most} (intrados)"
+            yield "neutral_axis", f"({in_mm(axis)}) lies outside of the strand; {fix}"
     for name in ("force", "closing", "force_contains_bending"):
         if getattr(planes, name) not in (None, 0.0, _ITS_OWN.get(name)):
-            yield (
-                name,
-                "has no effect where the neutral axis is imposed, nothing balances it; leave it "
-                f'out, or give neutral_axis = "{FREE}"',
-            )
+            fix = f'leave it out, or give neutral_axis = "{FREE}"'
+            yield name, f"has no effect where the neutral axis is imposed; {fix}"
 
 
 def _work(planes: GeneralizedPlaneStrain) -> Faults:
@@ -136,10 +118,10 @@ def _work(planes: GeneralizedPlaneStrain) -> Faults:
     over_position = isinstance(planes.force, Table) and planes.force.over == "position"
     if planes.closing == "axial":
         if planes.force_contains_bending:
-            yield key, 'says what closing = "tangential" does with the force; leave one of both out'
+            yield (
+                key,
+                'says what closing = "tangential" does with the force; leave one of the two out',
+            )
     elif over_position and not given(planes, key):
-        yield (
-            key,
-            "is missing; true for a measured or maker's curve of the effort, which has the work of "
-            "bending in it, false for a sum of resistances and drives without it",
-        )
+        fix = "which has the work of bending in it, else false"
+        yield key, f"is missing; true for a measured or maker's curve, {fix}"

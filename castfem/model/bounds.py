@@ -222,11 +222,9 @@ def _long_tables(case: Case, _: object) -> Faults:
         if not isinstance(table, Table) or table.over not in ("time", "position"):
             continue
         if (count := len(table.arguments)) > _MANY_ROWS:
-            yield (
-                dotted(given.path),
-                f"has {grouped(count)} rows, each of which ends one of the {what}; at some "
-                f"{1e3 * each:.0f} ms each that takes {_duration(count * each)}: fewer rows do",
-            )
+            time = f"at some {1e3 * each:.0f} ms each that takes {_duration(count * each)}"
+            text = f"has {grouped(count)} rows, each of which ends one of the {what}; {time}"
+            yield dotted(given.path), f"{text}: fewer rows do"
 
 
 def _demands(case: Case) -> Iterator[Demand]:

@@ -11,13 +11,12 @@ from castfem.base.tables import Table
 from castfem.base.types import Array
 from castfem.model.machine import thickness_of
 from castfem.physics.machine import Machine
-from castfem.physics.machine.extraction.effort import KnownResistance, Pairs
-from castfem.physics.machine.extraction.resistance import friction, steps_of
 
 if TYPE_CHECKING:
     from castfem.model.case import Case
     from castfem.model.extraction import Extraction
     from castfem.model.machine import Machine as MachineTable
+    from castfem.physics.machine.extraction.effort import KnownResistance, Pairs
     from castfem.physics.machine.rolls import Rolls
 
 
@@ -47,6 +46,9 @@ def capacities(rolls: Rolls) -> Array:
 
 def coupled_pairs(table: Extraction, rolls: Rolls) -> Pairs:
     """The pairs that hold the strand, as a coupled resistance needs them."""
+    from castfem.physics.machine.extraction.effort import Pairs
+    from castfem.physics.machine.extraction.resistance import friction
+
     there = rolls.there
     pairs = [rolls.pairs[i] for i in there]
     locked = [pair.locked for pair in pairs]
@@ -70,6 +72,9 @@ def known_resistance(table: Extraction, machine: MachineTable) -> KnownResistanc
     Raises:
         StrandStopsError: The drives are weaker than the rolls.
     """
+    from castfem.physics.machine.extraction.effort import KnownResistance
+    from castfem.physics.machine.extraction.resistance import friction, steps_of
+
     normal, rolls = machine.normal(), machine.pairs()
     if not isinstance(table.resistance, Table) or normal is None or rolls is None:
         return None

@@ -93,16 +93,10 @@ def _goes_with(case: Case, table: Mould) -> Faults:
         yield "", "a strip has no mould; leave the table out"
         return
     if section.one_taper and not set(table.taper.parts) <= {"face"}:
-        yield (
-            "taper",
-            f'a section of shape "{section.tag}" has one taper for all: taper = "1 %/m"',
-        )
+        yield "taper", f'a section of shape "{section.tag}" has one taper for all: "1 %/m"'
     if getattr(section, "bulge", None) is not None and table.displacement is None:
-        yield (
-            "/section.bulge",
-            "the cavity must have the strand's outline, too: mould.displacement = "
-            '{ file = "wall.csv" } (castfem section writes both)',
-        )
+        fix = 'mould.displacement = { file = "wall.csv" } (castfem section writes both)'
+        yield "/section.bulge", f"the cavity must have the strand's outline, too: {fix}"
 
 
 def nominal_mould(table: Mould, section: Section) -> wall.Mould:
@@ -137,11 +131,8 @@ def _sizes(case: Case, table: Mould) -> Faults:
             bound, allowed, short = "at least", own / hot, hot * size < own * (1.0 - ROUNDING)
         if short:
             limit = "that" if allowed == own else in_mm(allowed)
-            yield (
-                name,
-                f"({in_mm(size)}) does not let the strand in, which has {in_mm(own)}; allowed: "
-                f"{bound} {limit}, or leave it out",
-            )
+            fix = f"allowed: {bound} {limit}, or leave it out"
+            yield name, f"({in_mm(size)}) does not let the strand in, which has {in_mm(own)}; {fix}"
 
 
 def _widest_corner(table: Mould, section: Section, hot: float) -> float:
@@ -153,9 +144,10 @@ def _widest_corner(table: Mould, section: Section, hot: float) -> float:
     sizes = [(getattr(section, name), getattr(table, name)) for name in ("width", "height")]
     # Half of what the cavity has beyond the strand, and by how much its radius may be larger: the
     # centres of the corners lie (grown - a, grown - b) apart, and that far the strand's reaches.
+    radius = getattr(section, "corner_radius", 0.0)
     a, b = (0.0 if size is None else max(0.5 * (hot * size - own), 0.0) for own, size in sizes)
     grown = a + b + math.sqrt(2.0 * a * b)
-    return float((section.corner_radius + grown) / hot)
+    return float((radius + grown) / hot)
 
 
 def hot_lengths(table: Mould) -> float | None:
@@ -204,12 +196,9 @@ def _wider(case: Case, mould: Mould) -> Faults:
     for name in ("width", "height", "diameter"):
         size, own = getattr(mould, name), getattr(case.section, name, None)
         if size is not None and own is not None and hot * size > own * (1.0 + _FILLED):
-            yield (
-                name,
-                f"({in_mm(size)}) leaves a gap to the strand at the meniscus ({in_mm(own)}), but "
-                f"liquid fills its mould: give section.{name} the size of the cavity, not that of "
-                "the cold product",
-            )
+            fix = f"liquid fills its mould: give section.{name} the size of the cavity"
+            at = f"the strand at the meniscus ({in_mm(own)})"
+            yield name, f"({in_mm(size)}) leaves a gap to {at}, but {fix}"
 
 
 @caution("mesh")
@@ -219,11 +208,8 @@ def _corner(case: Case, mesh: Mesh) -> Faults:
     key = "surface_size" if mesh.corner_size is None else "corner_size"
     size = getattr(mesh, key)
     if case.mould is not None and radius > 0.0 and size * _CELLS > radius * (1.0 + ROUNDING):
-        yield (
-            key,
-            f"cells of {_mm(size)} along a corner of radius {_mm(radius)}: gap, shell and stress "
-            f"there may be off by a tenth or more; {_mm(radius / _CELLS)} or less resolve it",
-        )
+        fix = f"gap and shell may be off by a tenth; {_mm(radius / _CELLS)} or less resolve it"
+        yield key, f"cells of {_mm(size)} along a corner of radius {_mm(radius)}: {fix}"
 
 
 @caution("mould")
@@ -249,16 +235,11 @@ def _rows(closing: Table, half: float, length: float) -> Iterator[str]:
     """Yield why rows of a wall are no movement, or not from the meniscus of this mould."""
     first, last, there = closing.arguments[0], closing.arguments[-1], closing(0.0)
     if abs(there) > _SIZE * half:
-        yield (
-            f"{_mm(there)} at the meniscus look like a size of the cavity, not like a movement of "
-            "its wall; the table has how far each face has moved in since the meniscus: half of "
-            "what width or height have lost, larger where the mould closes"
-        )
+        what = "how far each face has moved in since the meniscus: half of what the size has lost"
+        yield f"{_mm(there)} at the meniscus look like a size of the cavity; the table has {what}"
     elif first > ROUNDING * length and there != 0.0:
-        yield (
-            f"the table begins {_mm(first)} below the meniscus with {_mm(there)}, which is taken "
-            "off all its rows; give the row of the meniscus, where the wall has not moved"
-        )
+        fix = "give the row of the meniscus, where the wall has not moved"
+        yield f"the table begins {_mm(first)} below the meniscus with {_mm(there)}, {fix}"
     below = f"below the meniscus, the mould ends {_mm(length)} below it"
     asked = "are the positions from the meniscus, not from the top of the mould?"
     if last > (1.0 + _ENDS) * length:

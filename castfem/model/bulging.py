@@ -60,7 +60,7 @@ def _no_effect(case: Case, table: Bulging) -> Faults:
         # A case that was written out and is read again has every default in it.
         for name, field in Bulging.model_fields.items():
             if name != "model" and getattr(table, name) != field.default:
-                yield name, 'has no effect with model = "none"; leave one of both out'
+                yield name, 'has no effect with model = "none"; leave one of the two out'
     if table.largest is not None and table.model not in ("thesis", "none"):
         yield "largest", f'is for model = "thesis", not "{table.model}"'
     if table.shear and table.model == "thesis":
@@ -77,22 +77,17 @@ def _needs(case: Case, table: Bulging) -> Faults:
         yield "", "needs rolls, the table [machine]; add it, or leave bulging out"
         return
     if case.section.tag != "rectangle":
-        yield (
-            "",
-            'is for a section with wide faces; give section.shape = "rectangle", or leave it out',
-        )
+        fix = 'give section.shape = "rectangle", or leave it out'
+        yield "", f"is for a section with wide faces; {fix}"
     if mechanics.ferrostatic == "off":
-        yield (
-            "",
-            'needs the pressure of the liquid, and ferrostatic is "off"; leave one of both out',
-        )
+        fix = "leave one of the two out"
+        yield "", f'needs the pressure of the liquid, and ferrostatic is "off"; {fix}'
     for index, held in enumerate(mechanics.held):
         if held.component == "y" and any(map(is_wide, held.on)):
-            yield (
-                f"/mechanics.held.{index}",
-                "moves the wide faces, which the rolls bear where they bulge; leave one of the two "
-                "out (held = [])",
+            text = (
+                "moves the wide faces, which the rolls bear; leave one of the two out (held = [])"
             )
+            yield f"/mechanics.held.{index}", text
     pairs = case.machine.pairs()
     if pairs is not None and len(pairs.pairs) < 2:
         yield "", "needs two pairs of rolls at least"

@@ -43,9 +43,8 @@ def _is_table(profile: float | Table) -> float | Table:
     """Refuse one temperature, which is casting.temperature."""
     if isinstance(profile, Table):
         return profile
-    raise ValueError(
-        "a table over depth is needed; the one temperature of a slice is casting.temperature"
-    )
+    fix = "the one temperature of a slice is casting.temperature"
+    raise ValueError(f"a table over depth is needed; {fix}")
 
 
 SpeedOverTime = Annotated[
@@ -282,10 +281,8 @@ def _start(case: Case, start: Start) -> Faults:
     if ends is None:
         yield "at", '("mould_exit"): there is no mould; name a zone of [[cooling]] so, with its end'
     elif not ends < length:
-        yield (
-            "at",
-            f'("mould_exit"), {in_mm(ends)}, does not lie above casting.length ({in_mm(length)})',
-        )
+        text = f"{in_mm(ends)}, does not lie above casting.length ({in_mm(length)})"
+        yield "at", f'("mould_exit"), {text}'
 
 
 @check("casting.start")
@@ -300,11 +297,8 @@ def _meniscus(case: Case, start: Start) -> Faults:
         return
     ends = case.cooling[0].to
     if ends is not None and not height < ends:
-        yield (
-            "meniscus",
-            f"({in_mm(height)}) is not within the first zone of the cooling, which ends at "
-            f"{in_mm(ends)}; a meniscus is about 10 mm high",
-        )
+        most = f"the first zone of the cooling, which ends at {in_mm(ends)}"
+        yield "meniscus", f"({in_mm(height)}) is not within {most}; it is about 10 mm high"
 
 
 @check("output")
@@ -331,8 +325,5 @@ def _compared(case: Case, reference: Reference) -> Faults:
 @check_test("reference.*")
 def _without_position(case: TensileCase, reference: Reference) -> Faults:
     if reference.at is not None:
-        yield (
-            "at",
-            "a tensile test has no position; the quantities stress_1, stress_2 ... hold at the "
-            "ends of its segments",
-        )
+        fix = "the quantities stress_1, stress_2 ... hold at the ends of its segments"
+        yield "at", f"a tensile test has no position; {fix}"

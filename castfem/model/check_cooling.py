@@ -32,31 +32,20 @@ def _zones(case: Case, _: object) -> Faults:
                 yield f"cooling.{index}", "'to' is missing; only the last zone may leave it out"
             continue
         if zone.to <= reached:
-            yield (
-                key,
-                f"({in_mm(zone.to)}) does not lie beyond the end of the zone before "
-                f"({in_mm(reached)}); zones follow one another in casting order",
-            )
+            end = f"the end of the zone before ({in_mm(reached)}); give zones in casting order"
+            yield key, f"({in_mm(zone.to)}) does not lie beyond {end}"
         elif zone.to - reached < _SHORTEST:
-            yield (
-                key,
-                f"({in_mm(zone.to)}) lies {1e9 * (zone.to - reached):.3g} nm below the end of the "
-                f"zone before; a zone is at least {1e6 * _SHORTEST:g} um long: leave it out",
-            )
+            least = f"a zone is at least {1e6 * _SHORTEST:g} um long: leave it out"
+            yield key, f"lies {1e9 * (zone.to - reached):.3g} nm below the zone before; {least}"
         reached = max(reached, zone.to)
     last, length = len(zones) - 1, case.casting.length
     if case.secondary is not None:
         if zones[-1].to is None:
-            yield (
-                f"cooling.{last}",
-                "'to' is missing; it is where [secondary] begins, such as the end of the mould",
-            )
+            fix = "it is where [secondary] begins, such as the end of the mould"
+            yield f"cooling.{last}", f"'to' is missing; {fix}"
     elif zones[-1].to is not None and reached < length:
-        yield (
-            f"cooling.{last}.to",
-            f"({in_mm(reached)}) ends before casting.length ({in_mm(length)}); "
-            "add a zone, or leave out 'to' in the last",
-        )
+        text = f"({in_mm(reached)}) ends before casting.length ({in_mm(length)}); "
+        yield f"cooling.{last}.to", text + "add a zone, or leave out 'to' in the last"
 
 
 @check("cooling.*")
@@ -85,10 +74,8 @@ def _clash(case: Case, zone: Zone) -> Faults:
         for other in zone.surface[:j]:
             shared = law_groups(case.section, law) & law_groups(case.section, other)
             if shared and any(isinstance(it, PrescribedTemperature) for it in (law, other)):
-                yield (
-                    f"surface.{j}",
-                    f"a given temperature on {choices(sorted(shared))} excludes other laws there",
-                )
+                text = f"a given temperature on {choices(sorted(shared))} excludes other laws there"
+                yield f"surface.{j}", text
                 break
 
 
@@ -124,17 +111,11 @@ def _wall(case: Case, law: HeatLaw) -> Faults:
     of_mould = None if case.mould is None else case.mould.wall_temperature
     if law.wall in (None, MOULD):
         if of_mould is None:
-            yield (
-                "",
-                'wall is missing; the temperature of the wall, such as "160 degC", here or as '
-                "mould.wall_temperature",
-            )
+            yield "", 'wall is missing; such as "160 degC", here or as mould.wall_temperature'
     elif of_mould is not None and law.wall != of_mould:
-        yield (
-            "wall",
-            f"{_degrees(law.wall)} here, {_degrees(of_mould)} as mould.wall_temperature; leave one "
-            'of the two out, or set this to "mould"',
-        )
+        fix = 'leave one of the two out, or set this to "mould"'
+        there = f"{_degrees(of_mould)} as mould.wall_temperature"
+        yield "wall", f"{_degrees(law.wall)} here, {there}; {fix}"
 
 
 def _thin_gap(conductivity: float, coefficient: float | Table) -> Faults:
@@ -142,11 +123,8 @@ def _thin_gap(conductivity: float, coefficient: float | Table) -> Faults:
     best = max(coefficient.values) if isinstance(coefficient, Table) else coefficient
     halving = conductivity / best if best > 0.0 else _THINNEST
     if halving < _THINNEST:
-        yield (
-            "gap_conductivity",
-            f"({conductivity:g} W/(m K)): a gap of {1e9 * halving:.3g} nm would halve the "
-            "heat, and rounding decide on it; gases and slags have 0.02 to 2 W/(m K)",
-        )
+        text = f"({conductivity:g} W/(m K)): a gap of {1e9 * halving:.3g} nm would halve the heat"
+        yield "gap_conductivity", f"{text}; gases and slags have 0.02 to 2 W/(m K)"
 
 
 @check("cooling.*.surface.*")
@@ -164,11 +142,8 @@ def _scaled(case: Case, law: HeatLaw) -> Faults:
     of_surface = isinstance(value, Table) and value.over == "temperature"
     if of_surface or getattr(law, "coefficient", None) is not None:
         what = "the table over temperature" if of_surface else "a coefficient"
-        yield (
-            "",
-            f"the heat of {what} is known after the run alone and cannot be scaled to a measured "
-            f"total; give {key} over position or time",
-        )
+        fix = f"cannot be scaled to a measured total; give {key} over position or time"
+        yield "", f"the heat of {what} is known after the run alone and {fix}"
 
 
 @check("cooling.*.surface.*")
@@ -179,16 +154,11 @@ def _measured_at(case: Case, law: HeatLaw) -> Faults:
     totals, value = given(law, *TOTALS), getattr(law, law.curve_key)
     tables = [one for one in totals if isinstance(getattr(law, one), Table)]
     if tables:
-        yield (
-            "measured_at",
-            f"excludes {tables[0]} as a table over the casting speed; leave one of the two out",
-        )
+        fix = "leave one of the two out"
+        yield "measured_at", f"excludes {tables[0]} as a table over the casting speed; {fix}"
     if not totals and not (isinstance(value, Table) and value.over == "position"):
-        yield (
-            "measured_at",
-            "needs a measured total (power, or water with water_rise) or "
-            f"{law.curve_key} over position; leave it out here",
-        )
+        needs = "a measured total (power, or water with water_rise)"
+        yield "measured_at", f"needs {needs} or {law.curve_key} over position; leave it out"
 
 
 @check("cooling.*")
@@ -207,11 +177,9 @@ def _range_of_formula(case: Case, zone: Zone) -> Faults:
             if time > until * (1 + ROUNDING):
                 long = [n for n, f in MOULD_FLUXES.items() if time <= f.until * (1 + ROUNDING)]
                 longer = f" take {' or '.join(long)}, which is valid so long," if long else ""
-                yield (
-                    f"surface.{j}.{law.curve_key}",
-                    f'("{curve}") goes to {until:g} s, the zone{at} to {time:.4g} s after the '
-                    f"meniscus;{longer} end the zone with the mould, or give a table",
-                )
+                text = f'("{curve}") goes to {until:g} s, the zone{at} to {time:.4g} s'
+                fix = "end the zone with the mould, or give a table"
+                yield f"surface.{j}.{law.curve_key}", f"{text} after the meniscus;{longer} {fix}"
                 break
 
 
@@ -261,8 +229,5 @@ def unknown_groups(on: tuple[str, ...] | None, known: tuple[str, ...]) -> Faults
     """Yield names in `on` that stand for no boundary group."""
     for name in on or ():
         if not name or not any(group.startswith(name) for group in known):
-            yield (
-                "on",
-                f'no boundary group "{name}" on this section; allowed: {choices(known)} '
-                f"or how they begin{nearest(name, known)}",
-            )
+            fix = f"allowed: {choices(known)} or how they begin{nearest(name, known)}"
+            yield "on", f'no boundary group "{name}" on this section; {fix}'

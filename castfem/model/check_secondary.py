@@ -32,11 +32,8 @@ def _rolls(case: Case) -> Rolls | None:
 @check("secondary")
 def _needs(case: Case, table: Secondary) -> Faults:
     if not isinstance(case.section, Rectangle):
-        yield (
-            "",
-            f'needs wide and narrow faces; a section of shape "{case.section.tag}" has none: give '
-            "zones in [[cooling]]",
-        )
+        fix = f'a section of shape "{case.section.tag}" has none: give zones in [[cooling]]'
+        yield "", f"needs wide and narrow faces; {fix}"
     elif case.machine is None:
         yield "", 'goes from roll to roll, and there are none; add [machine] rolls = "rolls.csv"'
 
@@ -44,11 +41,7 @@ def _needs(case: Case, table: Secondary) -> Faults:
 @check("secondary")
 def _falls_off(case: Case, table: Secondary) -> Faults:
     if table.falls_off is not None and table.run_off is None:
-        yield (
-            "falls_off",
-            "has no effect without run_off, the coefficient of the water that would fall; leave it "
-            "out",
-        )
+        yield "falls_off", "has no effect without run_off, the water that would fall; leave it out"
 
 
 @check("secondary.contact")
@@ -58,10 +51,8 @@ def _contact(case: Case, contact: RollContact) -> Faults:
     if has == ["coefficient"]:
         yield "", 'the temperature of the rolls is missing, such as "150 degC"'
     elif has == ["share", "temperature"]:
-        yield (
-            "temperature",
-            "has no effect beside share, which follows from the pitch; leave it out",
-        )
+        fix = "leave it out"
+        yield "temperature", f"has no effect beside share, which follows from the pitch; {fix}"
 
 
 @check("secondary.nozzle.*")
@@ -101,11 +92,9 @@ def _contacts_apart(case: Case, table: Secondary) -> Faults:
         both = 0.5 * (pairs[i].diameter + pairs[i - 1].diameter)
         apart = pairs[i].position - pairs[i - 1].position
         if both < apart and contacts[i][0] <= contacts[i - 1][1]:
-            yield (
-                "contact.angle",
-                f"({format(table.contact.angle, 'rad', 'deg')}) makes contact with rolls {i} and "
-                f"{i + 1} overlap; some 10 degrees are usual",
-            )
+            angle = format(table.contact.angle, "rad", "deg")
+            text = f"({angle}) makes contact with rolls {i} and {i + 1} overlap"
+            yield "contact.angle", f"{text}; some 10 degrees are usual"
             return
 
 
@@ -117,11 +106,8 @@ def _faces(case: Case, circuit: Circuit) -> Faults:
     known = tuple(g for g in case.section.outer_groups() if not g.startswith("corner"))
     for name in circuit.on:
         if not name or not any(group.startswith(name) for group in known):
-            yield (
-                "on",
-                f'no face "{name}" on this section; allowed: {choices(known)} or how they begin'
-                f"{nearest(name, known)}",
-            )
+            fix = f"allowed: {choices(known)} or how they begin{nearest(name, known)}"
+            yield "on", f'no face "{name}" on this section; {fix}'
             return
     met = {g.partition("_")[0] for g in known if any(g.startswith(name) for name in circuit.on)}
     if len(met) > 1:
@@ -136,23 +122,17 @@ def _across(case: Case, circuit: Circuit) -> Faults:
         return
     half, far = _half(case, circuit), max(ordered, key=abs)
     if abs(far) > half:
-        yield (
-            "across",
-            f"the nozzle at {in_mm(far)} stands outside of the face, which ends {in_mm(half)} "
-            "from its middle",
-        )
+        text = f"the nozzle at {in_mm(far)} stands outside of the face"
+        yield "across", f"{text}, which ends {in_mm(half)} from its middle"
     for here, there in itertools.pairwise(ordered):
         if there - here < _SAME:
             yield "across", f"two nozzles stand at {in_mm(there)}; give more flow instead"
             return
     mirrored = section.symmetry == "quarter" or (circuit.wide and section.symmetry == "half")
     if mirrored and any(abs(a + b) > _SAME for a, b in zip(ordered, ordered[::-1], strict=True)):
-        yield (
-            "across",
-            "the nozzles are not mirrored at the middle, as section.symmetry = "
-            f'"{section.symmetry}" takes them to be; give a nozzle on the other side, too, or '
-            'symmetry = "whole"',
-        )
+        fix = 'give a nozzle on the other side, too, or symmetry = "whole"'
+        at = f'the middle, as section.symmetry = "{section.symmetry}" takes them to be'
+        yield "across", f"the nozzles are not mirrored at {at}; {fix}"
 
 
 @check("secondary.circuit.*")
@@ -165,11 +145,8 @@ def _between(case: Case, circuit: Circuit) -> Faults:
         return
     pairs, between = len(rolls.pairs), circuit.rolls
     if not 1 <= between[0] < between[1] <= pairs:
-        yield (
-            "rolls",
-            f"({between[0]}, {between[1]}) are not the rolls above and below rows of nozzles; "
-            f"numbers from 1 to {pairs}, the first smaller",
-        )
+        fix = f"numbers from 1 to {pairs}, the first smaller"
+        yield "rolls", f"({between[0]}, {between[1]}) are not the rolls above and below; {fix}"
         return
     model = next((m for m in table.nozzle if m.name == circuit.nozzle), None)
     if model is None:
@@ -226,11 +203,8 @@ def _lost(case: Case, circuit: Circuit) -> Faults:
     width, places = footprint(circuit.stand_off, model.angle), np.linspace(-half, half, _POINTS)
     reached = float(np.trapezoid(_water(places, circuit, model), places)) / len(circuit.across)
     if reached < 1.0 - _MISSING:
-        yield (
-            "across",
-            f"{100.0 * (1.0 - reached):.3g} % of the water misses the face: sprays of "
-            f"{1e3 * width:.4g} mm on {2e3 * half:.4g} mm",
-        )
+        size = f"sprays of {1e3 * width:.4g} mm on {2e3 * half:.4g} mm"
+        yield "across", f"{100.0 * (1.0 - reached):.3g} % of the water misses the face: {size}"
 
 
 def _water(places: np.ndarray, circuit: Circuit, model: NozzleModel) -> np.ndarray:
@@ -270,11 +244,8 @@ def _ranges(case: Case, circuit: Circuit) -> Faults:
         )
     least = 0.0 if model.correlation is None else CORRELATIONS[model.correlation].water[0]
     if 0.0 < most < least:
-        yield (
-            "flow",
-            f"at most {most:.3g} L/(m^2 s) reach the surface, {model.correlation} was measured "
-            f"from {least:g} on: below, it falls to zero with the water",
-        )
+        known = f"{model.correlation} was measured from {least:g} on: below, it falls to zero"
+        yield "flow", f"at most {most:.3g} L/(m^2 s) reach the surface, {known}"
 
 
 def _about(case: Case) -> Supply:

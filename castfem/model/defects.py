@@ -106,11 +106,8 @@ class Locked(RollDefect):
         """See `Defect`."""
         yield from super().problems(case, pairs)
         if case.machine is not None and case.machine.extraction is None:
-            yield (
-                "kind",
-                '("locked") has no effect without [machine.extraction], which has what rolls '
-                "resist; add it, or leave the defect out",
-            )
+            fix = "add it, or leave the defect out"
+            yield "kind", f'("locked") has no effect without [machine.extraction]; {fix}'
 
     def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:
         """Return the steps with that of the pair as many times as high (328)."""
@@ -149,22 +146,16 @@ class Misaligned(RollDefect):
         if self.resistance is None:
             return
         if machine.extraction is None or machine.extraction.resistance == COUPLED:
-            yield (
-                "resistance",
-                "has no effect without a maker's curve, machine.extraction.resistance, that it "
-                "would be added to; leave it out",
-            )
+            what = "a maker's curve, machine.extraction.resistance"
+            yield "resistance", f"has no effect without {what}, to be added to; leave it out"
 
     def _far_off(self, normal: Rolls) -> Faults:
         """Yield a pair that is farther off than a strand would follow, or (329) holds."""
         places = [pair.position for pair in normal.pairs[max(self.roll - 2, 0) : self.roll + 1]]
         pitch = min((b - a for a, b in pairwise(places)), default=math.inf)
         if abs(self.by) > MOST_OFF * pitch:
-            yield (
-                "by",
-                f"({1e3 * self.by:g} mm): by more than {MOST_OFF:g} of the {1e3 * pitch:.4g} mm "
-                f"to the next pair roll {self.roll} cannot be off; a strand follows no such bend",
-            )
+            most = f"more than {MOST_OFF:g} of the {1e3 * pitch:.4g} mm to the next pair"
+            yield "by", f"({1e3 * self.by:g} mm): by {most} roll {self.roll} cannot be off"
 
     def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:
         """Return the steps with the extra resistance, shared as the extra bending is."""
@@ -239,11 +230,9 @@ class Nozzles(Defect):
             return
         first, last = max(self.rolls[0], found[0].rolls[0]), min(self.rolls[1], found[0].rolls[1])
         if first >= last:
-            yield (
-                "rolls",
-                f'(from {self.rolls[0]} to {self.rolls[1]}) meet no nozzles of "{self.circuit}", '
-                f"which goes from roll {found[0].rolls[0]} to {found[0].rolls[1]}",
-            )
+            text = f"(from {self.rolls[0]} to {self.rolls[1]}) meet no nozzles of"
+            ends = f"which goes from roll {found[0].rolls[0]} to {found[0].rolls[1]}"
+            yield "rolls", f'{text} "{self.circuit}", {ends}'
 
 
 def with_defects(rolls: Rolls, defects: Sequence[Defect]) -> Rolls:
@@ -271,10 +260,8 @@ def _repeated(case: Case, table: Machine) -> Faults:
         if defect in defects[:i]:
             yield f"defect.{i}", "stands there twice; leave one of the two out"
         if isinstance(defect, RollDefect) and not isinstance(defect, Lost) and defect.roll in lost:
-            yield (
-                f"defect.{i}.roll",
-                f"({defect.roll}): this pair is lost as well; leave one of the two out",
-            )
+            fix = "leave one of the two out"
+            yield f"defect.{i}.roll", f"({defect.roll}): this pair is lost as well; {fix}"
 
 
 def at_an_end(case: Case, table: Machine, normal: Rolls) -> Faults:
@@ -291,14 +278,8 @@ def at_an_end(case: Case, table: Machine, normal: Rolls) -> Faults:
             continue
         index = defect.roll - 1
         if isinstance(defect, Misaligned) and index in ends and defect.by:
-            yield (
-                f"defect.{i}.roll",
-                f"({defect.roll}): no pair {ends[index]} it holds the strand, which is bent "
-                "between three (329); only a pair with one on each side can be off",
-            )
+            text = f"({defect.roll}): no pair {ends[index]} it, and the strand is bent between"
+            yield f"defect.{i}.roll", f"{text} three (329); only one between others can be off"
         elif isinstance(defect, Lost) and index < rolls.there[0] and bulging and bulging.bears:
-            yield (
-                f"defect.{i}.roll",
-                f"({defect.roll}): above the first pair the mould holds the faces, so that nothing "
-                "would bulge where it is lost; leave it in, or leave mechanics.bulging out",
-            )
+            text = f"({defect.roll}): above the first pair the mould holds the faces"
+            yield f"defect.{i}.roll", f"{text}; leave it in, or leave mechanics.bulging out"

@@ -51,17 +51,11 @@ def _draws(case: Case, table: Extraction) -> Faults:
     if rolls is None:
         return
     if not any(pair.driven for pair in rolls.pairs):
-        yield (
-            "",
-            "no pair of rolls is driven, nothing would draw the strand; set driven to yes in the "
-            "table of [machine] rolls",
-        )
+        fix = "set driven to yes in the table of [machine] rolls"
+        yield "", f"no pair of rolls is driven, nothing would draw the strand; {fix}"
     if case.mechanics is not None and not case.bends:
-        yield (
-            "",
-            "is for a strand that its machine bends; give the rolls of [machine] a radius, or "
-            "leave it out and give mechanics.planes.force",
-        )
+        fix = "give the rolls of [machine] a radius, or mechanics.planes.force instead"
+        yield "", f"is for a strand that its machine bends; {fix}"
 
 
 @check("machine.extraction")
@@ -69,10 +63,8 @@ def _resistance(case: Case, table: Extraction) -> Faults:
     """Yield a resistance that is no curve, or falls."""
     curve = table.resistance
     if isinstance(curve, float | int):
-        yield (
-            "resistance",
-            'must be a table over position, such as { file = "resistance.csv" }, or "coupled"',
-        )
+        fix = 'such as { file = "resistance.csv" }, or "coupled"'
+        yield "resistance", f"must be a table over position, {fix}"
     if not isinstance(curve, Table):
         return
     for before, row in itertools.pairwise(zip(curve.arguments, curve.values, strict=True)):
@@ -105,12 +97,8 @@ def _twice(case: Case, table: Extraction) -> Faults:
             if value is not None and (key != "force" or value != 0.0):
                 yield f"/mechanics.planes.{key}", f"{reason}; leave one of the two out"
     if case.mould is not None and case.mould.friction.tag != "none":
-        yield (
-            "/mould.friction",
-            "pulls at the strand beside [machine.extraction], whose drives take what rolls "
-            'resist and would never take it; give friction = { law = "none" }, or leave '
-            "machine.extraction out",
-        )
+        fix = 'give friction = { law = "none" }, or leave machine.extraction out'
+        yield "/mould.friction", f"pulls at the strand beside [machine.extraction]; {fix}"
 
 
 @caution("machine.extraction")

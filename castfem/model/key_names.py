@@ -137,10 +137,8 @@ def _with_law(root: type[TableModel], data: Mapping[str, Any], parts: list[str])
         meant, rest = written or having, parts[2:]
     if len(meant) > 1:
         words = ", ".join(str(laws[i].get("name") or laws[i].get("law", i)) for i in meant)
-        raise ValueError(
-            f"several heat laws of zone {parts[1]} have it ({words}); put one before it, or "
-            "surface and its number"
-        )
+        fix = "put one before it, or surface and its number"
+        raise ValueError(f"several heat laws of zone {parts[1]} have it ({words}); {fix}")
     return ".".join([*parts[:2], "surface", str(meant[0]), *rest]) if meant else ""
 
 

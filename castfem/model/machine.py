@@ -137,10 +137,8 @@ def _has_rolls(case: Case, table: Machine) -> Faults:
     elif table.rolls is not None and table.segment:
         yield "", "rolls and segment exclude each other; give one of the two"
     elif table.segment and table.first is None:
-        yield (
-            "first",
-            'is missing; where the first pair of the segments stands, such as "900 mm"',
-        )
+        fix = 'where the first pair of the segments stands, such as "900 mm"'
+        yield "first", f"is missing; {fix}"
 
 
 @check("machine")
@@ -249,15 +247,11 @@ def _doubtful(rolls: Rolls, thickness: float) -> Iterator[str]:
     tightest = min(rolls.pairs, key=lambda pair: abs(pair.radius))
     strain = 0.5 * thickness / abs(tightest.radius)
     if strain > _STRAINED:
-        yield (
-            f"{rolls.place(rolls.pairs.index(tightest))}: R = {tightest.radius:g} m strains the "
-            f"faces of the strand by {100.0 * strain:.3g} %"
-        )
+        strained = f"strains the faces of the strand by {100.0 * strain:.3g} %"
+        yield f"{rolls.place(rolls.pairs.index(tightest))}: R = {tightest.radius:g} m {strained}"
     for i in range(len(rolls.pairs)):
         aperture = rolls.aperture(i, thickness)
         if abs(aperture / thickness - 1.0) > _OTHER:
-            yield (
-                f"{rolls.place(i)}: aperture ({1e3 * aperture:g} mm) of a section "
-                f"{1e3 * thickness:g} mm thick"
-            )
+            of = f"of a section {1e3 * thickness:g} mm thick"
+            yield f"{rolls.place(i)}: aperture ({1e3 * aperture:g} mm) {of}"
             return

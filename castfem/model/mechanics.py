@@ -191,7 +191,7 @@ class Mechanics(TableModel):
         default_factory=lambda: GeneralizedPlaneStrain.model_validate({})
     )
     """degrees of freedom of generalized plane strain"""
-    bulging: Annotated[Bulging, OneWord("model", MODELS, '{ model = "creep" }')] | None = None
+    bulging: Annotated[Bulging, OneWord("model", MODELS)] | None = None
     """how the wide faces bulge between the rolls of [machine], which bear them; left out: they are
     not borne"""
     held: tuple[GivenDisplacement, ...] = ()
@@ -310,16 +310,9 @@ def _liquid_in_mould(case: Case, table: Mechanics) -> Faults:
     if case.mould is None:
         return
     if table.liquid == "fed" and table.ferrostatic in ("off", "none"):
-        yield (
-            "ferrostatic",
-            f'("{table.ferrostatic}"): in a mould liquid that is fed resists nothing: without its '
-            "pressure nothing holds a surface at the wall until it has frozen; give ferrostatic = "
-            '"full", or liquid = "elastic"',
-        )
+        text = f'("{table.ferrostatic}"): nothing holds liquid that is fed at the wall of a mould'
+        yield "ferrostatic", f'{text}; give ferrostatic = "full", or liquid = "elastic"'
     soft = table.liquid_has_modulus and table.liquid_stiffness < _SOFTEST
     if soft and table.strain == "large":
-        yield (
-            "liquid_stiffness",
-            f"({table.liquid_stiffness:g}): liquid this soft folds in a mould at large strain; at "
-            f'least {_SOFTEST:g}, or strain = "small"',
-        )
+        text = f"({table.liquid_stiffness:g}): liquid this soft folds in a mould at large strain"
+        yield "liquid_stiffness", f'{text}; at least {_SOFTEST:g}, or strain = "small"'

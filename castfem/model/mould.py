@@ -83,11 +83,8 @@ def _bricks(case: Case, table: MouldTube) -> Faults:
         return
     count = table.cells_across * 0.5 * (width + height) / size * (length + table.above) / size
     if count > MOST_BRICKS:
-        yield (
-            "cell_size",
-            f"({in_mm(size)}) makes about {count:.2g} cells of the tube, at most {MOST_BRICKS:g}; "
-            "give a larger one",
-        )
+        most = f"at most {MOST_BRICKS:g}; give a larger one"
+        yield "cell_size", f"({in_mm(size)}) makes about {count:.2g} cells of the tube, {most}"
 
 
 @check("mould.tube")
@@ -95,10 +92,8 @@ def _surrounds(case: Case, table: MouldTube) -> Faults:
     if isinstance(case.section, BeamBlank):
         yield "", "only a rectangle or a round has a tube; leave the table out"
     if isinstance(case.section, Rectangle) and case.section.corner_radius == 0.0:
-        yield (
-            "",
-            'a tube has rounded corners; give [section] some: corner_radius = "5 mm"',
-        )
+        fix = 'give [section] some: corner_radius = "5 mm"'
+        yield "", f"a tube has rounded corners; {fix}"
     if table.flux is not None and table.hot_face is not None:
         yield "hot_face", "the flux is given, too: one of the two, leave the other out"
 
@@ -346,8 +341,5 @@ def _stable(case: Any, contact: ContactSettings) -> Faults:
     from castfem.physics.contact.settings import FACTOR, LEAST_NITSCHE
 
     if contact.factor < LEAST_NITSCHE:
-        yield (
-            "factor",
-            f"too small for Nitsche's method to be stable; allowed: at least {LEAST_NITSCHE:g}, or "
-            f"leave it out for {FACTOR:g} ({contact.factor:g})",
-        )
+        text = "too small for Nitsche's method to be stable; allowed: at least"
+        yield "factor", f"{text} {LEAST_NITSCHE:g}, or leave it out for {FACTOR:g}"

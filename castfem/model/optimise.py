@@ -235,11 +235,8 @@ def _objectives(case: Case, table: Optimise) -> Faults:
     if not 1 <= count <= _MOST_OBJECTIVES:
         told = "nothing is to become best" if not count else f"{count} results are to become best"
         more = ", and weigh it against another by [optimise.front]" if count else ""
-        yield (
-            "",
-            f'{told}; give minimise = "von_mises_max" or maximise = "heat_removed", one of them'
-            f"{more}",
-        )
+        fix = f'give minimise = "von_mises_max" or maximise = "heat_removed", one of them{more}'
+        yield "", f"{told}; {fix}"
     for key in ("minimise", "maximise"):
         for name in getattr(table, key):
             yield from _unknown(name, key)

@@ -70,10 +70,8 @@ def warnings_with(
     """
     if steel.left_out:
         names = ", ".join(steel.left_out)
-        yield Problem(
-            ("steel", "composition"),
-            f"there are no data for {names}; the steel is computed without",
-        )
+        text = f"there are no data for {names}; the steel is computed without"
+        yield Problem(("steel", "composition"), text)
     start = case.casting.temperature
     if start is not None and start < steel.liquidus:
         yield Problem(
@@ -170,11 +168,8 @@ def _long_windows(case: Case, coupling: Coupling) -> Faults:
     fastest = ranges.RANGES["casting.speed"].usual[1]
     length = window.length if isinstance(window, Way) else window * min(speed, fastest)
     if length > _LONGEST_WINDOW:
-        yield (
-            "interval",
-            f"({length:.4g} m of strand) is longer than what a gap opens or a pitch bulges in; "
-            "0.1 s or 5 mm is usual",
-        )
+        text = f"({length:.4g} m of strand) is longer than what a gap opens or a pitch bulges in"
+        yield "interval", f"{text}; 0.1 s or 5 mm is usual"
 
 
 @caution()
@@ -190,11 +185,9 @@ def _short_tables(case: Case, _: object) -> Faults:
                     continue
                 last, settled = table.arguments[-1], table.values[-1] == table.values[-2]
                 if not settled and start < end and last < end - _MISSING * (end - start):
-                    yield (
-                        f"cooling.{index}.surface.{place}.{key}",
-                        f"the table ends at {in_mm(last)}, the zone at {in_mm(end)}: its last "
-                        "value goes on to there; give the row at the end of the zone",
-                    )
+                    text = f"the table ends at {in_mm(last)}, the zone at {in_mm(end)}"
+                    where = f"cooling.{index}.surface.{place}.{key}"
+                    yield where, f"{text}: give the row at the end of the zone"
         start = end
 
 
@@ -234,11 +227,8 @@ def _sprays(case: Case, law: HeatLaw) -> Faults:
 def _radiates(case: Case, zone: Zone) -> Faults:
     sprays = any(isinstance(law, Spray) for law in zone.surface)
     if sprays and not any(isinstance(law, Radiation) for law in zone.surface):
-        yield (
-            "",
-            "a spray without radiation; the correlation is of the water alone, add a surface with "
-            'law = "radiation"',
-        )
+        fix = 'the correlation is of the water alone, add a surface with law = "radiation"'
+        yield "", f"a spray without radiation; {fix}"
 
 
 @caution("cooling.*")
@@ -270,11 +260,9 @@ def _fixed(case: Case, mould: Mould) -> Faults:
         for index, law in enumerate(zone.surface):
             crosses = law.crosses_gap and law_groups(case.section, law) <= met
             if law not in following and not crosses:
-                yield (
-                    f"/cooling.{number}.surface.{index}",
-                    f"{law.called or law.tag} is not changed by the gap that opens in the mould; "
-                    'heat that is to follow it is law = "contact" without the key gap',
-                )
+                fix = 'heat that is to follow it is law = "contact" without the key gap'
+                text = f"{law.called or law.tag} is not changed by the gap that opens in the mould"
+                yield f"/cooling.{number}.surface.{index}", f"{text}; {fix}"
         start = case.casting.length if zone.to is None else zone.to
 
 
@@ -315,10 +303,7 @@ def _clock(case: Case, start: Start) -> Faults:
     water += [] if case.secondary is None else [c.flow for c in case.secondary.circuit]
     given = (case.casting.speed, case.casting.superheat, *water)
     if not any(isinstance(value, Table) and value.over == "time" for value in given):
-        yield (
-            "time",
-            "has no effect: neither speed, nor superheat, nor a flow of water is over time",
-        )
+        yield "time", "has no effect: no speed, superheat or flow of water is over time"
 
 
 @caution("coupling")
@@ -347,11 +332,8 @@ def _coupling(case: Case, table: Coupling) -> Faults:
 def _liquid(case: Case, table: Mechanics) -> Faults:
     """Yield a modulus of liquid that is fed, where no mushy zone is stiffer than it."""
     if not table.liquid_has_modulus and "liquid_stiffness" in _changed(table):
-        yield (
-            "liquid_stiffness",
-            "has no effect: liquid that is fed is as soft as its pressure allows; what has this "
-            'modulus is liquid = "elastic", or a mushy zone that stiffens (mush)',
-        )
+        fix = 'what has this modulus is liquid = "elastic", or a mushy zone that stiffens (mush)'
+        yield "liquid_stiffness", f"has no effect: liquid that is fed has none; {fix}"
 
 
 @caution("machine.extraction")

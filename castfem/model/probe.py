@@ -111,14 +111,8 @@ def _is_within(case: Case, probe: Probe) -> Faults:
     for key, size in (("x", width), ("y", height)):
         at = getattr(probe, key)
         if at is not None and abs(at) > 0.5 * size * (1.0 + ROUNDING):
-            yield (
-                key,
-                f"({in_mm(at)}) lies outside of the section, which reaches to {in_mm(0.5 * size)} "
-                "from its middle",
-            )
+            most = f"which reaches to {in_mm(0.5 * size)} from its middle"
+            yield key, f"({in_mm(at)}) lies outside of the section, {most}"
         elif at is not None and at < -ROUNDING * size and key in _ONE_SIDED.get(part, ""):
-            yield (
-                key,
-                f"({in_mm(at)}) lies beyond the line of symmetry: the modelled part is a {part}; "
-                f"give its mirror image, {in_mm(-at)}",
-            )
+            fix = f"the modelled part is a {part}; give its mirror image, {in_mm(-at)}"
+            yield key, f"({in_mm(at)}) lies beyond the line of symmetry: {fix}"

@@ -115,10 +115,8 @@ def _from_columns(given: Mapping[str, Any], lines: Sequence[int] = ()) -> Coeffi
     allowed = (*_KINDS, *_UNITS.values(), "file")
     for key in given:
         if key not in allowed:
-            raise ValueError(
-                f"unknown key '{key}' in a table h(T, W); allowed: {', '.join(allowed)}"
-                f"{nearest(str(key), allowed)}"
-            )
+            fix = f"allowed: {', '.join(allowed)}{nearest(str(key), allowed)}"
+            raise ValueError(f"unknown key '{key}' in a table h(T, W); {fix}")
     for name in _KINDS:
         if not isinstance(given.get(name), Sequence) or isinstance(given[name], str):
             raise ValueError(f"a table h(T, W) needs the column '{name}'")

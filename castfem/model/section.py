@@ -286,11 +286,8 @@ def _round_corners(case: Case, section: Section) -> Faults:
         return
     radius, most = section.corner_radius, 0.5 * min(section.width, section.height)
     if radius >= most:
-        yield (
-            "corner_radius",
-            f"({in_mm(radius)}) leaves no flat face; allowed: below half the smaller side "
-            f'({in_mm(most)}), or shape = "round"',
-        )
+        fix = f'allowed: below half the smaller side ({in_mm(most)}), or shape = "round"'
+        yield "corner_radius", f"({in_mm(radius)}) leaves no flat face; {fix}"
 
 
 @check("mesh")
@@ -305,11 +302,8 @@ def _sizes(case: Case, mesh: Mesh) -> Faults:
             yield key, f"({in_mm(value)}) is larger than {what} the section ({in_mm(most)})"
         # Curved cells so flat lose their shape in rounding, and DOLFINx finds no point in them.
         if value < _FINEST * large:
-            yield (
-                key,
-                f"({in_mm(value)}) is too fine to be told apart in the section; at least "
-                f"{in_mm(_FINEST * large)}",
-            )
+            fix = f"at least {in_mm(_FINEST * large)}"
+            yield key, f"({in_mm(value)}) is too fine to be told apart in the section; {fix}"
 
 
 @check("mesh")
@@ -317,11 +311,8 @@ def _grading(case: Case, mesh: Mesh) -> Faults:
     for small, big in (("surface_size", "core_size"), ("corner_size", "face_size")):
         fine, coarse = getattr(mesh, small), getattr(mesh, big)
         if fine is not None and coarse is not None and fine > coarse:
-            yield (
-                small,
-                f"({in_mm(fine)}) is larger than {big} ({in_mm(coarse)}); cells grow from the "
-                "surface to the core and from the corner to the middle of a face",
-            )
+            fix = "cells grow from the surface to the core, from the corner to the middle of a face"
+            yield small, f"({in_mm(fine)}) is larger than {big} ({in_mm(coarse)}); {fix}"
 
 
 @check("mesh")
@@ -329,16 +320,11 @@ def _order(case: Case, mesh: Mesh) -> Faults:
     if case.mould is None or mesh.order != 1:
         return
     if mesh.cell == "triangle":
-        yield (
-            "order",
-            "(1) makes triangles too stiff for a freezing shell in its mould; give order = 2, "
-            'or cell = "quadrilateral"',
-        )
+        fix = 'give order = 2, or cell = "quadrilateral"'
+        yield "order", f"(1) makes triangles too stiff for a freezing shell in its mould; {fix}"
     elif case.section.is_curved():
-        yield (
-            "order",
-            "(1) makes a polygon of the round surface, which its mould is not; give order = 2",
-        )
+        fix = "give order = 2"
+        yield "order", f"(1) makes a polygon of the round surface, which its mould is not; {fix}"
 
 
 @check("mesh")
@@ -350,11 +336,8 @@ def _corner(case: Case, mesh: Mesh) -> Faults:
 @caution("mesh")
 def _coarse(case: Case, mesh: Mesh) -> Faults:
     if mesh.surface_size > _WIDEST_CELL:
-        yield (
-            "surface_size",
-            f"({in_mm(mesh.surface_size)}) is as thick as a shell; castfem error "
-            "tells what cells cost",
-        )
+        fix = "castfem error tells what cells cost"
+        yield "surface_size", f"({in_mm(mesh.surface_size)}) is as thick as a shell; {fix}"
 
 
 @contextmanager

@@ -105,11 +105,8 @@ def beyond_tables(case: Case, law: HeatLaw) -> Faults:
             continue
         first, last = table.arguments[0], table.arguments[-1]
         if min(moving) < first * (1.0 - _ALIKE) or max(moving) > last * (1.0 + _ALIKE):
-            yield (
-                key,
-                f"the table goes from {_speed(first)} to {_speed(last)}, the strand at "
-                f"{_listed(moving)}: the value of its end is taken there",
-            )
+            text = f"the table goes from {_speed(first)} to {_speed(last)}, the strand at"
+            yield key, f"{text} {_listed(moving)}: the value of its end is taken there"
 
 
 def _listed(speeds: Iterable[float]) -> str:

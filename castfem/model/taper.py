@@ -211,9 +211,8 @@ def _value(given: object) -> float:
     """Return a taper, 1/m; it is a few percent per metre, what is far beyond was a slip."""
     value = TAPER.read(given)
     if abs(value) > _MOST:
-        raise ValueError(
-            f"is {100.0 * value:g} %/m; allowed: at most {100.0 * _MOST:g} %/m either way"
-        )
+        fix = f"allowed: at most {100.0 * _MOST:g} %/m either way"
+        raise ValueError(f"is {100.0 * value:g} %/m; {fix}")
     return value
 
 

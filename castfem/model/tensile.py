@@ -141,11 +141,8 @@ def _too_many(case: TensileCase, table: Tensile) -> Faults:
     count = table.steps * table.cycles * len(table.segment)
     if count > _MOST_STEPS:
         key = "cycles" if table.cycles > table.steps else "steps"
-        yield (
-            key,
-            f"({getattr(table, key)}) makes {grouped(count)} steps of the test; at most "
-            f"{grouped(_MOST_STEPS)}: give fewer",
-        )
+        fix = f"at most {grouped(_MOST_STEPS)}: give fewer"
+        yield key, f"({getattr(table, key)}) makes {grouped(count)} steps of the test; {fix}"
 
 
 @check_test("tensile")
@@ -156,8 +153,5 @@ def _comes_back(case: TensileCase, table: Tensile) -> Faults:
     end = sum(part.duration for part in table.segment)
     change = table.temperature(end) - table.temperature(0.0)
     if abs(change) > SAME:
-        yield (
-            "temperature",
-            f"ends a cycle of {end:g} s {change:+.4g} K from where it began; with "
-            f"cycles = {table.cycles} it must come back",
-        )
+        fix = f"with cycles = {table.cycles} it must come back"
+        yield "temperature", f"ends a cycle of {end:g} s {change:+.4g} K from where it began; {fix}"

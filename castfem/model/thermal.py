@@ -77,11 +77,7 @@ def _one_stepping(case: Any, time: Stepping) -> Faults:
 @check("thermal.time.adaptive")
 def _bounds(case: Any, bounds: Adaptive) -> Faults:
     if not bounds.smallest <= bounds.first <= bounds.largest:
-        yield (
-            "",
-            f"smallest ({bounds.smallest:g} s) <= first ({bounds.first:g} s) <= largest "
-            f"({bounds.largest:g} s) does not hold",
-        )
+        yield "", "smallest <= first <= largest does not hold"
 
 
 class Verification(TableModel):
@@ -101,11 +97,8 @@ def _is_that_case(case: Case, table: Verification) -> Faults:
         yield key, f'("{name}") is of a half-space: give section.shape = "strip"'
     laws = [law for zone in case.cooling for law in zone.surface]
     if len(laws) != 1 or not isinstance(laws[0], PrescribedTemperature):
-        yield (
-            key,
-            f'("{name}") is of a surface held at one temperature: give one cooling zone with one '
-            'law = "temperature"',
-        )
+        fix = 'give one cooling zone with one law = "temperature"'
+        yield key, f'("{name}") is of a surface held at one temperature: {fix}'
     if name != "weiner_boley":
         return
     if case.mechanics is None:

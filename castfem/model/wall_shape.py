@@ -55,10 +55,8 @@ class WallShape(Notation):
             return read_wall(Path(str(given["file"])))
         for key in given:
             if key not in (*COLUMNS, "unit"):
-                raise ValueError(
-                    f"unknown key '{key}' in a displaced wall; allowed: "
-                    f"{', '.join((*COLUMNS, 'unit', 'file'))}"
-                )
+                fix = f"allowed: {', '.join((*COLUMNS, 'unit', 'file'))}"
+                raise ValueError(f"unknown key '{key}' in a displaced wall; {fix}")
         unit = given.get("unit")
         columns = [_column(name, given.get(name), unit) for name in COLUMNS]
         return gathered(np.array(columns).T) if len({*map(len, columns)}) == 1 else _unequal()

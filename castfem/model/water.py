@@ -161,11 +161,8 @@ def _shares(case: Case, _: object) -> Faults:
     whole = sum(share for _, share in shares)
     if case.water is None:
         for key, _ in shares:
-            yield (
-                f"{key}.share",
-                'is a share of [water], which is missing; add [water] with specific = "0.8 L/kg" '
-                'or flow = "1200 L/min"',
-            )
+            fix = 'add [water] with specific = "0.8 L/kg" or flow = "1200 L/min"'
+            yield f"{key}.share", f"is a share of [water], which is missing; {fix}"
     elif not shares:
         yield "water", "no zone and no circuit takes a share of it; give share = 0.3"
     elif not math.isclose(whole, 1.0, rel_tol=0.0, abs_tol=_ROUNDED):
