@@ -266,16 +266,6 @@ class Mesh(TableModel):
     """depth at which core_size is reached; by default half the thickness"""
 
 
-def outer_groups(section: Section) -> tuple[str, ...]:
-    """Return the names of the boundary groups on the strand's surface, see `Section`."""
-    return section.outer_groups()
-
-
-def cooled_groups(section: Section) -> tuple[str, ...]:
-    """Return the groups a heat law without `on` holds on, see `Section`."""
-    return section.cooled_groups()
-
-
 _WIDEST_CELL = 15e-3  # m: shells are some 10 to 25 mm thick where their mould ends
 _FINEST = 1e-5  # of half the section: smallest cell
 
