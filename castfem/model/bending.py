@@ -85,8 +85,8 @@ def _bent(case: Case, planes: GeneralizedPlaneStrain) -> Faults:
     if isinstance(case.section, Strip) or not case.bends:
         return
     if "a2" in case.section.barred():
-        fix = 'intrados and extrados differ; give symmetry = "half" or "whole"'
-        yield "/section.symmetry", f'("quarter") mirrors what the rolls of [machine] bend: {fix}'
+        fix = 'the rolls of [machine] bend it there; give symmetry = "half" or "whole"'
+        yield "/section.symmetry", f'("quarter") mirrors the strand at y = 0: {fix}'
         return
     names = [name for name in _IMPOSED if getattr(planes, name) not in (None, 0.0)]
     for name in [*(["a0"] if planes.a0 not in (None, FREE) else []), *names]:

@@ -77,7 +77,8 @@ def _one_stepping(case: Any, time: Stepping) -> Faults:
 @check("thermal.time.adaptive")
 def _bounds(case: Any, bounds: Adaptive) -> Faults:
     if not bounds.smallest <= bounds.first <= bounds.largest:
-        yield "", "smallest <= first <= largest does not hold"
+        ends = f"smallest ({bounds.smallest:g} s) <= first ({bounds.first:g} s)"
+        yield "", f"{ends} <= largest ({bounds.largest:g} s) does not hold"
 
 
 class Verification(TableModel):
