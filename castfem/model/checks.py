@@ -114,8 +114,8 @@ def one_of(table: Any, samples: dict[str, str]) -> Faults:
         yield "", f"{' and '.join(found)} exclude each other; give one of them"
 
 
-def twice(names: list[Any], key: str) -> Faults:
-    """Yield the entries of an array whose name an earlier one has."""
+def twice(names: list[str], key: str, same: Callable[[str], str] = str) -> Faults:
+    """Yield the entries of an array whose name an earlier one has, or the `same` in writing."""
     for index, name in enumerate(names):
-        if name in names[:index]:
+        if same(name) in map(same, names[:index]):
             yield f"{index}.{key}", f'("{name}") is used twice'

@@ -86,7 +86,7 @@ def outside(case: Case, name: str, place: Array) -> InputError:
 
 @check("output")
 def _names(case: Case, output: Any) -> Faults:
-    for key, text in twice([probe.name.lower() for probe in output.probe], "name"):
+    for key, text in twice([probe.name for probe in output.probe], "name", str.lower):
         yield f"probe.{key}", text
 
 
