@@ -15,7 +15,7 @@ from PIL import Image
 from castfem.api import sensitivities
 from castfem.cli.mould import draw_hot_mould
 from castfem.model import load_any, load_case
-from castfem.model.build_extraction import known_resistance
+from castfem.model.build_machine import known_resistance
 from castfem.model.build_mould import build_mould
 from castfem.model.tensile import TensileCase
 from castfem.physics.constitutive.curves import Austenite

@@ -13,8 +13,7 @@ from castfem.base.tables import Table
 from castfem.base.units import nearest
 
 if TYPE_CHECKING:
-    from pydantic import GetJsonSchemaHandler
-    from pydantic_core import CoreSchema
+    pass
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,14 +50,9 @@ class CurveOverEither(Curve):
             over = other if of_other else over
         return Curve(self.kind, over)
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def json_schema(self) -> dict[str, Any]:
         """Return the schema: that of a `Curve` over the one, with the tables over the others."""
-        found, *more = (
-            Curve(self.kind, over).__get_pydantic_json_schema__(schema, handler)
-            for over in (self.over, *self.others)
-        )
+        found, *more = (Curve(self.kind, over).json_schema() for over in (self.over, *self.others))
         found["anyOf"] = [*found["anyOf"], *(one["anyOf"][1] for one in more)]
         found["description"] = found["description"].removesuffix(self.over) + self.arguments
         return found
@@ -91,11 +85,9 @@ class CurveOrName(CurveOverEither):
         """Return what reads back to the same value."""
         return value if isinstance(value, str) else CurveOverEither.write(self, value)
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def json_schema(self) -> dict[str, Any]:
         """Return the schema: that of the values, or the names."""
-        known = CurveOverEither.__get_pydantic_json_schema__(self, schema, handler)
+        known = CurveOverEither.json_schema(self)
         known["anyOf"] = [{"enum": list(self.register)}, *known["anyOf"]]
         return known
 

@@ -34,6 +34,15 @@ class Notation(ABC):
     def write(self, value: Any) -> Any:
         """Return what `read` reads back to the same value."""
 
+    @abstractmethod
+    def json_schema(self) -> dict[str, Any]:
+        """Return the JSON schema of what is written."""
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return self.json_schema()
+
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
@@ -71,9 +80,8 @@ class NameOf(Notation):
         """Return the name."""
         return value
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def json_schema(self) -> dict[str, Any]:
+        """See `Notation.json_schema`."""
         return {"enum": list(self.register), "type": "string"}
 
 
@@ -150,11 +158,6 @@ class Kind(Notation):
             return f"{bound:g}" + (f" ({100.0 * bound:g} percent)" if percent else "")
         return f"{round(self.number(bound), 9) + 0.0:g}{self.suffix}"
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        return self.json_schema()
-
     def json_schema(self) -> dict[str, Any]:
         """Return the JSON schema of the text (or number) a user may write."""
         text = {
@@ -204,9 +207,8 @@ class KindOr(Notation):
         """Return what reads back to the same value."""
         return value if isinstance(value, str) else self.kind.write(value)
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def json_schema(self) -> dict[str, Any]:
+        """See `Notation.json_schema`."""
         return {"anyOf": [{"const": self.word}, self.kind.json_schema()]}
 
 

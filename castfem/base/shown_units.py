@@ -157,7 +157,8 @@ class UnitsNotation(Notation):
         """Return what `read` reads back."""
         return value.written
 
-    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+    def json_schema(self) -> dict[str, Any]:
+        """See `Notation.json_schema`."""
         system = {"enum": list(SYSTEMS), "type": "string"}
         return {
             "anyOf": [

@@ -26,8 +26,7 @@ from castfem.base.quantities import Kind, Notation
 from castfem.base.tables import ARGUMENTS, Table
 
 if TYPE_CHECKING:
-    from pydantic import GetJsonSchemaHandler
-    from pydantic_core import CoreSchema
+    pass
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,9 +112,8 @@ class Curve(Notation):
                     f"row {row + 1} does not exceed row {row}"
                 )
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def json_schema(self) -> dict[str, Any]:
+        """See `Notation.json_schema`."""
         single = self.kind.json_schema()
         file, columns = schema_of_columns(
             (self.over, "value"), (f"{self.over}_unit", "unit"), least=2
@@ -147,11 +145,9 @@ class CurveOr(Curve):
         """Return what reads back to the same value."""
         return value if value == self.word else Curve.write(self, value)
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def json_schema(self) -> dict[str, Any]:
         """Return the schema: that of a `Curve`, or the word."""
-        known = Curve.__get_pydantic_json_schema__(self, schema, handler)
+        known = Curve.json_schema(self)
         known["anyOf"] = [{"const": self.word}, *known["anyOf"]]
         return known
 

@@ -16,8 +16,8 @@ from castfem.base.table import Table, say
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import chosen
 from castfem.model import Case, load_case, shipped_cases
+from castfem.model.load import faults_of_key
 from castfem.model.shown_units import units_of
-from castfem.model.varied_keys import faults_of_key
 from castfem.post.plots.calibration import Compared, draw_calibration
 from castfem.post.plots.style import save
 from castfem.runs.results.numbers import error_shown, shown, unit_shown

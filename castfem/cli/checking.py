@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,8 +15,9 @@ from castfem.base.tolerances import ROUNDING
 from castfem.base.units import convert
 from castfem.cli.options import read_from
 from castfem.model import AnyCase, Case, Reading, TensileCase, plausibility, read_case
+from castfem.model.base import FaultyError
 from castfem.model.cooling import Radiation
-from castfem.model.missing_data import no_emissivity, no_expansion
+from castfem.model.heat_law import no_emissivity, no_expansion
 from castfem.model.probe import outside
 from castfem.model.problems import Problem
 
@@ -51,7 +53,8 @@ def problems_of(
         if isinstance(reading.case, TensileCase):
             _try_law(reading, reading.case)
         else:
-            steel = _steel(reading)
+            with suppress(FaultyError):  # told by reading it
+                steel = _steel(reading)
             law, law_carbon = _try_mechanics(reading, steel)
     except InputError as error:
         problems += error.problems
@@ -89,7 +92,7 @@ def _print_warnings(
 def _steel(reading: Reading) -> Steel | None:
     """Return the steel of a case as far as it is sound."""
     table = reading.case.steel if isinstance(reading.case, Case) else None
-    if table is None or None in (table.name, table.composition, table.overrides):
+    if table is None:
         return None
     from castfem.physics.materials import load_steel
 
@@ -145,7 +148,7 @@ def _solvers(reading: Reading, case: Case) -> list[str]:
     for table, options in tables.items():
         if not options:
             continue
-        from castfem.model.build.solver_options import try_solver
+        from castfem.model.build.law import try_solver
 
         try:
             try_solver(table, options)
@@ -219,7 +222,7 @@ def drive_faults(case: Case) -> Iterator[str]:
     machine = case.machine
     if machine is None or machine.extraction is None:
         return
-    from castfem.model.build_extraction import known_resistance
+    from castfem.model.build_machine import known_resistance
     from castfem.physics.machine.extraction.drives import StrandStopsError
 
     try:

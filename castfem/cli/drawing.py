@@ -11,7 +11,7 @@ from castfem.base.errors import InputError
 from castfem.base.table import pairs, say
 from castfem.cli import parallel
 from castfem.model import Case
-from castfem.model.section_mesh import meshing
+from castfem.model.section import meshing
 
 if TYPE_CHECKING:
     from castfem.meshes import SectionMesh

@@ -14,6 +14,7 @@ from castfem.base.types import Array
 from castfem.cli import parallel
 from castfem.cli.drawing import check_picture, drawing
 from castfem.model import Case
+from castfem.model.build_machine import capacities, known_resistance
 from castfem.model.machine import thickness_of
 
 if TYPE_CHECKING:
@@ -216,7 +217,6 @@ def show_drives(case: Case, rolls: Rolls, picture: Path, run: Path | None = None
         StrandStopsError: The drives are weaker than the rolls.
     """
     from castfem.cli.machine_run import drives_of
-    from castfem.model.build_extraction import capacities, known_resistance
     from castfem.post.plots.extraction import draw as draw_extraction
 
     assert case.machine is not None and case.machine.extraction is not None

@@ -7,12 +7,9 @@ from typing import TYPE_CHECKING
 from castfem.base.tables import Table
 from castfem.model.build_machine import build_machine
 from castfem.model.check_cooling import law_groups
-from castfem.model.even_flux import TOLD, is_even, mend
-from castfem.model.heat_law import Extent, Surroundings
-from castfem.model.measured_heat import ScaledLaw
-from castfem.model.mould_laws import Contact
-from castfem.model.shared_heat import fixed_heat
-from castfem.model.spray import Spray
+from castfem.model.cooling import Contact, Spray
+from castfem.model.heat_law import Extent, ScaledLaw, Surroundings
+from castfem.model.shared_heat import TOLD, fixed_heat, is_even, mend
 from castfem.model.water import PER_LITRE_AND_KG, Supply, steel_per_length
 from castfem.physics.thermal.mould_flux import MOULD_FLUXES, heat_to_mould
 from castfem.physics.thermal.sprays import WATER_DENSITY

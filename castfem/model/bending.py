@@ -1,19 +1,19 @@
-"""What a strand that its machine bends may be, and how its planes may be constrained."""
+"""How the planes of a slice may be constrained, of a strand that its machine bends among others."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from castfem.base.tables import Table
 from castfem.base.units import in_mm
 from castfem.model.case import Case
+from castfem.model.check_cooling import unknown_groups
+from castfem.model.checks import Faults, check, given
 from castfem.model.machine import thickness_of
-from castfem.model.mechanics import AXES, FREE, GeneralizedPlaneStrain
-from castfem.model.problems import Problem
+from castfem.model.mechanics import AXES, FREE, GeneralizedPlaneStrain, GivenDisplacement
 from castfem.model.section import Strip
 
-_PATH = ("mechanics", "planes")
 # Keys of a bent strand, and what in them is the same as to leave them out, which a file that
 # extends another one cannot do.
 _ITS_OWN = {"neutral_axis": FREE, "closing": "tangential", "force_contains_bending": False}
@@ -32,93 +32,96 @@ def places_of(given: Any) -> tuple[Any, ...]:
     return tuple(given.values()) if isinstance(given, Mapping) else (given,)
 
 
-def check_bending(case: Case) -> Iterator[Problem]:
-    """Yield what does not go with a machine that bends the strand, or goes with such a one alone.
+@check()
+def _strained(case: Case, _: object) -> Faults:
+    if case.mould is not None and case.mechanics is None:
+        yield "mould", "needs the table [mechanics]: it is the strained slice that touches it"
 
-    Of a faulty case it yields what can be told.
-    """
-    planes = None if case.mechanics is None else case.mechanics.planes
-    if planes is None or case.section is None or isinstance(case.section, Strip):
+
+@check("mechanics.held.*")
+def _held(case: Case, held: GivenDisplacement) -> Faults:
+    yield from unknown_groups(held.on, case.section.outer_groups())
+
+
+@check("mechanics.planes")
+def _exists(case: Case, planes: GeneralizedPlaneStrain) -> Faults:
+    """Yield generalized strains, and moments, that the section does not have."""
+    if planes.across is not None and not isinstance(case.section, Strip):
+        yield "across", "is for a strip; other sections widen by their displacements"
+    for strain, moment, mirror, enough in (
+        ("a1", "moment_x", "x = 0", '"whole"'),
+        ("a2", "moment_y", "y = 0", '"half" or "whole"'),
+    ):
+        for name in (strain, moment) if strain in case.section.barred() else ():
+            if getattr(planes, name) not in (None, 0.0):
+                fix = f"leave it out, or give section.symmetry = {enough}"
+                yield name, f"the section is mirrored at {mirror}; {fix}"
+
+
+@check("mechanics.planes")
+def _thinned(case: Case, planes: GeneralizedPlaneStrain) -> Faults:
+    values = planes.a0.values if isinstance(planes.a0, Table) else (planes.a0,)
+    least = min((v for v in values if isinstance(v, float)), default=0.0)
+    if least <= -1.0:
+        yield "a0", f"({least:g}) leaves the slice no thickness: it is the axial strain, above -1"
+
+
+@check("mechanics.planes")
+def _not_bent(case: Case, planes: GeneralizedPlaneStrain) -> Faults:
+    """Yield keys of a strand that its machine bends, of another one."""
+    if isinstance(case.section, Strip) or case.bends:
         return
-    machine = case.machine
-    if machine is None and "machine" in case.model_fields_set:
-        return  # a faulty one
-    if not case.bends:
-        if machine is not None and machine.pairs() is None:
-            return
-        for key, as_without in _ITS_OWN.items():
-            if getattr(planes, key) not in (None, as_without):
-                yield Problem(
-                    (*_PATH, key),
-                    "is for a strand that its machine bends; give the rolls of [machine] a radius, "
-                    "or leave it out",
-                )
+    if case.machine is not None and case.machine.pairs() is None:
+        return
+    for key, as_without in _ITS_OWN.items():
+        if getattr(planes, key) not in (None, as_without):
+            fix = "give the rolls of [machine] a radius, or leave it out"
+            yield key, f"is for a strand that its machine bends; {fix}"
+
+
+@check("mechanics.planes")
+def _bent(case: Case, planes: GeneralizedPlaneStrain) -> Faults:
+    """Yield what does not go with a machine that bends the strand."""
+    if isinstance(case.section, Strip) or not case.bends:
         return
     if "a2" in case.section.barred():
-        yield Problem(
-            ("section", "symmetry"),
-            '("quarter") mirrors the strand at y = 0, which the rolls of [machine] bend: intrados '
-            'and extrados differ; give symmetry = "half" or "whole"',
-        )
+        fix = 'the rolls of [machine] bend it there; give symmetry = "half" or "whole"'
+        yield "/section.symmetry", f'("quarter") mirrors the strand at y = 0: {fix}'
         return
-    yield from _imposed(planes)
-    yield from _axis(planes, thickness_of(case.section))
-    yield from _work(planes)
+    names = [name for name in _IMPOSED if getattr(planes, name) not in (None, 0.0)]
+    for name in [*(["a0"] if planes.a0 not in (None, FREE) else []), *names]:
+        why = "the rolls of [machine] impose the curvature, equilibrium the rest"
+        yield name, f"is not free to be given: {why}; leave it out"
+    if planes.neutral_axis in (None, FREE):
+        yield from _work(planes)
+    else:
+        yield from _axis(planes, thickness_of(case.section) or 0.0)
 
 
-def _imposed(planes: GeneralizedPlaneStrain) -> Iterator[Problem]:
-    """Yield generalized strains that the rolls impose."""
-    names = [n for n in _IMPOSED if getattr(planes, n) not in (None, 0.0)]
-    if planes.a0 not in (None, FREE):
-        names.insert(0, "a0")
-    for name in names:
-        yield Problem(
-            (*_PATH, name),
-            "is not free to be given: the rolls of [machine] impose the curvature, equilibrium or "
-            "neutral_axis finds the rest; leave it out",
-        )
-
-
-def _axis(planes: GeneralizedPlaneStrain, thickness: float | None) -> Iterator[Problem]:
+def _axis(planes: GeneralizedPlaneStrain, thickness: float) -> Faults:
     """Yield a neutral axis that lies outside of the strand, or beside a force."""
-    if thickness is None:
-        return
-    given = planes.neutral_axis
-    axes = [axis_position(place, thickness) for place in places_of(given)]
-    if None in axes:
-        return
-    for axis in (a for a in axes if a is not None and abs(a) > 0.5 * thickness):
-        most = in_mm(0.5 * thickness)
-        yield Problem(
-            (*_PATH, "neutral_axis"),
-            f"({in_mm(axis)}) lies outside of the strand; from -{most} (extrados) to "
-            f"{most} (intrados)",
-        )
+    most = in_mm(0.5 * thickness)
+    for place in places_of(planes.neutral_axis):
+        axis = axis_position(place, thickness) or 0.0
+        if abs(axis) > 0.5 * thickness:
+            fix = f"from -{most} (extrados) to {most} (intrados)"
+            yield "neutral_axis", f"({in_mm(axis)}) lies outside of the strand; {fix}"
     for name in ("force", "closing", "force_contains_bending"):
         if getattr(planes, name) not in (None, 0.0, _ITS_OWN.get(name)):
-            yield Problem(
-                (*_PATH, name),
-                "has no effect where the neutral axis is imposed, nothing balances it; leave it "
-                f'out, or give neutral_axis = "{FREE}"',
-            )
+            fix = f'leave it out, or give neutral_axis = "{FREE}"'
+            yield name, f"has no effect where the neutral axis is imposed; {fix}"
 
 
-def _work(planes: GeneralizedPlaneStrain) -> Iterator[Problem]:
+def _work(planes: GeneralizedPlaneStrain) -> Faults:
     """Yield work of bending that would be counted twice, or never was."""
     key = "force_contains_bending"
-    if planes.neutral_axis not in (None, FREE):
-        return
+    over_position = isinstance(planes.force, Table) and planes.force.over == "position"
     if planes.closing == "axial":
         if planes.force_contains_bending:
-            yield Problem(
-                (*_PATH, key),
-                'tells what closing = "tangential" does with the force; leave one of the two out',
+            yield (
+                key,
+                'says what closing = "tangential" does with the force; leave one of the two out',
             )
-        return
-    along = isinstance(planes.force, Table) and planes.force.over == "position"
-    if along and key not in planes.model_fields_set:
-        yield Problem(
-            (*_PATH, key),
-            "is missing; true for a measured or maker's curve of the effort, which has the work of "
-            "bending in it, false for a sum of resistances and drives without it",
-        )
+    elif over_position and not given(planes, key):
+        fix = "which has the work of bending in it, else false"
+        yield key, f"is missing; true for a measured or maker's curve, {fix}"

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import math
 import typing
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 from castfem.base import ranges
-from castfem.base.messages import Path
+from castfem.base.messages import Path, dotted, grouped
 from castfem.base.quantities import Kind
 from castfem.base.ranges import Bounds
 from castfem.base.table_notation import Curve
 from castfem.base.tables import ARGUMENTS, Table
 from castfem.base.units import convert, format
-from castfem.model.base import TableModel
-from castfem.model.problems import Problem
+from castfem.model.base import TableModel, Unreadable
+from castfem.model.case import Case
+from castfem.model.checks import Faults, caution, check
+from castfem.model.mechanics import Way
 from castfem.model.variants import Variants
 
 _COLDEST = 200.0  # K; what is colder was mostly meant in degC
@@ -46,42 +48,49 @@ class Given(NamedTuple):
             yield f"at {convert(at, over.unit, over.shown):g} {over.shown}: ", value
 
 
-def impossible(case: TableModel) -> Iterator[Problem]:
+def _beyond(case: TableModel, text_of: Callable[[Given, float], str]) -> Faults:
+    """Yield the numbers for which there is a text; of a table the first."""
+    for given in numbers(case):
+        for where, value in given.rows():
+            if text := text_of(given, value):
+                yield dotted(given.path), where + text
+                break
+
+
+@check()
+def impossible(case: TableModel, _: object) -> Faults:
     """Yield the values that cannot be, of a faulty case those that are sound in form."""
-    for given in numbers(case):
-        for where, value in given.rows():
-            if text := given.bounds.impossible(value, given.kind):
-                yield Problem(given.path, where + text)
-                break
+    yield from _beyond(case, lambda given, value: given.bounds.impossible(value, given.kind))
 
 
-def unusual(case: TableModel) -> Iterator[Problem]:
+@caution()
+def unusual(case: TableModel, _: object) -> Faults:
     """Yield the values that were probably not meant."""
-    for given in numbers(case):
-        for where, value in given.rows():
-            text = given.bounds.unusual(value, given.kind)
-            if text and given.path[-1] == "coefficient" and "friction" in given.path:
-                near = f"; did you mean {0.01 * value:.3g}?" if 5.0 <= value <= 100.0 else ""
-                text = (
-                    f"({value:g}) is more than {given.bounds.usual[1]:g} times the pressure{near}"
-                )
-            if text and given.kind.unit == "K" and not given.kind.difference and value < _COLDEST:
-                written = format(value, "K", "K").removesuffix(" K")
-                text = f"({written} K) is {convert(value, 'K', 'degC'):.4g} degC; did you mean "
-                text += f'"{written} degC"?'
-            if text:
-                yield Problem(given.path, where + text)
-                break
-        yield from _far(given)
+    yield from _beyond(case, _unusual)
 
 
-def _far(given: Given) -> Iterator[Problem]:
-    """Yield a table over position that has rows where no strand is, as of metres for mm."""
-    if not isinstance(given.value, Table) or given.value.over != "position":
-        return
+@caution()
+def _far(case: TableModel, _: object) -> Faults:
+    """Yield tables over position that have rows where no strand is, as of metres for mm."""
     reach = ranges.RANGES["casting.length"]
-    if text := reach.unusual(given.value.arguments[-1], ARGUMENTS["position"]):
-        yield Problem(given.path, f"last position: {text}")
+    for given in numbers(case):
+        table = given.value
+        if not isinstance(table, Table) or table.over != "position":
+            continue
+        if text := reach.unusual(table.arguments[-1], ARGUMENTS["position"]):
+            yield dotted(given.path), f"last position: {text}"
+
+
+def _unusual(given: Given, value: float) -> str:
+    text = given.bounds.unusual(value, given.kind)
+    if text and given.path[-1] == "coefficient" and "friction" in given.path:
+        near = f"; did you mean {0.01 * value:.3g}?" if 5.0 <= value <= 100.0 else ""
+        return f"({value:g}) is more than {given.bounds.usual[1]:g} times the pressure{near}"
+    if text and given.kind.unit == "K" and not given.kind.difference and value < _COLDEST:
+        written = format(value, "K", "K").removesuffix(" K")
+        text = f"({written} K) is {convert(value, 'K', 'degC'):.4g} degC; did you mean "
+        text += f'"{written} degC"?'
+    return text
 
 
 def numbers(table: TableModel, path: Path = (), key: str = "") -> Iterator[Given]:
@@ -112,7 +121,7 @@ def _below(table: TableModel, value: Any, path: Path, key: str) -> Iterator[Give
 
 def _rolls(rolls: Any) -> Iterator[Given]:
     """Yield the numbers of a table of rolls."""
-    if rolls is None:
+    if rolls is None or isinstance(rolls, Unreadable):
         return
     from castfem.physics.machine.rolls import KINDS
 
@@ -139,3 +148,124 @@ def _kinds(annotations: typing.Iterable[Any]) -> Iterator[Kind]:
             yield one
         else:
             yield from _kinds([*typing.get_args(one), *getattr(one, "__metadata__", ())])
+
+
+_MOST = 1_000_000  # steps; of the cheapest, that is hours
+_MOST_STATES = 50_000  # written fields
+_SLOWEST, _LONGEST = 0.01 / 60.0, 1e4  # m/s, m: what lies beyond is no strand
+_MANY, _MANY_WINDOWS, _MANY_STATES = 100_000, 36_000, 5_000  # told before it is run: an hour
+_MANY_ROWS = 1_000  # of one table, each of which ends a step
+# Seconds that a step of each kind takes on an ordinary mesh, for a first estimate.
+_THERMAL, _MECHANICAL, _WRITTEN = 0.01, 0.1, 0.01
+
+
+class Demand(NamedTuple):
+    """Steps of one kind that a case asks for.
+
+    Attributes:
+        key: Of their length.
+        length: Of one, s.
+        what: What they are.
+        most: How many are run.
+        much: How many are worth a word.
+        each: What one takes, s of work.
+    """
+
+    key: str
+    length: float
+    what: str
+    most: int
+    much: int
+    each: float
+
+    def number(self, case: Case) -> float:
+        """Return how many the run takes."""
+        return case.casting.duration / self.length
+
+    def fault(self, count: float, rest: str) -> tuple[str, str]:
+        """Return what is said of them: how many there are, and the rest."""
+        return (
+            self.key,
+            f"({format(self.length, 's', 's')}) makes {grouped(count)} {self.what}{rest}",
+        )
+
+
+@check()
+def too_many(case: Case, _: object) -> Faults:
+    """Yield the steps that would be too many to come to an end.
+
+    Of a strand that is slower or longer than any it yields that, once.
+    """
+    demands = [(demand, demand.number(case)) for demand in _demands(case)]
+    demands = [(demand, count) for demand, count in demands if count > demand.most]
+    length, time = case.casting.length, case.casting.duration
+    found = []
+    if demands and length > _LONGEST:
+        found = [("casting.length", f"({length:.4g} m) is no strand's: give a shorter one")]
+    elif demands and length < _SLOWEST * time:
+        speed = f"({60.0 * length / time:.4g} m/min) takes {_duration(time)} for {length:.4g} m"
+        found = [("casting.speed", f"{speed}: give a higher one")]
+    for demand, count in demands if not found else ():
+        most = f"at most {grouped(demand.most)}: give a longer one"
+        found.append(demand.fault(count, f" of the {time:.4g} s that are followed; {most}"))
+    known = {key for key, _ in impossible(case, case)}
+    yield from (fault for fault in found if fault[0] not in known)
+
+
+@caution()
+def many(case: Case, _: object) -> Faults:
+    """Yield the steps of a sound case that will take long, with a first estimate of how long."""
+    for demand in _demands(case):
+        if (count := demand.number(case)) > demand.much:
+            time = _duration(count * demand.each)
+            yield demand.fault(
+                count, f"; at some {1e3 * demand.each:.0f} ms each that takes {time}"
+            )
+
+
+@caution()
+def _long_tables(case: Case, _: object) -> Faults:
+    """Yield tables over time or position of so many rows that their steps take long."""
+    what, each = ("steps", _THERMAL)
+    if case.mechanics is not None:
+        what, each = ("coupling windows", _MECHANICAL)
+    for given in numbers(case):
+        table = given.value
+        if not isinstance(table, Table) or table.over not in ("time", "position"):
+            continue
+        if (count := len(table.arguments)) > _MANY_ROWS:
+            time = f"at some {1e3 * each:.0f} ms each that takes {_duration(count * each)}"
+            text = f"has {grouped(count)} rows, each of which ends one of the {what}; {time}"
+            yield dotted(given.path), f"{text}: fewer rows do"
+
+
+def _demands(case: Case) -> Iterator[Demand]:
+    """Yield each length of a step that is given and sound."""
+    if math.isinf(case.casting.duration):
+        return
+    time, coupling, output = case.thermal.time, case.coupling, case.output
+    steps = ("thermal steps", _MOST, _MANY, _THERMAL)
+    found: list[tuple[str, Any, tuple[str, int, int, float]]] = [
+        ("thermal.time.step", time.step, steps),
+        ("thermal.time.adaptive.largest", time.adaptive and time.adaptive.largest, steps),
+    ]
+    if case.mechanics is not None:
+        window = coupling.interval
+        if isinstance(window, Way):
+            window = window.length / case.casting.length * case.casting.duration
+        steps = ("coupling windows", _MOST, _MANY_WINDOWS, _MECHANICAL)
+        found.append(("coupling.interval", window, steps))
+        steps = ("mechanical steps", _MOST, _MANY_WINDOWS, _MECHANICAL)
+        found.append(("coupling.mechanical_step", coupling.mechanical_step, steps))
+    if output.fields != ():
+        states = ("states of the fields", _MOST_STATES, _MANY_STATES, _WRITTEN)
+        found.append(("output.every", output.every, states))
+    yield from (Demand(key, length, *of) for key, length, of in found if isinstance(length, float))
+
+
+def _duration(seconds: float) -> str:
+    """Return a duration as a reader says it."""
+    for unit, size in (("days", 86400.0), ("hours", 3600.0)):
+        if seconds >= 2.0 * size:
+            return f"{seconds / size:.2g} {unit}"
+    return f"{seconds / 60.0:.2g} min"

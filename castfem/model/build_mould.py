@@ -4,15 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
-from castfem.base.tables import as_function
+from castfem.base.tables import Table, as_function
 from castfem.base.tolerances import ROUNDING
 from castfem.base.units import in_mm
+from castfem.model.base import Unreadable
+from castfem.model.case import Case
+from castfem.model.checks import Faults, caution, check
 from castfem.model.mould import Mould
-from castfem.model.mould_tube import check_tube
-from castfem.model.problems import Problem
-from castfem.model.section import Section, Strip
+from castfem.model.section import Mesh, Section, Strip
 from castfem.physics import mould as wall
+from castfem.physics.mould.taper import TaperProfile
+
+if TYPE_CHECKING:
+    from castfem.model.case import Case
+
+
+SIZES = ("width", "height", "diameter", "corner_radius")
+"""Keys of [mould] that are sizes of its cavity."""
 
 
 def build_mould(table: Mould, section: Section) -> wall.Mould:
@@ -75,40 +85,18 @@ def _tapers(table: Mould) -> wall.Tapers:
     )
 
 
-def check_mould(table: Mould | None, section: Section) -> Iterator[Problem]:
-    """Yield what does not fit between [mould] and [section]; faulty values are None in both."""
-    if table is None or section is None:
-        return
+@check("mould")
+def _goes_with(case: Case, table: Mould) -> Faults:
+    """Yield what does not fit between [mould] and [section]."""
+    section = case.section
     if isinstance(section, Strip):
-        yield Problem(("mould",), "a strip has no mould; leave the table out")
+        yield "", "a strip has no mould; leave the table out"
         return
-    found = list(_sizes(table, section, section.mould_sizes))
-    given = None if table.taper is None else table.taper.parts
-    if section.one_taper and given and set(given) != {"face"}:
-        found.append(
-            Problem(
-                ("mould", "taper"),
-                f'a section of shape "{section.tag}" has one taper for all: taper = "1 %/m"',
-            )
-        )
-    found += [] if table.friction is None else table.friction.problems()
+    if section.one_taper and not set(table.taper.parts) <= {"face"}:
+        yield "taper", f'a section of shape "{section.tag}" has one taper for all: "1 %/m"'
     if getattr(section, "bulge", None) is not None and table.displacement is None:
-        found.append(
-            Problem(
-                ("section", "bulge"),
-                "the cavity must have the strand's outline, too: mould.displacement = "
-                '{ file = "wall.csv" } (castfem section writes both)',
-            )
-        )
-    if table.tube is not None:
-        found += check_tube(table.tube, section, table.length)
-    yield from found
-    # What may be left out is None where it is; what is faulty, too.
-    fields = type(section).model_fields.items()
-    sizes = [getattr(section, name, None) for name, key in fields if key.default is not None]
-    needed = [table.length, table.taper, table.condition, table.copper, *sizes]
-    if not found and None not in needed:
-        yield from _fits(table, section)
+        fix = 'mould.displacement = { file = "wall.csv" } (castfem section writes both)'
+        yield "/section.bulge", f"the cavity must have the strand's outline, too: {fix}"
 
 
 def nominal_mould(table: Mould, section: Section) -> wall.Mould:
@@ -120,49 +108,43 @@ def nominal_mould(table: Mould, section: Section) -> wall.Mould:
     return wall.Mould(_cavity(table, section, 1.0), table.length, _tapers(table))
 
 
-def _sizes(table: Mould, section: Section, known: tuple[str, ...]) -> Iterator[Problem]:
+@check("mould")
+def _sizes(case: Case, table: Mould) -> Faults:
     """Yield the sizes a section of this shape does not have, and those too small for the strand."""
-    hot = hot_lengths(table)
-    for name in ("width", "height", "diameter", "corner_radius"):
+    section, hot = case.section, hot_lengths(table)
+    known = section.mould_sizes
+    for name in () if isinstance(section, Strip) else SIZES:
         size = getattr(table, name)
-        if size is None:
+        if size is None or isinstance(size, Unreadable):
             continue
         if name not in known:
             sizes = f"; allowed: {', '.join(known)}" if known else "; its sizes are the section's"
-            yield Problem(
-                ("mould", name), f'not a size of a section of shape "{section.tag}"{sizes}'
-            )
+            yield name, f'not a size of a section of shape "{section.tag}"{sizes}'
             continue
         own = getattr(section, name)
-        if own is None or hot is None:
+        if hot is None:
             continue
         if name == "corner_radius":
-            allowed = _widest_corner(table, section, hot)
-            short = allowed is not None and size > allowed + ROUNDING * own
+            bound, allowed = "at most", _widest_corner(table, section, hot)
+            short = size > allowed + ROUNDING * own
         else:
-            allowed, short = own / hot, hot * size < own * (1.0 - ROUNDING)
-        if short and allowed is not None:
-            bound = "at most" if name == "corner_radius" else "at least"
+            bound, allowed, short = "at least", own / hot, hot * size < own * (1.0 - ROUNDING)
+        if short:
             limit = "that" if allowed == own else in_mm(allowed)
-            yield Problem(
-                ("mould", name),
-                f"({in_mm(size)}) does not let the strand in, which has {in_mm(own)}; allowed: "
-                f"{bound} {limit}, or leave it out",
-            )
+            fix = f"allowed: {bound} {limit}, or leave it out"
+            yield name, f"({in_mm(size)}) does not let the strand in, which has {in_mm(own)}; {fix}"
 
 
-def _widest_corner(table: Mould, section: Section, hot: float) -> float | None:
+def _widest_corner(table: Mould, section: Section, hot: float) -> float:
     """Return the largest corner radius of a cavity that lets the strand in, m.
 
     A rectangle with round corners is one of straight corners, inner, and all that is within the
     radius of it.  The strand's is inside the mould's where no direction has it reach farther.
     """
     sizes = [(getattr(section, name), getattr(table, name)) for name in ("width", "height")]
-    radius = getattr(section, "corner_radius", None)
-    if radius is None or any(own is None for own, _ in sizes):
-        return None
     # Half of what the cavity has beyond the strand, and by how much its radius may be larger: the
     # centres of the corners lie (grown - a, grown - b) apart, and that far the strand's reaches.
+    radius = getattr(section, "corner_radius", 0.0)
     a, b = (0.0 if size is None else max(0.5 * (hot * size - own), 0.0) for own, size in sizes)
     grown = a + b + math.sqrt(2.0 * a * b)
     return float((radius + grown) / hot)
@@ -170,18 +152,20 @@ def _widest_corner(table: Mould, section: Section, hot: float) -> float | None:
 
 def hot_lengths(table: Mould) -> float | None:
     """Return hot over cold lengths at the meniscus, None where that cannot be told."""
-    if None in (table.condition, table.copper):
-        return None
     try:
         expansion = _expansion(table)
-    except (TypeError, ValueError):  # told elsewhere
+    except ValueError:  # another check yields it
         return None
     return 1.0 if expansion is None else expansion.factor(0.0)
 
 
-def _fits(table: Mould, section: Section) -> Iterator[Problem]:
-    """Yield why the mould cannot be built, unless it is the section that is impossible."""
-    key = "wall_temperature"
+@check("mould")
+def _fits(case: Case, table: Mould) -> Faults:
+    """Yield why the mould cannot be built, unless another check says so."""
+    section, key = case.section, "wall_temperature"
+    others = (*_goes_with(case, table), *_sizes(case, table), *table.friction.problems())
+    if others or isinstance(section, Strip):
+        return
     try:
         _expansion(table)
         key = "taper"
@@ -193,4 +177,98 @@ def _fits(table: Mould, section: Section) -> Iterator[Problem]:
         build_mould(table, section)
     except ValueError as error:
         if key:
-            yield Problem(("mould", key), str(error))
+            yield key, str(error)
+
+
+_CLOSED = 0.07  # of the section, beyond what cases made to be extreme have (10 %/m over 0.6 m)
+_USUAL_TAPER = 0.03  # 1/m, single
+_FILLED = 1e-3  # of the section: a wider cavity is meant otherwise
+_SIZE = 0.5  # of half the section, that a table has at the meniscus: no wall has moved as far
+_STEP = 0.2  # 1/m, of half the section: a wall that moves faster has a step there
+_ENDS = 0.02  # of the mould's length, that a table may end above or below it
+_CELLS = 6.0  # along the radius of a corner; with fewer its gap and shell are off by a tenth
+
+
+@caution("mould")
+def _wider(case: Case, mould: Mould) -> Faults:
+    """Yield a cavity that is wider than the strand at the meniscus, where liquid fills it."""
+    hot = hot_lengths(mould) or 0.0
+    for name in ("width", "height", "diameter"):
+        size, own = getattr(mould, name), getattr(case.section, name, None)
+        if size is not None and own is not None and hot * size > own * (1.0 + _FILLED):
+            fix = f"liquid fills its mould: give section.{name} the size of the cavity"
+            at = f"the strand at the meniscus ({in_mm(own)})"
+            yield name, f"({in_mm(size)}) leaves a gap to {at}, but {fix}"
+
+
+@caution("mesh")
+def _corner(case: Case, mesh: Mesh) -> Faults:
+    """Yield that the cells at a round corner are too long for what happens there."""
+    radius = getattr(case.section, "corner_radius", 0.0)
+    key = "surface_size" if mesh.corner_size is None else "corner_size"
+    size = getattr(mesh, key)
+    if case.mould is not None and radius > 0.0 and size * _CELLS > radius * (1.0 + ROUNDING):
+        fix = f"gap and shell may be off by a tenth; {_mm(radius / _CELLS)} or less resolve it"
+        yield key, f"cells of {_mm(size)} along a corner of radius {_mm(radius)}: {fix}"
+
+
+@caution("mould")
+def _taper(case: Case, mould: Mould) -> Faults:
+    """Yield the tapers that close or open the mould by much more than a strand shrinks."""
+    for name, given in mould.taper.parts.items():
+        half, part = _half(case.section, name), "" if name == "face" else f"{name}: "
+        if given.closing is not None:
+            yield from (("taper", part + t) for t in _rows(given.closing, half, mould.length))
+        closed = _closure(given.profile(mould.length), half, mould.length)
+        if abs(closed) <= _CLOSED:
+            continue
+        how, near = "closes" if closed > 0.0 else "opens", ""
+        if len(given.segments) == 1:
+            tenth = 0.1 * given.segments[0].mean
+            single = given.segments[0].top == given.segments[0].bottom
+            if single and abs(tenth) <= _USUAL_TAPER:
+                near = f"; did you mean {100.0 * tenth:.3g} %/m?"
+        yield "taper", f"{part}the mould {how} by {100.0 * abs(closed):.3g} %{near}"
+
+
+def _rows(closing: Table, half: float, length: float) -> Iterator[str]:
+    """Yield why rows of a wall are no movement, or not from the meniscus of this mould."""
+    first, last, there = closing.arguments[0], closing.arguments[-1], closing(0.0)
+    if abs(there) > _SIZE * half:
+        what = "how far each face has moved in since the meniscus: half of what the size has lost"
+        yield f"{_mm(there)} at the meniscus look like a size of the cavity; the table has {what}"
+    elif first > ROUNDING * length and there != 0.0:
+        fix = "give the row of the meniscus, where the wall has not moved"
+        yield f"the table begins {_mm(first)} below the meniscus with {_mm(there)}, {fix}"
+    below = f"below the meniscus, the mould ends {_mm(length)} below it"
+    asked = "are the positions from the meniscus, not from the top of the mould?"
+    if last > (1.0 + _ENDS) * length:
+        yield f"the table goes on to {_mm(last)} {below}; {asked}"
+    elif last < (1.0 - _ENDS) * length and 0.0 < abs(_slope(closing)) < _STEP * half:
+        yield f"the table ends {_mm(last)} {below}; the wall is straight from there on: {asked}"
+
+
+def _slope(closing: Table) -> float:
+    """Return how much the wall moves per length between the last two rows."""
+    if len(closing.values) == 1:
+        return 0.0
+    (*_, above, last), (*_, before, end) = closing.values, closing.arguments
+    return (last - above) / (end - before)
+
+
+def _mm(value: float) -> str:
+    return f"{1e3 * value:.6g} mm"
+
+
+def _closure(profile: TaperProfile, start: float, length: float) -> float:
+    """Return the largest closing (w_in - w_out) / w_out at any position, negative: opening."""
+    positions = [z for z in profile.knots() if z < length] + [length]
+    closed = [start / profile.half(z, start) - 1.0 for z in positions]
+    return max(closed, key=abs)
+
+
+def _half(section: Section, face: str) -> float:
+    """Return half the dimension that a face's taper governs; the smaller one if it is both, m."""
+    width, height = section.outline()
+    assert width is not None and height is not None, "the case has been checked"
+    return 0.5 * {"narrow_face": width, "wide_face": height}.get(face, min(width, height))

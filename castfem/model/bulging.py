@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
-from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
-from pydantic_core import core_schema
+from pydantic import Field
 
 from castfem.base.quantities import Kind
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
 from castfem.model.base import TableModel
-from castfem.model.problems import Problem
+from castfem.model.checks import Faults, check
 from castfem.model.secondary import is_wide
 
 if TYPE_CHECKING:
@@ -21,7 +18,6 @@ if TYPE_CHECKING:
 
 Model = Literal["creep", "elastic", "thesis", "none"]
 MODELS: tuple[Model, ...] = get_args(Model)
-_KEY = ("mechanics", "bulging")
 SolidFraction = Annotated[float, Kind("1", least=0.0, most=1.0, label="solid fraction", sample="1")]
 LargestBulge = Annotated[
     float | Table, Curve(Kind("m", "mm", above=0.0, label="bulge", sample="0.5 mm"), "position")
@@ -31,41 +27,26 @@ LargestBulge = Annotated[
 class Bulging(TableModel):
     """How the wide faces bulge between the rolls of [machine]; `bulging = "creep"` for short."""
 
-    model: Model = Field(
-        "creep",
-        description="creep: a travelling strip that creeps by the law of the case; elastic: a "
-        "strip clamped at the rolls; thesis: a plate of one cosine (308); none: no rolls bear it",
-    )
-    solid_fraction: SolidFraction = Field(
-        1.0, description="solid fraction at the inside of the shell that bulges"
-    )
-    largest: LargestBulge | None = Field(
-        None,
-        description="of the thesis' plate: largest bulge over position, which it is amplified to "
-        "(VI.2.2.3)",
-        examples=["0.5 mm"],
-    )
+    model: Model = "creep"
+    """creep: a travelling strip that creeps by the law of the case; elastic: a strip clamped at the
+    rolls; thesis: a plate of one cosine (308); none: no rolls bear it"""
+    solid_fraction: SolidFraction = 1.0
+    """solid fraction at the inside of the shell that bulges"""
+    largest: LargestBulge | None = Field(None, examples=["0.5 mm"])
+    """of the thesis' plate: largest bulge over position, which it is amplified to (VI.2.2.3)"""
 
-    axial_strain: bool = Field(
-        False,
-        description="whether the axial strain of the strip is added to that of the slice, in the "
-        "shell between the edges of the wide faces",
-    )
+    axial_strain: bool = False
+    """whether the axial strain of the strip is added to that of the slice, in the shell between the
+    edges of the wide faces"""
 
-    shear: bool | None = Field(
-        None,
-        description="whether the strip yields to shear, elastically, by the moduli of its own "
-        "section (not the thesis' plate); by default it does not",
-        examples=[True],
-    )
+    shear: bool | None = Field(None, examples=[True])
+    """whether the strip yields to shear, elastically, by the moduli of its own section (not the
+    thesis' plate); by default it does not"""
 
-    pull: bool | None = Field(
-        None,
-        description="whether rolls hold a face to their line that lies farther within it than "
-        "the bulge, as long as the core is liquid; by default they do, but not below a [mould], "
-        "whose corners shrink off the line",
-        examples=[False],
-    )
+    pull: bool | None = Field(None, examples=[False])
+    """whether rolls hold a face to their line that lies farther within it than the bulge, as long
+    as the core is liquid; by default they do, but not below a [mould], whose corners shrink off the
+    line"""
 
     @property
     def bears(self) -> bool:
@@ -73,63 +54,40 @@ class Bulging(TableModel):
         return self.model != "none"
 
 
-@dataclass(frozen=True, slots=True)
-class BulgingMark:
-    """Annotation of a field that takes the table, or the name of the model alone."""
-
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> core_schema.CoreSchema:
-        return core_schema.no_info_before_validator_function(_table, handler(source))
-
-    def __get_pydantic_json_schema__(
-        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        return {"anyOf": [{"enum": list(MODELS)}, {"$ref": handler(schema)["anyOf"][0]["$ref"]}]}
-
-
-def _table(given: Any) -> Any:
-    """The table that the name of a model alone stands for."""
-    return {"model": given} if isinstance(given, str) else given
-
-
-def check_bulging(case: Case) -> Iterator[Problem]:
-    """Yield what keeps a case from bulging between rolls, of a faulty case what can be told."""
-    mechanics = case.mechanics
-    table = None if mechanics is None else mechanics.bulging
-    if mechanics is None or table is None or table.model is None:
-        return
+@check("mechanics.bulging")
+def _no_effect(case: Case, table: Bulging) -> Faults:
     if table.model == "none":
         # A case that was written out and is read again has every default in it.
-        changed = (n for n, f in Bulging.model_fields.items() if getattr(table, n) != f.default)
-        for name in sorted(set(changed) - {"model"}):
-            yield Problem((*_KEY, name), 'has no effect with model = "none"; leave one of both out')
+        for name, field in Bulging.model_fields.items():
+            if name != "model" and getattr(table, name) != field.default:
+                yield name, 'has no effect with model = "none"; leave one of the two out'
+    if table.largest is not None and table.model not in ("thesis", "none"):
+        yield "largest", f'is for model = "thesis", not "{table.model}"'
+    if table.shear and table.model == "thesis":
+        yield "shear", 'is for a strip, not for model = "thesis"'
+
+
+@check("mechanics.bulging")
+def _needs(case: Case, table: Bulging) -> Faults:
+    """Yield what keeps a case from bulging between rolls."""
+    mechanics = case.mechanics
+    if not table.bears or mechanics is None:
         return
     if case.machine is None:
-        if "machine" not in case.model_fields_set:
-            yield Problem(_KEY, "needs rolls, the table [machine]; add it, or leave bulging out")
+        yield "", "needs rolls, the table [machine]; add it, or leave bulging out"
         return
-    if case.section is not None and getattr(case.section, "shape", "") != "rectangle":
-        yield Problem(
-            _KEY, "is for a section with wide faces; give section.shape = \"rectangle\", or leave "
-            "bulging out",
-        )  # fmt: skip
+    if case.section.tag != "rectangle":
+        fix = 'give section.shape = "rectangle", or leave it out'
+        yield "", f"is for a section with wide faces; {fix}"
     if mechanics.ferrostatic == "off":
-        yield Problem(
-            _KEY,
-            'needs the pressure of the liquid, and ferrostatic is "off"; leave one of both out',
-        )
-    for index, held in enumerate(mechanics.held or ()):
-        if held is not None and held.component == "y" and any(map(is_wide, held.on or ())):
-            yield Problem(
-                ("mechanics", "held", index),
-                "moves the wide faces, which the rolls bear where they bulge; leave one of the two "
-                "out (held = [])",
+        fix = "leave one of the two out"
+        yield "", f'needs the pressure of the liquid, and ferrostatic is "off"; {fix}'
+    for index, held in enumerate(mechanics.held):
+        if held.component == "y" and any(map(is_wide, held.on)):
+            text = (
+                "moves the wide faces, which the rolls bear; leave one of the two out (held = [])"
             )
-    if table.largest is not None and table.model != "thesis":
-        yield Problem((*_KEY, "largest"), f'is for model = "thesis", not "{table.model}"')
-    if table.shear and table.model == "thesis":
-        yield Problem((*_KEY, "shear"), 'is for a strip, not for model = "thesis"')
+            yield f"/mechanics.held.{index}", text
     pairs = case.machine.pairs()
     if pairs is not None and len(pairs.pairs) < 2:
-        yield Problem(_KEY, "needs two pairs of rolls at least")
+        yield "", "needs two pairs of rolls at least"

@@ -15,7 +15,7 @@ from pydantic import Field, ModelWrapValidatorHandler, model_validator
 from castfem.base.errors import InputError
 from castfem.base.tables import Table as TableOfValues
 from castfem.base.tolerances import ROUNDING
-from castfem.model.base import TableModel
+from castfem.model.base import FaultyError, TableModel
 from castfem.model.casting import (
     CONTACT_FIELDS,
     THERMAL_FIELDS,
@@ -35,8 +35,7 @@ from castfem.model.optimise import Optimise
 from castfem.model.quality import Quality
 from castfem.model.secondary import Secondary
 from castfem.model.section import Mesh, Section
-from castfem.model.thermal import Thermal
-from castfem.model.verification import Verification
+from castfem.model.thermal import Thermal, Verification
 from castfem.model.water import Water
 from castfem.physics.mould.taper import segment_ends
 
@@ -79,43 +78,33 @@ class Span:
 class Case(TableModel):
     """A case file. Tables may be inherited from the file named by `extends`."""
 
-    title: str = Field(min_length=1, description="one line that says what the case is")
+    title: str = Field(min_length=1)
+    """one line that says what the case is"""
     casting: Casting
     steel: Steel
     section: Section
     mesh: Mesh
     cooling: tuple[Zone, ...] = Field(min_length=1)
     thermal: Thermal = Field(default_factory=lambda: Thermal.model_validate({}))
-    mechanics: Mechanics | None = Field(
-        None, description="the mechanical problem; left out: temperatures alone"
-    )
-    mould: Mould | None = Field(
-        None, description="the rigid mould; left out: an idealised one, without contact forces"
-    )
-    machine: Machine | None = Field(
-        None, description="the rolls below the mould; left out: a strand that goes straight down"
-    )
-    water: Water | None = Field(
-        None,
-        description="spray water of the whole strand, of which zones and circuits take shares; "
-        "left out: each tells its own",
-    )
-    secondary: Secondary | None = Field(
-        None, description="cooling from roll to roll below [[cooling]]; left out: none"
-    )
+    mechanics: Mechanics | None = None
+    """the mechanical problem; left out: temperatures alone"""
+    mould: Mould | None = None
+    """the rigid mould; left out: an idealised one, without contact forces"""
+    machine: Machine | None = None
+    """the rolls below the mould; left out: a strand that goes straight down"""
+    water: Water | None = None
+    """spray water of the whole strand, of which zones and circuits take shares; left out: each
+    tells its own"""
+    secondary: Secondary | None = None
+    """cooling from roll to roll below [[cooling]]; left out: none"""
     coupling: Coupling = Field(default_factory=lambda: Coupling.model_validate({}))
-    quality: Quality | None = Field(
-        None, description="by what the strand is judged; left out: no crack index is computed"
-    )
+    quality: Quality | None = None
+    """by what the strand is judged; left out: no crack index is computed"""
     output: Output = Field(default_factory=lambda: Output.model_validate({}))
-    verification: Verification | None = Field(
-        None, description="the closed form it is held against; left out: none"
-    )
-    optimise: Optimise | None = Field(
-        None,
-        description="what castfem optimise looks for; left out: nothing. A run of the case does "
-        "not look at it",
-    )
+    verification: Verification | None = None
+    """the closed form it is held against; left out: none"""
+    optimise: Optimise | None = None
+    """what castfem optimise looks for; left out: nothing. A run of the case does not look at it"""
     reference: tuple[Reference, ...] = ()
 
     @model_validator(mode="wrap")
@@ -123,12 +112,13 @@ class Case(TableModel):
     def _with_interval(cls, data: Any, handler: ModelWrapValidatorHandler[Case]) -> Case:
         """Put in how often the fields are written, so that the case of a run names it."""
         case = handler(data)
-        casting, output = case.casting, case.output
-        if output is None or output.every is not None or casting is None:
-            return case  # faulty tables are None where all problems are gathered
-        if None in (casting.speed, casting.length):
+        try:
+            if case.output.every is not None:
+                return case
+            every = usual_interval(case.casting.duration)
+        except FaultyError:
             return case
-        output = output.model_copy(update={"every": usual_interval(casting.duration)})
+        output = case.output.model_copy(update={"every": every})
         return case.model_copy(update={"output": output})
 
     def zones(self) -> tuple[Span, ...]:

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
-from pydantic import AfterValidator, Field, field_validator
+from pydantic import AfterValidator, Field
 
-from castfem.base import units
+from castfem.base import result_registry, units
 from castfem.base.quantities import Kind, Length, Percent, Temperature, Time
 from castfem.base.shown_units import ShownUnits, UnitsNotation
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
 from castfem.base.tolerances import ROUNDING
+from castfem.base.units import in_mm
 from castfem.model.base import TableModel
+from castfem.model.checks import Faults, check, check_test, one_of
 from castfem.model.probe import Probe
 from castfem.physics.machine.travel import Changing, Steady, Travel
+
+if TYPE_CHECKING:
+    from castfem.model.case import Case
+    from castfem.model.tensile import TensileCase
 
 ThermalField = Literal["temperature", "solid_fraction"]
 MechanicalField = Literal[
@@ -24,7 +30,26 @@ MechanicalField = Literal[
 ContactField = Literal["gap", "contact_pressure"]
 ReferenceKind = Literal["value", "at_least", "at_most"]
 """What is known of a quantity: its value, or a bound."""
-SpeedOverTime = Annotated[float | Table, Curve(Kind("m/s", "m/min", least=0.0), over="time")]
+
+
+def _goes(speed: float | Table) -> float | Table:
+    """Refuse a strand that never goes at all."""
+    if max(speed.values if isinstance(speed, Table) else (speed,)) > 0.0:
+        return speed
+    raise ValueError("must be above 0 m/min")
+
+
+def _is_table(profile: float | Table) -> float | Table:
+    """Refuse one temperature, which is casting.temperature."""
+    if isinstance(profile, Table):
+        return profile
+    fix = "the one temperature of a slice is casting.temperature"
+    raise ValueError(f"a table over depth is needed; {fix}")
+
+
+SpeedOverTime = Annotated[
+    float | Table, Curve(Kind("m/s", "m/min", least=0.0), over="time"), AfterValidator(_goes)
+]
 FieldName = Literal[ThermalField, MechanicalField, ContactField]
 """Fields that can be written."""
 THERMAL_FIELDS: tuple[FieldName, ...] = get_args(ThermalField)
@@ -32,7 +57,9 @@ MECHANICAL_FIELDS: tuple[FieldName, ...] = get_args(MechanicalField)
 CONTACT_FIELDS: tuple[FieldName, ...] = get_args(ContactField)
 
 
-TemperatureOverDepth = Annotated[float | Table, Curve(Kind("K", "degC"), over="depth")]
+TemperatureOverDepth = Annotated[
+    float | Table, Curve(Kind("K", "degC"), over="depth"), AfterValidator(_is_table)
+]
 
 
 _ROUNDED = 1e-6  # of a per cent
@@ -47,75 +74,38 @@ SuperheatOverTime = Annotated[
 class Start(TableModel):
     """Where, when and with what a run begins."""
 
-    at: Literal["meniscus", "mould_exit"] = Field(
-        "meniscus",
-        description="where the run, its history and its mechanics begin: at mould_exit, unstrained "
-        "and in its shape as cold, after a run of the temperature alone through the zones of the "
-        "mould, or with the profile",
-    )
-    profile: TemperatureOverDepth | None = Field(
-        None,
-        description="temperature there over the depth below the surface; left out: the steel as "
-        "poured, cooled by the mould",
-    )
-    meniscus: Length | None = Field(
-        None,
-        description="height of the meniscus over which the steel has met the wall already where "
-        "the slice is formed: it is cooled as over the same height below, in its shape and "
-        "unstrained; left out: not at all",
-        examples=["8 mm"],
-    )
+    at: Literal["meniscus", "mould_exit"] = "meniscus"
+    """where the run, its history and its mechanics begin: at mould_exit, unstrained and in its
+    shape as cold, after a run of the temperature alone through the zones of the mould, or with the
+    profile"""
+    profile: TemperatureOverDepth | None = None
+    """temperature there over the depth below the surface; left out: the steel as poured, cooled by
+    the mould"""
+    meniscus: Length | None = Field(None, examples=["8 mm"])
+    """height of the meniscus over which the steel has met the wall already where the slice is
+    formed: it is cooled as over the same height below, in its shape and unstrained; left out: not
+    at all"""
 
-    time: Instant | None = Field(
-        None,
-        description="when the slice leaves the meniscus, on the clock by which the tables over "
-        "time of casting.speed, casting.superheat and of water go; left out: at 0 s",
-        examples=["120 s"],
-    )
-
-    @field_validator("profile")
-    @classmethod
-    def _is_table(cls, profile: float | Table | None) -> float | Table | None:
-        """Refuse one temperature, which is casting.temperature."""
-        if profile is None or isinstance(profile, Table):
-            return profile
-        raise ValueError(
-            "a table over depth is needed; the one temperature of a slice is casting.temperature"
-        )
+    time: Instant | None = Field(None, examples=["120 s"])
+    """when the slice leaves the meniscus, on the clock by which the tables over time of
+    casting.speed, casting.superheat and of water go; left out: at 0 s"""
 
 
 class Casting(TableModel):
     """How the strand is cast. Exactly one of `superheat` and `temperature` is given."""
 
-    speed: SpeedOverTime = Field(
-        description="casting speed, or over time; the slice leaves the meniscus at time 0, or at "
-        "casting.start.time",
-        examples=["3.6 m/min"],
-    )
-    length: Length = Field(
-        description="length that is followed, from the meniscus", examples=["600 mm"]
-    )
-    superheat: SuperheatOverTime | None = Field(
-        None,
-        description="temperature of the steel at the meniscus, above the liquidus; over time a "
-        "slice has that of its own start, casting.start.time",
-    )
-    temperature: Temperature | None = Field(
-        None,
-        description="temperature of the steel at the meniscus",
-        examples=["1540 degC"],
-    )
-    start: Start | None = Field(
-        None, description="where and with what it begins; left out: liquid, at the meniscus"
-    )
-
-    @field_validator("speed")
-    @classmethod
-    def _goes(cls, speed: float | Table | None) -> float | Table | None:
-        """Refuse a strand that never goes at all."""
-        if speed is None or max(speed.values if isinstance(speed, Table) else (speed,)) > 0.0:
-            return speed
-        raise ValueError("must be above 0 m/min")
+    speed: SpeedOverTime = Field(examples=["3.6 m/min"])
+    """casting speed, or over time; the slice leaves the meniscus at time 0, or at
+    casting.start.time"""
+    length: Length = Field(examples=["600 mm"])
+    """length that is followed, from the meniscus"""
+    superheat: SuperheatOverTime | None = None
+    """temperature of the steel at the meniscus, above the liquidus; over time a slice has that of
+    its own start, casting.start.time"""
+    temperature: Temperature | None = Field(None, examples=["1540 degC"])
+    """temperature of the steel at the meniscus"""
+    start: Start | None = None
+    """where and with what it begins; left out: liquid, at the meniscus"""
 
     @property
     def travel(self) -> Travel:
@@ -144,19 +134,14 @@ class Casting(TableModel):
 class Steel(TableModel):
     """The steel that is cast: a property set, its composition and changes for this case."""
 
-    name: str = Field(
-        description="a set shipped with castfem, or a TOML file of your own, relative to this "
-        "file; it does away with an inherited composition, unless it is to be computed from it"
-    )
-    composition: dict[str, Percent] = Field(
-        default_factory=dict,
-        description="weight percent of the elements (C = 0.42), for sets computed from it; of an "
-        "inherited set that is not, it makes plain_carbon",
-    )
-    overrides: dict[str, Any] = Field(
-        default_factory=dict,
-        description="keys of the property set to change for this case, written as in its file",
-    )
+    name: str
+    """a set shipped with castfem, or a TOML file of your own, relative to this file; it does away
+    with an inherited composition, unless it is to be computed from it"""
+    composition: dict[str, Percent] = Field(default_factory=dict)
+    """weight percent of the elements (C = 0.42), for sets computed from it; of an inherited set
+    that is not, it makes plain_carbon"""
+    overrides: dict[str, Any] = Field(default_factory=dict)
+    """keys of the property set to change for this case, written as in its file"""
 
 
 def _whole_percent(fraction: float | None) -> float | None:
@@ -194,13 +179,10 @@ def usual_interval(duration: float) -> float:
 class Output(TableModel):
     """What a run writes, and how often."""
 
-    fields: tuple[FieldName, ...] | None = Field(
-        None,
-        description="fields in fields.xdmf, [] for none; by default those of the temperature, "
-        "with [mechanics] displacement, stress, von_mises and viscoplastic_strain, with [mould] "
-        "gap and contact_pressure",
-        examples=[["temperature", "displacement"]],
-    )
+    fields: tuple[FieldName, ...] | None = Field(None, examples=[["temperature", "displacement"]])
+    """fields in fields.xdmf, [] for none; by default those of the temperature, with [mechanics]
+    displacement, stress, von_mises and viscoplastic_strain, with [mould] gap and
+    contact_pressure"""
     every: Time | None = Field(
         None,
         description="time between two states of the fields, which end a step: none is longer. "
@@ -208,34 +190,20 @@ class Output(TableModel):
         "2, 5, 10 s ... that does not",
         examples=["2 s"],
     )
-    figures: bool = Field(True, strict=True, description="draw the figures at the end of the run")
-    checkpoint_every: int = Field(
-        20,
-        ge=0,
-        strict=True,
-        description="steps between two checkpoints (for --resume); 0 for none",
-    )
-    smooth: bool | None = Field(
-        None,
-        strict=True,
-        description="compute smooth twins of the largest von Mises stress, von_mises_smooth at the "
-        "end and way_von_mises_smooth on the way; `castfem optimise` does where it is named there",
-        examples=[True],
-    )
-    units: Annotated[ShownUnits, UnitsNotation()] | None = Field(
-        None,
-        description="in which units tables, figures and the report show numbers: plant (mm, degC, "
-        "MPa, kN ...), si, or a table of units by what is measured or by the name of a quantity, "
-        "with system for all others ([output.md](output.md#units)); files keep their documented "
-        "units; left out: plant",
-        examples=["si"],
-    )
-    shell_at: tuple[WholePercent, ...] = Field(
-        (),
-        description="solid fractions, whole per cents, to which the shell is told besides that of "
-        "the solidus: 0.7 gives the columns fs70_mid_face, fs70_corner ...",
-        examples=[[0.3, 0.7]],
-    )
+    figures: bool = Field(True, strict=True)
+    """draw the figures at the end of the run"""
+    checkpoint_every: int = Field(20, ge=0, strict=True)
+    """steps between two checkpoints (for --resume); 0 for none"""
+    smooth: bool | None = Field(None, strict=True, examples=[True])
+    """compute smooth twins of the largest von Mises stress, von_mises_smooth at the end and
+    way_von_mises_smooth on the way; `castfem optimise` does where it is named there"""
+    units: Annotated[ShownUnits, UnitsNotation()] | None = Field(None, examples=["si"])
+    """in which units tables, figures and the report show numbers: plant (mm, degC, MPa, kN ...),
+    si, or a table of units by what is measured or by the name of a quantity, with system for all
+    others ([output.md](output.md#units)); files keep their documented units; left out: plant"""
+    shell_at: tuple[WholePercent, ...] = Field((), examples=[[0.3, 0.7]])
+    """solid fractions, whole per cents, to which the shell is told besides that of the solidus: 0.7
+    gives the columns fs70_mid_face, fs70_corner ..."""
     probe: tuple[Probe, ...] = ()
 
 
@@ -247,28 +215,21 @@ def _quantity(text: str) -> str:
 class Reference(TableModel):
     """A number to compare with, printed beside the computed one where the run ends."""
 
-    quantity: str = Field(description="name of the computed quantity, as in summary.json")
-    value: Annotated[str, AfterValidator(_quantity)] = Field(
-        description='expected value with its unit, such as "4.75 mm"'
-    )
-    kind: ReferenceKind = Field(
-        "value",
-        description="`value` is what is expected, or a bound: the computed one is at least, or at "
-        "most, this",
-    )
-    source: str = Field(description="where the number comes from")
-    at: Length | None = Field(
-        None,
-        description="position where it holds, from the meniscus; by default the end of the run",
-        examples=["600 mm"],
-    )
-    note: str = Field("", description="remark printed with it")
-    changed: tuple[str, ...] | None = Field(
-        None,
-        description="keys that were changed since, by a file that extends this one, `--set` or a "
-        "script: castfem writes them, and takes no difference from a number of the unchanged case",
-        examples=[["casting.speed"]],
-    )
+    quantity: str
+    """name of the computed quantity, as in summary.json"""
+    value: Annotated[str, AfterValidator(_quantity)]
+    """expected value with its unit, such as "4.75 mm" """
+    kind: ReferenceKind = "value"
+    """`value` is what is expected, or a bound: the computed one is at least, or at most, this"""
+    source: str
+    """where the number comes from"""
+    at: Length | None = Field(None, examples=["600 mm"])
+    """position where it holds, from the meniscus; by default the end of the run"""
+    note: str = ""
+    """remark printed with it"""
+    changed: tuple[str, ...] | None = Field(None, examples=[["casting.speed"]])
+    """keys that were changed since, by a file that extends this one, `--set` or a script: castfem
+    writes them, and takes no difference from a number of the unchanged case"""
 
     @property
     def si(self) -> float:
@@ -284,3 +245,85 @@ class Reference(TableModel):
     def unit(self) -> str:
         """The unit in which the value was given, empty for a plain number."""
         return units.split(self.value)[1]
+
+
+@check("casting")
+def _temperature(case: Case, casting: Casting) -> Faults:
+    yield from one_of(casting, {"superheat": '"40 K"', "temperature": '"1540 degC"'})
+
+
+@check("casting")
+def _stands(case: Case, casting: Casting) -> Faults:
+    """Yield a strand that stands for good before it has come to the end."""
+    table = casting.speed
+    if not isinstance(table, Table) or math.isfinite(casting.duration):
+        return
+    last = table.arguments[-1]
+    yield (
+        "speed",
+        f"the strand stands for good after {last:g} s, {casting.travel.position(last):.6g} m below "
+        f"the meniscus: it never comes to casting.length ({casting.length:g} m); let the last row "
+        "of the table be above 0 m/min, or shorten the length",
+    )
+
+
+@check("casting.start")
+def _start(case: Case, start: Start) -> Faults:
+    """Yield what a start below the mould, or from a profile, does not go with."""
+    if case.verification is not None:
+        yield "", "a closed form begins at the meniscus, at one temperature; leave it out"
+    if start.at != "mould_exit":
+        return
+    if case.mould is not None:
+        yield "at", '("mould_exit") begins below the mould; leave it or [mould] out'
+        return
+    ends, length = case.mould_exit(), case.casting.length
+    if ends is None:
+        yield "at", '("mould_exit"): there is no mould; name a zone of [[cooling]] so, with its end'
+    elif not ends < length:
+        text = f"{in_mm(ends)}, does not lie above casting.length ({in_mm(length)})"
+        yield "at", f'("mould_exit"), {text}'
+
+
+@check("casting.start")
+def _meniscus(case: Case, start: Start) -> Faults:
+    """Yield what a meniscus that has met the wall does not go with."""
+    height = start.meniscus
+    if height is None:
+        return
+    if start.profile is not None or start.at == "mould_exit":
+        other = "profile" if start.profile is not None else 'at = "mould_exit"'
+        yield "meniscus", f"and {other} both say what the run begins with; leave one of them out"
+        return
+    ends = case.cooling[0].to
+    if ends is not None and not height < ends:
+        most = f"the first zone of the cooling, which ends at {in_mm(ends)}"
+        yield "meniscus", f"({in_mm(height)}) is not within {most}; it is about 10 mm high"
+
+
+@check("output")
+def _fields(case: Case, output: Output) -> Faults:
+    names = output.fields or ()
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            yield "fields", f"'{name}' stands there twice"
+        if name in MECHANICAL_FIELDS and case.mechanics is None:
+            yield "fields", f"'{name}' needs the table [mechanics], which is missing"
+        if name in CONTACT_FIELDS and case.mould is None:
+            yield "fields", f"'{name}' needs the table [mould], which is missing"
+    if len({round(100.0 * fraction) for fraction in output.shell_at}) < len(output.shell_at):
+        yield "shell_at", "has a solid fraction twice"
+
+
+@check("reference.*")
+def _compared(case: Case, reference: Reference) -> Faults:
+    """Yield references that no run could ever be compared with."""
+    if fault := result_registry.fault(reference.quantity, reference.value):
+        yield fault
+
+
+@check_test("reference.*")
+def _without_position(case: TensileCase, reference: Reference) -> Faults:
+    if reference.at is not None:
+        fix = "the quantities stress_1, stress_2 ... hold at the ends of its segments"
+        yield "at", f"a tensile test has no position; {fix}"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 from castfem.base.messages import choices
@@ -11,101 +9,74 @@ from castfem.base.tables import Table
 from castfem.base.tolerances import ROUNDING
 from castfem.base.units import format, in_mm, nearest
 from castfem.model.case import Case
-from castfem.model.cooling import PrescribedTemperature, Zone
-from castfem.model.heat_law import HeatLaw
-from castfem.model.measured_heat import ScaledLaw
-from castfem.model.mould_laws import MOULD, Contact, Flux
-from castfem.model.problems import Problem
+from castfem.model.checks import Faults, check, given, one_of, twice
+from castfem.model.cooling import MOULD, Contact, Flux, PrescribedTemperature, Spray, Zone
+from castfem.model.heat_law import TOTALS, HeatLaw, ScaledLaw
+from castfem.model.mould import Mould
 from castfem.model.section import Section
-from castfem.model.spray import Spray
 from castfem.physics.thermal.mould_flux import MOULD_FLUXES
 
 _SHORTEST = 1e-6  # m: of a zone; less is what rounding makes of one and the same place
 _THINNEST = 1e-7  # m: a gap that halves the heat; surfaces are a hundred times as rough
 
 
-def check_cooling(case: Case) -> Iterator[Problem]:
-    """Yield what of the cooling does not fit together, or to mould and section."""
-    yield from _zones(case)
-    yield from _laws(case)
-    yield from _mould_and_zones(case)
-
-
-def _zones(case: Case) -> Iterator[Problem]:
-    zones = case.cooling
-    if zones is None:
-        return
-    names: list[str] = []
-    reached = 0.0
+@check()
+def _zones(case: Case, _: object) -> Faults:
+    zones, reached = case.cooling, 0.0
+    for key, text in twice([zone.name for zone in zones], "name"):
+        yield f"cooling.{key}", text
     for index, zone in enumerate(zones):
-        if zone is None:
-            continue
-        if zone.name in names:
-            yield Problem(("cooling", index, "name"), f'("{zone.name}") is used twice')
-        names.append(zone.name)
+        key = f"cooling.{index}.to"
         if zone.to is None:
-            if "to" not in zone.model_fields_set and index < len(zones) - 1:
-                yield Problem(
-                    ("cooling", index), "'to' is missing; only the last zone may leave it out"
-                )
+            if index < len(zones) - 1:
+                yield f"cooling.{index}", "'to' is missing; only the last zone may leave it out"
             continue
         if zone.to <= reached:
-            yield Problem(
-                ("cooling", index, "to"),
-                f"({in_mm(zone.to)}) does not lie beyond the end of the zone before "
-                f"({in_mm(reached)}); zones follow one another in casting order",
-            )
+            end = f"the end of the zone before ({in_mm(reached)}); give zones in casting order"
+            yield key, f"({in_mm(zone.to)}) does not lie beyond {end}"
         elif zone.to - reached < _SHORTEST:
-            yield Problem(
-                ("cooling", index, "to"),
-                f"({in_mm(zone.to)}) lies {1e9 * (zone.to - reached):.3g} nm below the end of the "
-                f"zone before; a zone is at least {1e6 * _SHORTEST:g} um long: leave it out",
-            )
+            least = f"a zone is at least {1e6 * _SHORTEST:g} um long: leave it out"
+            yield key, f"lies {1e9 * (zone.to - reached):.3g} nm below the zone before; {least}"
         reached = max(reached, zone.to)
-    last = zones[-1]
-    length = case.casting.length if case.casting else None
-    open_end = last is None or "to" not in last.model_fields_set or last.to is None
-    if case.secondary is not None or "secondary" in case.model_fields_set:
-        return  # it holds below them
-    if not open_end and length is not None and reached < length:
-        yield Problem(
-            ("cooling", len(zones) - 1, "to"),
-            f"({in_mm(reached)}) ends before casting.length ({in_mm(length)}); "
-            "add a zone, or leave out 'to' in the last",
-        )
+    last, length = len(zones) - 1, case.casting.length
+    if case.secondary is not None:
+        if zones[-1].to is None:
+            fix = "it is where [secondary] begins, such as the end of the mould"
+            yield f"cooling.{last}", f"'to' is missing; {fix}"
+    elif zones[-1].to is not None and reached < length:
+        text = f"({in_mm(reached)}) ends before casting.length ({in_mm(length)}); "
+        yield f"cooling.{last}.to", text + "add a zone, or leave out 'to' in the last"
 
 
-def _laws(case: Case) -> Iterator[Problem]:
-    known = case.section.outer_groups() if is_complete(case.section) else ()
-    for i, zone in enumerate(case.cooling or ()):
-        laws = (zone.surface if zone else None) or ()
-        for j, law in enumerate(laws):
-            path = ("cooling", i, "surface", j)
-            if isinstance(law, Contact):
-                yield from _contact(case, law, path)
-            if isinstance(law, ScaledLaw):
-                key = "flux" if isinstance(law, Contact) else "value"
-                yield from _scaled(law, key, path)
-                yield from _measured_at(law, key, path)
-                yield from _range_of_formula(case, zone, law, (*path, key))
-            if zone is not None and law.asks_extent:
-                yield from _without_end(zone, law, path)
-            if known:
-                for problem in unknown_groups(law.on, known, (*path, "on")):
-                    yield replace(problem, text=problem.text + _of_more(case.section, law.on))
-                yield from _clash(law, laws[:j], case.section.cooled_groups(), known, path)
-
-
-def _without_end(zone: Zone, law: HeatLaw, path: tuple[str | int, ...]) -> Iterator[Problem]:
+@check("cooling.*")
+def _without_end(case: Case, zone: Zone) -> Faults:
     """Yield a total over a zone without end: what a place gets would hang on the run's length."""
-    if "to" in zone.model_fields_set or getattr(law, "area", None) is not None:
-        return
-    what = "water" if isinstance(law, Spray) else "heat"
-    yield Problem(
-        path,
-        f'the {what} is that of the whole zone, which has no end; give the zone its end, to = "5 m"'
-        + (", or the sprayed area" if what == "water" else ""),
-    )
+    for j, law in enumerate(zone.surface if zone.to is None else ()):
+        if law.asks_extent and getattr(law, "area", None) is None:
+            spray = isinstance(law, Spray)
+            yield (
+                f"surface.{j}",
+                f"the {'water' if spray else 'heat'} is that of the whole zone, which has no end; "
+                'give the zone its end, to = "5 m"' + (", or the sprayed area" if spray else ""),
+            )
+
+
+@check("cooling.*.surface.*")
+def _groups(case: Case, law: HeatLaw) -> Faults:
+    for key, text in unknown_groups(law.on, case.section.outer_groups()):
+        yield key, text + _of_more(case.section, law.on)
+
+
+@check("cooling.*")
+def _clash(case: Case, zone: Zone) -> Faults:
+    """Yield a given temperature that meets another law on the same boundary group."""
+    for j, law in enumerate(zone.surface):
+        for other in zone.surface[:j]:
+            shared = law_groups(case.section, law) & law_groups(case.section, other)
+            if shared and any(isinstance(it, PrescribedTemperature) for it in (law, other)):
+                text = f"a given temperature on {choices(sorted(shared))} excludes other laws there"
+                yield f"surface.{j}", text
+                break
 
 
 def _of_more(section: Any, on: tuple[str, ...] | None) -> str:
@@ -119,157 +90,117 @@ def _of_more(section: Any, on: tuple[str, ...] | None) -> str:
     return ""
 
 
-def _contact(case: Case, law: Contact, path: tuple[str | int, ...]) -> Iterator[Problem]:
+@check("cooling.*.surface.*")
+def _contact(case: Case, law: HeatLaw) -> Faults:
     """Yield what a contact law lacks, given the mould there is."""
-    yield from _one_of(
-        law, ("coefficient", "flux"), path, 'the heat without a gap, coefficient = "1600 '
-        'W/(m^2 K)" or a measured flux = "2 MW/m^2"'
-    )  # fmt: skip
-    gapless = law.gap == 0.0 or (law.gap is None and case.mould is None)
-    if not gapless and "gap_conductivity" not in law.model_fields_set:
-        yield Problem(path, 'a gap needs its gap_conductivity, such as "0.15 W/(m K)"')
-    if not gapless:
-        yield from _thin_gap(law, path)
-    mould = case.mould
-    of_mould = None if mould is None else mould.wall_temperature
-    own = "wall" in law.model_fields_set and law.wall != MOULD
-    if own and None not in (law.wall, of_mould) and law.wall != of_mould:
-        here, there = _degrees(law.wall), _degrees(of_mould)
-        yield Problem(
-            (*path, "wall"), f"{here} here, {there} as mould.wall_temperature; leave one of the "
-            'two out, or set this to "mould"'
-        )  # fmt: skip
-    if not own and (mould is None or "wall_temperature" not in mould.model_fields_set):
-        yield Problem(
-            path, 'wall is missing; the temperature of the wall, such as "160 degC", here or as '
-            "mould.wall_temperature"
-        )  # fmt: skip
-
-
-def _one_of(
-    law: HeatLaw, keys: tuple[str, str], path: tuple[str | int, ...], samples: str
-) -> Iterator[Problem]:
-    """Yield that none of two keys is given, or both."""
-    one, other = keys
-    if not law.model_fields_set & {*keys}:
-        yield Problem(path, f"{one} or {other} is missing; {samples}")
-    if law.model_fields_set >= {*keys}:
-        yield Problem(path, f"{one} and {other} exclude each other; give one of the two")
-
-
-def _thin_gap(law: Contact, path: tuple[str | int, ...]) -> Iterator[Problem]:
-    """Yield a gap so thin that rounding decides on the heat."""
-    conductivity, coefficient = law.gap_conductivity, law.coefficient
-    if conductivity is None or law.gap is not None or coefficient is None:
+    if not isinstance(law, Contact):
         return
+    yield from one_of(law, {"coefficient": '"1600 W/(m^2 K)"', "flux": '"2 MW/m^2"'})
+    if law.gap != 0.0 and (law.gap is not None or case.mould is not None):
+        if law.gap_conductivity is None:
+            yield "", 'a gap needs its gap_conductivity, such as "0.15 W/(m K)"'
+        elif law.gap is None and law.coefficient is not None:
+            yield from _thin_gap(law.gap_conductivity, law.coefficient)
+
+
+@check("cooling.*.surface.*")
+def _wall(case: Case, law: HeatLaw) -> Faults:
+    """Yield a wall whose temperature is not given, or twice."""
+    if not isinstance(law, Contact):
+        return
+    of_mould = None if case.mould is None else case.mould.wall_temperature
+    if law.wall in (None, MOULD):
+        if of_mould is None:
+            yield "", 'wall is missing; such as "160 degC", here or as mould.wall_temperature'
+    elif of_mould is not None and law.wall != of_mould:
+        fix = 'leave one of the two out, or set this to "mould"'
+        there = f"{_degrees(of_mould)} as mould.wall_temperature"
+        yield "wall", f"{_degrees(law.wall)} here, {there}; {fix}"
+
+
+def _thin_gap(conductivity: float, coefficient: float | Table) -> Faults:
+    """Yield a gap so thin that rounding decides on the heat."""
     best = max(coefficient.values) if isinstance(coefficient, Table) else coefficient
     halving = conductivity / best if best > 0.0 else _THINNEST
     if halving < _THINNEST:
-        yield Problem(
-            (*path, "gap_conductivity"),
-            f"({conductivity:g} W/(m K)): a gap of {1e9 * halving:.3g} nm would halve the "
-            "heat, and rounding decide on it; gases and slags have 0.02 to 2 W/(m K)",
-        )
+        text = f"({conductivity:g} W/(m K)): a gap of {1e9 * halving:.3g} nm would halve the heat"
+        yield "gap_conductivity", f"{text}; gases and slags have 0.02 to 2 W/(m K)"
 
 
-def _scaled(law: ScaledLaw, key: str, path: tuple[str | int, ...]) -> Iterator[Problem]:
+@check("cooling.*.surface.*")
+def _scaled(case: Case, law: HeatLaw) -> Faults:
     """Yield a measured total that cannot be used."""
-    has = law.model_fields_set
-    if "power" in has and has & {"water", "water_rise"}:
-        yield Problem(path, "power and water exclude each other; give one of the two")
+    if not isinstance(law, ScaledLaw) or not (has := given(law, *TOTALS)):
         return
-    for one, other, sample in (
-        ("water", "water_rise", "7 K"),
-        ("water_rise", "water", "1800 L/min"),
-    ):
-        if one in has and other not in has:
-            yield Problem(path, f'{one} needs {other}, such as {other} = "{sample}"')
-    if not has & {"power", "water", "water_rise"}:
+    if "power" in has and len(has) > 1:
+        yield "", "power and water exclude each other; give one of the two"
         return
-    value = getattr(law, key)
+    if len(has) == 1 and "power" not in has:
+        other, sample = ("water", "1800 L/min") if "water" not in has else ("water_rise", "7 K")
+        yield "", f'{has[0]} needs {other}, such as {other} = "{sample}"'
+    value, key = getattr(law, law.curve_key), law.curve_key
     of_surface = isinstance(value, Table) and value.over == "temperature"
-    if of_surface or "coefficient" in has:
+    if of_surface or getattr(law, "coefficient", None) is not None:
         what = "the table over temperature" if of_surface else "a coefficient"
-        yield Problem(
-            path,
-            f"the heat of {what} is known after the run alone and cannot be scaled to a measured "
-            f"total; give {key} over position or time",
-        )
+        fix = f"cannot be scaled to a measured total; give {key} over position or time"
+        yield "", f"the heat of {what} is known after the run alone and {fix}"
 
 
-def _measured_at(law: ScaledLaw, key: str, path: tuple[str | int, ...]) -> Iterator[Problem]:
+@check("cooling.*.surface.*")
+def _measured_at(case: Case, law: HeatLaw) -> Faults:
     """Yield a speed of measurement that changes nothing, or beside totals that follow the speed."""
-    if "measured_at" not in law.model_fields_set:
+    if not isinstance(law, ScaledLaw) or law.measured_at is None:
         return
-    totals = [one for one in ("power", "water", "water_rise") if one in law.model_fields_set]
+    totals, value = given(law, *TOTALS), getattr(law, law.curve_key)
     tables = [one for one in totals if isinstance(getattr(law, one), Table)]
     if tables:
-        yield Problem(
-            (*path, "measured_at"),
-            f"excludes {tables[0]} as a table over the casting speed; leave one of the two out",
-        )
-    given = getattr(law, key)
-    if not totals and not (isinstance(given, Table) and given.over == "position"):
-        yield Problem(
-            (*path, "measured_at"),
-            f"needs a measured total (power, or water with water_rise) or {key} over position; "
-            "leave it out here",
-        )
+        fix = "leave one of the two out"
+        yield "measured_at", f"excludes {tables[0]} as a table over the casting speed; {fix}"
+    if not totals and not (isinstance(value, Table) and value.over == "position"):
+        needs = "a measured total (power, or water with water_rise)"
+        yield "measured_at", f"needs {needs} or {law.curve_key} over position; leave it out"
 
 
-def _range_of_formula(
-    case: Case, zone: Zone | None, law: ScaledLaw, path: tuple[str | int, ...]
-) -> Iterator[Problem]:
+@check("cooling.*")
+def _range_of_formula(case: Case, zone: Zone) -> Faults:
     """Yield a published flux that is used beyond its range, at the speed of the case or of it."""
-    given = law.curve
-    if not isinstance(given, str) or zone is None or case.casting is None:
-        return
-    casting, until = case.casting, MOULD_FLUXES[given].until
-    if None in (casting.speed, casting.length):
-        return
-    end = casting.length if zone.to is None else zone.to
-    ends = {"": casting.travel.time_at(end)}
-    if isinstance(law.measured_at, float):
-        ends[", at the speed of measured_at,"] = end / law.measured_at
-    for at, time in ends.items():
-        if time > until * (1 + ROUNDING):
-            long = [n for n, flux in MOULD_FLUXES.items() if time <= flux.until * (1 + ROUNDING)]
-            longer = f" take {' or '.join(long)}, which is valid so long," if long else ""
-            yield Problem(
-                path,
-                f'("{given}") goes to {until:g} s, the zone{at} to {time:.4g} s after the '
-                f"meniscus;{longer} end the zone with the mould, or give a table",
-            )
-            return
+    end = case.casting.length if zone.to is None else zone.to
+    for j, law in enumerate(zone.surface):
+        curve = law.curve if isinstance(law, ScaledLaw) else None
+        if not isinstance(law, ScaledLaw) or not isinstance(curve, str):
+            continue
+        ends = {"": case.casting.travel.time_at(end)}
+        if isinstance(law.measured_at, float):
+            ends[", at the speed of measured_at,"] = end / law.measured_at
+        until = MOULD_FLUXES[curve].until
+        for at, time in ends.items():
+            if time > until * (1 + ROUNDING):
+                long = [n for n, f in MOULD_FLUXES.items() if time <= f.until * (1 + ROUNDING)]
+                longer = f" take {' or '.join(long)}, which is valid so long," if long else ""
+                text = f'("{curve}") goes to {until:g} s, the zone{at} to {time:.4g} s'
+                fix = "end the zone with the mould, or give a table"
+                yield f"surface.{j}.{law.curve_key}", f"{text} after the meniscus;{longer} {fix}"
+                break
 
 
 def _degrees(wall: Any) -> str:
     return "a table" if isinstance(wall, Table) else format(wall, "K", "degC")
 
 
-def _follows(zone: Zone | None) -> bool:
-    """Return whether heat crosses the gap that opens in the mould, in a zone of a case with one."""
-    laws = (zone.surface if zone else None) or ()
-    return any(isinstance(law, Contact) and "gap" not in law.model_fields_set for law in laws)
-
-
-def _mould_and_zones(case: Case) -> Iterator[Problem]:
+@check("mould")
+def _mould_and_zones(case: Case, mould: Mould) -> Faults:
     """Yield where the heat still has, or has no longer, the wall that the mechanics has."""
-    zones, mould = case.cooling, case.mould
-    length = None if case.casting is None else case.casting.length
-    if zones is None or mould is None or mould.length is None or length is None:
+    zones, length = case.cooling, case.casting.length
+    contact = [any(isinstance(w, Contact) and w.gap is None for w in z.surface) for z in zones]
+    if not any(contact):
         return
-    index = max((i for i, zone in enumerate(zones) if _follows(zone)), default=None)
-    if index is None:
-        return
+    index = max(i for i, follows in enumerate(contact) if follows)
     zone, ends = zones[index], mould.length * (1 + ROUNDING)
-    if zone.to is None and "to" in zone.model_fields_set:
-        return
-    start = max((z.to for z in zones[:index] if z is not None and z.to is not None), default=0.0)
+    start = max((z.to for z in zones[:index] if z.to is not None), default=0.0)
     last = length if zone.to is None else min(zone.to, length)
     if start < length and last > ends:
-        yield Problem(
-            ("cooling", index) if zone.to is None else ("cooling", index, "to"),
+        yield (
+            f"/cooling.{index}" if zone.to is None else f"/cooling.{index}.to",
             f"{'goes on' if zone.to is None else f'({in_mm(zone.to)}) lies'} below the end of the "
             f"mould ({in_mm(mould.length)}), where there is no wall to take the heat; give "
             f'to = "{in_mm(mould.length)}" and add a zone, make mould.length longer, or give the '
@@ -280,57 +211,23 @@ def _mould_and_zones(case: Case) -> Iterator[Problem]:
     if after is None or not after.surface or any(isinstance(w, walled) for w in after.surface):
         return
     if last * (1 + ROUNDING) < min(mould.length, length):
-        yield Problem(
-            ("mould", "length"),
+        yield (
+            "length",
             f"({in_mm(mould.length)}) goes on below the contact of zone '{zone.name}' "
             f"({in_mm(last)}), where zone '{after.name}' cools the strand as if it were in the "
             f'open; give mould.length = "{in_mm(last)}" or the zone to = "{in_mm(mould.length)}"',
         )
 
 
-def _clash(
-    law: Any,
-    before: tuple[Any, ...],
-    default: tuple[str, ...],
-    known: tuple[str, ...],
-    path: tuple[str | int, ...],
-) -> Iterator[Problem]:
-    """Yield a problem if a given temperature meets another law on the same boundary group."""
-    own = set(_matching(law.on or default, known))
-    for other in before:
-        shared = own & set(_matching(other.on or default, known))
-        if shared and any(isinstance(it, PrescribedTemperature) for it in (law, other)):
-            yield Problem(
-                path, f"a given temperature on {choices(sorted(shared))} excludes other laws there"
-            )
-            return
-
-
-def is_complete(section: Any) -> bool:
-    """Return whether all that decides on the section's boundary groups is sound."""
-    return section is not None and None not in (
-        getattr(section, "symmetry", "whole"),
-        getattr(section, "corner_radius", 0.0),
-    )
-
-
 def law_groups(section: Section, law: HeatLaw) -> set[str]:
-    """Return the boundary groups of a sound section on which a heat law holds."""
-    return set(_matching(law.on or section.cooled_groups(), section.outer_groups()))
+    """Return the boundary groups of a section on which a heat law holds."""
+    on = law.on or section.cooled_groups()
+    return {group for group in section.outer_groups() if any(group.startswith(n) for n in on)}
 
 
-def _matching(on: tuple[str, ...], known: tuple[str, ...]) -> list[str]:
-    return [group for group in known if any(group.startswith(name) for name in on)]
-
-
-def unknown_groups(
-    on: tuple[str, ...] | None, known: tuple[str, ...], path: tuple[str | int, ...]
-) -> Iterator[Problem]:
-    """Yield names that stand for no boundary group."""
+def unknown_groups(on: tuple[str, ...] | None, known: tuple[str, ...]) -> Faults:
+    """Yield names in `on` that stand for no boundary group."""
     for name in on or ():
         if not name or not any(group.startswith(name) for group in known):
-            yield Problem(
-                path,
-                f'no boundary group "{name}" on this section; allowed: {choices(known)} '
-                f"or how they begin{nearest(name, known)}",
-            )
+            fix = f"allowed: {choices(known)} or how they begin{nearest(name, known)}"
+            yield "on", f'no boundary group "{name}" on this section; {fix}'

@@ -1,32 +1,46 @@
 """The array of tables [[cooling]]: zones in casting order and the heat laws that hold in them.
 
 What the laws have in common stands in `castfem.model.heat_law`, those of a mould in
-`castfem.model.mould_laws`, sprays in `castfem.model.spray`; the other laws are here.
+`castfem.model.cooling`, sprays in `castfem.model.cooling`; the other laws are here.
 """
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
+from castfem.base.curves import CurveOrName, CurveOverEither
 from castfem.base.errors import InputError
 from castfem.base.quantities import (
+    Conductivity,
     Distance,
     InverseLength,
     Kind,
     Length,
+    NameOf,
     PositiveNumber,
     Temperature,
+    WaterFlow,
+    WaterTemperature,
 )
-from castfem.base.table_notation import Curve
+from castfem.base.table_notation import Curve, CurveOr
 from castfem.base.tables import Table
 from castfem.model.base import TableModel, written
-from castfem.model.heat_law import GAP, HeatLaw, Surroundings
-from castfem.model.missing_data import no_emissivity
-from castfem.model.mould_laws import Contact, Flux
-from castfem.model.spray import Spray
-from castfem.physics.thermal import flux_laws
+from castfem.model.heat_law import (
+    GAP,
+    HeatLaw,
+    ScaledLaw,
+    Surroundings,
+    kinks_in_time,
+    no_emissivity,
+    times,
+)
+from castfem.model.water import SpecificWater, WaterShare, ZoneFlow, largest, seen_by_slice
+from castfem.physics.thermal import flux_laws, mould_flux
+from castfem.physics.thermal.mould_flux import MOULD_FLUXES
+from castfem.physics.thermal.sprays import CORRELATIONS, WATER_DENSITY
 
 __all__ = [
     "Contact",
@@ -38,6 +52,168 @@ __all__ = [
     "Spray",
     "Zone",
 ]
+
+GivenFlux = Annotated[
+    str | float | Table,
+    CurveOrName(Kind("W/m^2", "MW/m^2"), "time", ("position",), MOULD_FLUXES),
+]
+ContactCoefficient = Annotated[
+    float | Table,
+    CurveOverEither(Kind("W/(m^2 K)", "W/(m^2 K)", least=0.0), "position", ("time", "temperature")),
+]
+ContactFlux = Annotated[
+    str | float | Table,
+    CurveOrName(
+        Kind("W/m^2", "MW/m^2", least=0.0), "position", ("time", "temperature"), MOULD_FLUXES
+    ),
+]
+
+MOULD = "mould"
+WallTemperature = Annotated[str | float | Table, CurveOr(Kind("K", "degC"), "time", MOULD)]
+
+
+class Contact(ScaledLaw):
+    """Contact with a wall, through a gap where there is one (thesis, eq. 301)."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"anyOf": [{"required": ["coefficient"]}, {"required": ["flux"]}]}
+    )
+
+    called: ClassVar[str] = "contact with a gap of its own"
+    curve_key: ClassVar[str] = "flux"
+
+    law: Literal["contact"]
+    coefficient: ContactCoefficient | None = Field(None, examples=["1600 W/(m^2 K)"])
+    """coefficient without a gap; a table over temperature is over that of the surface"""
+    flux: ContactFlux | None = Field(None, examples=["2 MW/m^2"])
+    """heat flux of good contact, instead of coefficient: what is measured where there is no gap; a
+    gap lowers it"""
+    wall: WallTemperature | None = Field(None, examples=["160 degC"])
+    """temperature of the wall; "mould", as by default: mould.wall_temperature"""
+    gap: Distance | None = Field(
+        None,
+        description=GAP + "; by default the one that opens in the mould, none without [mould]",
+        examples=["0.2 mm"],
+    )
+    gap_conductivity: Conductivity | None = Field(None, examples=["0.15 W/(m K)"])
+    """conductivity of what fills the gap; needed where there can be one"""
+
+    def build(self, around: Surroundings) -> flux_laws.Contact:
+        """See `HeatLaw.build`."""
+        wall = around.wall if self.wall in (None, MOULD) else self.wall
+        assert wall is not None and not isinstance(wall, str), "the case has been checked"
+        return flux_laws.Contact(
+            coefficient=self._good(around),
+            wall=wall,
+            # Without a gap its conductivity is of no account.
+            gap_conductivity=1.0 if self.gap_conductivity is None else self.gap_conductivity,
+            gap=self.gap or 0.0,
+            follows=self.gap is None,
+        )
+
+    def _good(self, around: Surroundings) -> float | mould_flux.Curve:
+        """Return the coefficient without a gap."""
+        if self.flux is not None:
+            table = _over_temperature(self.flux)
+            if table is not None:
+                return mould_flux.FluxCurve(over_temperature=table)
+            return mould_flux.FluxCurve(self.scaled(self.flux, around))
+        assert self.coefficient is not None, "the case has been checked"
+        if not isinstance(self.coefficient, Table):
+            return self.coefficient
+        table = _over_temperature(self.coefficient)
+        if table is not None:
+            return mould_flux.CoefficientCurve(over_temperature=table)
+        return mould_flux.CoefficientCurve(around.over_time(self.coefficient))
+
+
+class Flux(ScaledLaw):
+    """A given heat flux; positive when heat leaves the strand."""
+
+    called: ClassVar[str] = "a given flux"
+
+    law: Literal["flux"]
+    value: GivenFlux
+    """heat flux; over the time since the meniscus"""
+
+    def build(self, around: Surroundings) -> flux_laws.PrescribedFlux:
+        """See `HeatLaw.build`."""
+        return flux_laws.PrescribedFlux(self.scaled(self.value, around))
+
+
+def _over_temperature(given: object) -> Table | None:
+    return given if isinstance(given, Table) and given.over == "temperature" else None
+
+
+SprayedArea = Annotated[float, Kind("m^2", "m^2", above=0.0)]
+
+
+class Spray(HeatLaw):
+    """Water spray: convection with the coefficient of a published correlation.
+
+    Its water is given per area, or as that of the whole zone: its flow, per mass of steel, or as a
+    share of `[water]`.
+    """
+
+    called: ClassVar[str] = "a spray"
+
+    law: Literal["spray"]
+    water: WaterFlow | None = Field(None, examples=["5 L/(m^2 s)"])
+    """water flow per surface area"""
+    flow: ZoneFlow | None = Field(None, examples=["240 L/min"])
+    """instead of water, that of the zone on all faces of this law, of the whole strand; in a table
+    over the casting speed it follows it, over time goes by the clock of casting.start.time"""
+    specific: SpecificWater | None = Field(None, examples=["0.3 L/kg"])
+    """instead of water, that of the zone per mass of steel that passes; it follows the casting
+    speed"""
+    share: WaterShare | None = Field(None, examples=[0.3])
+    """instead of water, the zone's share of [water]"""
+    area: SprayedArea | None = Field(None, examples=["1.2 m^2"])
+    """sprayed area of these faces, with the water of the zone; by default all of them in it"""
+    water_temperature: WaterTemperature = Field(examples=["25 degC"])
+    """temperature of the water"""
+    correlation: Annotated[str, NameOf(CORRELATIONS)]
+    """formula of the coefficient"""
+    machine_factor: PositiveNumber = Field(1.0, examples=[4])
+    """divides the coefficient: fit to the machine, about 4 for nozaki"""
+
+    @property
+    def asks_extent(self) -> bool:
+        """See `HeatLaw.asks_extent`."""
+        return self.water is None
+
+    def build(self, around: Surroundings) -> flux_laws.Convection | flux_laws.Sprayed:
+        """See `HeatLaw.build`."""
+        water, correlation = self._water(around), CORRELATIONS[self.correlation]
+        if not callable(water):
+            coefficient = partial(
+                correlation.coefficient, water, self.water_temperature, self.machine_factor
+            )
+            return flux_laws.Convection(coefficient=coefficient, ambient=self.water_temperature)
+        most = largest(around.supplied(self)) * self._per_flow(around)
+        return flux_laws.Sprayed(
+            correlation, water, most, self.water_temperature, self.machine_factor
+        )
+
+    def _water(self, around: Surroundings) -> mould_flux.Value:
+        """Return the water per area, kg/(m2 s): one number, or over time in s."""
+        if self.water is not None:
+            return self.water
+        return times(self._per_flow(around), around.over_time(around.supplied(self)))
+
+    def milestones(self, around: Surroundings) -> tuple[float, ...]:
+        """See `HeatLaw.milestones`; a share of a flow bends where that does."""
+        shared = self.share is not None and around.water is not None
+        flow = around.water.flow if shared and around.water is not None else self.flow
+        return () if flow is None else kinks_in_time(seen_by_slice(flow, around.clock), around)
+
+    def _per_flow(self, around: Surroundings) -> float:
+        """Water per area for a flow of the zone, kg/m3 over m2."""
+        extent = around.extent
+        assert extent is not None, "the law asks for it"
+        whole = extent.perimeter * (extent.end - extent.start)
+        return WATER_DENSITY / (whole if self.area is None else self.area)
+
 
 CoefficientOfTemperature = Annotated[
     float | Table, Curve(Kind("W/(m^2 K)", "W/(m^2 K)", least=0.0), over="temperature")
@@ -57,10 +233,10 @@ class Convection(HeatLaw):
     crosses_gap: ClassVar[bool] = True
 
     law: Literal["convection"]
-    coefficient: CoefficientOfTemperature = Field(description="heat transfer coefficient")
-    ambient: Temperature = Field(
-        description="temperature of the surroundings", examples=["25 degC"]
-    )
+    coefficient: CoefficientOfTemperature
+    """heat transfer coefficient"""
+    ambient: Temperature = Field(examples=["25 degC"])
+    """temperature of the surroundings"""
 
     def build(self, around: Surroundings) -> flux_laws.Convection:
         """See `HeatLaw.build`."""
@@ -73,19 +249,16 @@ class Radiation(HeatLaw):
     crosses_gap: ClassVar[bool] = True
 
     law: Literal["radiation"]
-    emissivity: EmissivityOfTemperature | None = Field(
-        None, description="emissivity of the strand; by default the steel's"
-    )
-    ambient: Temperature = Field(
-        description="temperature of the surroundings or the wall", examples=["25 degC"]
-    )
-    wall_emissivity: EmissivityOfTemperature = Field(1.0, description="emissivity of the wall")
-    refractive_index: PositiveNumber = Field(
-        1.0, description="of what fills the gap", examples=[1.5]
-    )
-    absorption: InverseLength = Field(
-        written("0 1/m"), description="absorption of what fills the gap"
-    )
+    emissivity: EmissivityOfTemperature | None = None
+    """emissivity of the strand; by default the steel's"""
+    ambient: Temperature = Field(examples=["25 degC"])
+    """temperature of the surroundings or the wall"""
+    wall_emissivity: EmissivityOfTemperature = 1.0
+    """emissivity of the wall"""
+    refractive_index: PositiveNumber = Field(1.0, examples=[1.5])
+    """of what fills the gap"""
+    absorption: InverseLength = written("0 1/m")
+    """absorption of what fills the gap"""
     gap: Distance | None = Field(
         None,
         description=GAP + "; by default that of a contact law on the same boundary group, none "
@@ -114,7 +287,8 @@ class PrescribedTemperature(HeatLaw):
     called: ClassVar[str] = "a given temperature"
 
     law: Literal["temperature"]
-    value: Temperature = Field(description="surface temperature", examples=["1000 degC"])
+    value: Temperature = Field(examples=["1000 degC"])
+    """surface temperature"""
 
     def build(self, around: Surroundings) -> flux_laws.PrescribedTemperature:
         """See `HeatLaw.build`."""
@@ -128,10 +302,9 @@ class Zone(TableModel):
     contact alone (eq. 35).
     """
 
-    name: str = Field(min_length=1, description="name of the zone, unique in the case")
-    to: Length | None = Field(
-        None,
-        description="where it ends, from the meniscus; left out: it goes on to the end",
-        examples=["600 mm"],
-    )
-    surface: tuple[HeatLaw, ...] = Field((), description="heat laws; none: insulated")
+    name: str = Field(min_length=1)
+    """name of the zone, unique in the case"""
+    to: Length | None = Field(None, examples=["600 mm"])
+    """where it ends, from the meniscus; left out: it goes on to the end"""
+    surface: tuple[HeatLaw, ...] = ()
+    """heat laws; none: insulated"""

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
@@ -15,8 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from castfem.base.quantities import Kind
+from castfem.model.checks import Faults, check
 from castfem.model.extraction import COUPLED
-from castfem.model.problems import Problem
 from castfem.model.variants import Variants
 
 if TYPE_CHECKING:
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
 
     from castfem.base.types import Array
     from castfem.model.case import Case
+    from castfem.model.machine import Machine
     from castfem.physics.machine.rolls import Pair, Rolls
     from castfem.physics.machine.sprays import Row
 
@@ -52,7 +52,7 @@ class Defect(Variants):
         """Return the rows of nozzles."""
         return rows
 
-    def problems(self, case: Case, pairs: int) -> Iterator[tuple[str, str]]:
+    def problems(self, case: Case, pairs: int) -> Faults:
         """Yield key and fault of a defect that a machine with so many pairs cannot have."""
         yield from ()
 
@@ -71,7 +71,8 @@ class Defect(Variants):
 class RollDefect(Defect):
     """A defect of one pair."""
 
-    roll: int = Field(ge=1, strict=True, description="number of the pair, from 1", examples=[48])
+    roll: int = Field(ge=1, strict=True, examples=[48])
+    """number of the pair, from 1"""
 
     def __str__(self) -> str:
         """What messages call it."""
@@ -83,12 +84,12 @@ class RollDefect(Defect):
 
     def on(self, pairs: list[Pair]) -> None:
         """See `Defect`."""
-        if self.roll is not None and self.roll <= len(pairs):
+        if self.roll <= len(pairs):
             pairs[self.roll - 1] = self.changed(pairs[self.roll - 1])
 
-    def problems(self, case: Case, pairs: int) -> Iterator[tuple[str, str]]:
+    def problems(self, case: Case, pairs: int) -> Faults:
         """See `Defect`."""
-        if self.roll is not None and self.roll > pairs:
+        if self.roll > pairs:
             yield "roll", f"({self.roll}): the machine has {pairs} pairs, numbered from 1"
 
 
@@ -101,15 +102,12 @@ class Locked(RollDefect):
         """See `RollDefect`."""
         return replace(pair, locked=True)
 
-    def problems(self, case: Case, pairs: int) -> Iterator[tuple[str, str]]:
+    def problems(self, case: Case, pairs: int) -> Faults:
         """See `Defect`."""
         yield from super().problems(case, pairs)
-        if case.machine is not None and "extraction" not in case.machine.model_fields_set:
-            yield (
-                "kind",
-                '("locked") has no effect without [machine.extraction], which has what rolls '
-                "resist; add it, or leave the defect out",
-            )
+        if case.machine is not None and case.machine.extraction is None:
+            fix = "add it, or leave the defect out"
+            yield "kind", f'("locked") has no effect without [machine.extraction]; {fix}'
 
     def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:
         """Return the steps with that of the pair as many times as high (328)."""
@@ -122,53 +120,42 @@ class Misaligned(RollDefect):
     """A pair that is off: the strand is bent there and back, with new radii (eq. 329)."""
 
     kind: Literal["misaligned"]
-    by: Offset = Field(
-        description="distance towards the centre of curvature; negative: away from it",
-        examples=["2 mm"],
-    )
-    resistance: ExtraForce | None = Field(
-        None,
-        description="what a maker's curve of the resistance grows by, as a coupled run tells it, "
-        "over the pairs where the strand is bent more than before; left out: nothing",
-    )
+    by: Offset = Field(examples=["2 mm"])
+    """distance towards the centre of curvature; negative: away from it"""
+    resistance: ExtraForce | None = None
+    """what a maker's curve of the resistance grows by, as a coupled run tells it, over the pairs
+    where the strand is bent more than before; left out: nothing"""
 
     def __str__(self) -> str:
         """What messages call it."""
-        return f"roll {self.roll} off by {1e3 * (self.by or 0.0):g} mm"
+        return f"roll {self.roll} off by {1e3 * self.by:g} mm"
 
     def changed(self, pair: Pair) -> Pair:
         """See `RollDefect`."""
-        return replace(pair, offset=pair.offset + (self.by or 0.0))
+        return replace(pair, offset=pair.offset + self.by)
 
-    def problems(self, case: Case, pairs: int) -> Iterator[tuple[str, str]]:
+    def problems(self, case: Case, pairs: int) -> Faults:
         """See `Defect`."""
         yield from super().problems(case, pairs)
         machine = case.machine
         if machine is None:
             return
         normal = machine.normal()
-        if normal is not None and self.roll is not None and self.roll <= pairs:
+        if normal is not None and self.roll <= pairs:
             yield from self._far_off(normal)
         if self.resistance is None:
             return
-        table, given = machine.extraction, "extraction" in machine.model_fields_set
-        if not given or (table is not None and table.resistance == COUPLED):
-            yield (
-                "resistance",
-                "has no effect without a maker's curve, machine.extraction.resistance, that it "
-                "would be added to; leave it out",
-            )
+        if machine.extraction is None or machine.extraction.resistance == COUPLED:
+            what = "a maker's curve, machine.extraction.resistance"
+            yield "resistance", f"has no effect without {what}, to be added to; leave it out"
 
-    def _far_off(self, normal: Rolls) -> Iterator[tuple[str, str]]:
+    def _far_off(self, normal: Rolls) -> Faults:
         """Yield a pair that is farther off than a strand would follow, or (329) holds."""
         places = [pair.position for pair in normal.pairs[max(self.roll - 2, 0) : self.roll + 1]]
         pitch = min((b - a for a, b in pairwise(places)), default=math.inf)
-        if self.by is not None and abs(self.by) > MOST_OFF * pitch:
-            yield (
-                "by",
-                f"({1e3 * self.by:g} mm): by more than {MOST_OFF:g} of the {1e3 * pitch:.4g} mm "
-                f"to the next pair roll {self.roll} cannot be off; a strand follows no such bend",
-            )
+        if abs(self.by) > MOST_OFF * pitch:
+            most = f"more than {MOST_OFF:g} of the {1e3 * pitch:.4g} mm to the next pair"
+            yield "by", f"({1e3 * self.by:g} mm): by {most} roll {self.roll} cannot be off"
 
     def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:
         """Return the steps with the extra resistance, shared as the extra bending is."""
@@ -209,12 +196,12 @@ class Nozzles(Defect):
     """Nozzles of a circuit that bring less, or more, water than they are meant to (VI.4.1)."""
 
     kind: Literal["nozzles"]
-    circuit: str = Field(description="name of the circuit of [secondary]", examples=["bender"])
-    rolls: tuple[int, int] = Field(
-        description="numbers of the roll above the first row of nozzles and of that below the last",
-        examples=[[47, 52]],
-    )
-    share: WaterShare = Field(description="of their water", examples=["66 percent"])
+    circuit: str = Field(examples=["bender"])
+    """name of the circuit of [secondary]"""
+    rolls: tuple[int, int] = Field(examples=[[47, 52]])
+    """numbers of the roll above the first row of nozzles and of that below the last"""
+    share: WaterShare = Field(examples=["66 percent"])
+    """of their water"""
 
     def __str__(self) -> str:
         """What messages call it."""
@@ -233,11 +220,9 @@ class Nozzles(Defect):
 
         return scale_water(rows, self.circuit, *self.rolls, self.share)
 
-    def problems(self, case: Case, pairs: int) -> Iterator[tuple[str, str]]:
+    def problems(self, case: Case, pairs: int) -> Faults:
         """See `Defect`."""
-        if None in (self.circuit, self.rolls):
-            return
-        circuits = [] if case.secondary is None else [c for c in case.secondary.circuit if c]
+        circuits = () if case.secondary is None else case.secondary.circuit
         found = [circuit for circuit in circuits if circuit.name == self.circuit]
         if not found:
             known = ", ".join(f'"{circuit.name}"' for circuit in circuits) or "no [secondary]"
@@ -245,72 +230,56 @@ class Nozzles(Defect):
             return
         first, last = max(self.rolls[0], found[0].rolls[0]), min(self.rolls[1], found[0].rolls[1])
         if first >= last:
-            yield (
-                "rolls",
-                f'(from {self.rolls[0]} to {self.rolls[1]}) meet no nozzles of "{self.circuit}", '
-                f"which goes from roll {found[0].rolls[0]} to {found[0].rolls[1]}",
-            )
+            text = f"(from {self.rolls[0]} to {self.rolls[1]}) meet no nozzles of"
+            ends = f"which goes from roll {found[0].rolls[0]} to {found[0].rolls[1]}"
+            yield "rolls", f'{text} "{self.circuit}", {ends}'
 
 
-def with_defects(rolls: Rolls, defects: Sequence[Defect | None]) -> Rolls:
+def with_defects(rolls: Rolls, defects: Sequence[Defect]) -> Rolls:
     """Return the rolls with their defects."""
     from castfem.physics.machine.defects import with_radii
 
     pairs = list(rolls.pairs)
     for defect in defects:
-        if defect is not None:
-            defect.on(pairs)
+        defect.on(pairs)
     return with_radii(replace(rolls, pairs=tuple(pairs)))
 
 
-def check_defects(case: Case) -> Iterator[Problem]:
-    """Yield defects that a machine cannot have."""
-    table = case.machine
-    normal = None if table is None else table.normal()
-    if table is None or normal is None or not table.defect:
-        return
-    seen: list[dict[str, Any]] = []
-    for i, defect in enumerate(table.defect):
-        if defect is None:
-            continue
-        path = ("machine", "defect", i)
-        for key, fault in defect.problems(case, len(normal.pairs)):
-            yield Problem((*path, key), fault)
-        if (keys := defect.model_dump()) in seen:
-            yield Problem(path, "stands there twice; leave one of the two out")
-        seen.append(keys)
-    lost = {one.roll for one in table.defect if isinstance(one, Lost)}
-    for i, defect in enumerate(table.defect):
+@check("machine.defect.*")
+def _of_machine(case: Case, defect: Defect) -> Faults:
+    normal = None if case.machine is None else case.machine.normal()
+    if normal is not None:
+        yield from defect.problems(case, len(normal.pairs))
+
+
+@check("machine")
+def _repeated(case: Case, table: Machine) -> Faults:
+    defects = table.defect or ()
+    lost = {one.roll for one in defects if isinstance(one, Lost)}
+    for i, defect in enumerate(defects):
+        if defect in defects[:i]:
+            yield f"defect.{i}", "stands there twice; leave one of the two out"
         if isinstance(defect, RollDefect) and not isinstance(defect, Lost) and defect.roll in lost:
-            yield Problem(
-                ("machine", "defect", i, "roll"),
-                f"({defect.roll}): this pair is lost as well; leave one of the two out",
-            )
-    rolls = with_defects(normal, table.defect)
+            fix = "leave one of the two out"
+            yield f"defect.{i}.roll", f"({defect.roll}): this pair is lost as well; {fix}"
+
+
+def at_an_end(case: Case, table: Machine, normal: Rolls) -> Faults:
+    """Yield defects of the first and last pair that want another pair beyond them."""
+    defects = table.defect or ()
+    rolls = with_defects(normal, defects)
     if len(rolls.there) < 2:
-        yield Problem(("machine", "defect"), "leave fewer than two pairs that hold the strand")
+        yield "defect", "leave fewer than two pairs that hold the strand"
         return
     bulging = None if case.mechanics is None else case.mechanics.bulging
-    bulges = bulging is not None and bulging.model not in (None, "none")
-    yield from _at_an_end(table.defect, rolls, bulges)
-
-
-def _at_an_end(defects: Sequence[Defect | None], rolls: Rolls, bulges: bool) -> Iterator[Problem]:
-    """Yield defects of the first and last pair that want another pair beyond them."""
     ends = {rolls.there[0]: "above", rolls.there[-1]: "below"}
     for i, defect in enumerate(defects):
-        if not isinstance(defect, RollDefect) or defect.roll is None:
+        if not isinstance(defect, RollDefect):
             continue
-        index, path = defect.roll - 1, ("machine", "defect", i, "roll")
+        index = defect.roll - 1
         if isinstance(defect, Misaligned) and index in ends and defect.by:
-            yield Problem(
-                path,
-                f"({defect.roll}): no pair {ends[index]} it holds the strand, which is bent "
-                "between three (329); only a pair with one on each side can be off",
-            )
-        elif isinstance(defect, Lost) and index < rolls.there[0] and bulges:
-            yield Problem(
-                path,
-                f"({defect.roll}): above the first pair the mould holds the faces, so that nothing "
-                "would bulge where it is lost; leave it in, or leave mechanics.bulging out",
-            )
+            text = f"({defect.roll}): no pair {ends[index]} it, and the strand is bent between"
+            yield f"defect.{i}.roll", f"{text} three (329); only one between others can be off"
+        elif isinstance(defect, Lost) and index < rolls.there[0] and bulging and bulging.bears:
+            text = f"({defect.roll}): above the first pair the mould holds the faces"
+            yield f"defect.{i}.roll", f"{text}; leave it in, or leave mechanics.bulging out"

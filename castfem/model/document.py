@@ -2,11 +2,11 @@
 
 Tables merge deeply: a file adds to and changes what it extends. Arrays (of tables, too) replace;
 a table in the place of an inherited array changes single entries of it by their names
-(`castfem.model.entries`).
+(`castfem.model.key_names`).
 Of two keys that exclude each other the later one wins: a file that sets `superheat` drops an
 inherited `temperature`. A table whose kind changes (`shape`) is replaced as a whole; what it does
-not know of other tables is left out where it was inherited (`castfem.model.shape_keys`), as is the
-composition of another steel (`castfem.model.steel_layers`).
+not know of other tables is left out where it was inherited (`castfem.model.layers`), as is the
+composition of another steel.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from typing import Any
 from castfem.base.errors import InputError
 from castfem.base.messages import shown
 from castfem.base.units import nearest
-from castfem.model import entries, outdated, shape_keys, steel_layers
-from castfem.model.dotted_keys import no_entry, step_into
+from castfem.model import key_names, layers
+from castfem.model.key_names import no_entry, step_into
 from castfem.model.shipped_cases import find
 
 Keys = tuple[str | int, ...]
@@ -231,8 +231,8 @@ def _merge(
         here = (*path, key)
         if isinstance(value, dict):
             _write_out(document, under, here)
-        if isinstance(value, dict) and entries.are_named(under.get(key)):
-            problem = entries.change(
+        if isinstance(value, dict) and key_names.are_named(under.get(key)):
+            problem = key_names.change(
                 under[key], value, here, lambda *it: _merge(document, it[0], it[1], it[2], label)
             )
             document.faults += [f"{label}: {text}" for text in problem]
@@ -286,12 +286,12 @@ def end_layer(document: Document, before: Mapping[str, Any], labels: Collection[
     def inherited(path: Keys) -> bool:
         return document.origin(path) not in labels
 
-    settled = steel_layers.settle(before, document.data, inherited)
+    settled = layers.settle(before, document.data, inherited)
     if settled:
         places = (("steel", "name"), ("steel", "composition"))
         where = next((document.origin(p) for p in places if not inherited(p)), document.label)
         document.left_out.append(f"{where}: steel.name: {settled}")
-    dropped = shape_keys.leave_out(before, document.data, inherited)
+    dropped = layers.leave_out(before, document.data, inherited)
     if dropped:
         where = document.origin(("section", "shape"))
         listed = [f"{key} ({document.origin(tuple(key.split('.')))})" for key in dropped]
@@ -300,7 +300,7 @@ def end_layer(document: Document, before: Mapping[str, Any], labels: Collection[
             f'{where}: section.shape: "{shape}" does not know what was inherited, which is left '
             f"out: {', '.join(listed)}"
         )
-    outdated.mark(before, document.data)
+    layers.mark(before, document.data)
 
 
 def override(

@@ -6,7 +6,6 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
@@ -16,7 +15,7 @@ from castfem.base.table_notation import CurveOr
 from castfem.base.tables import Table
 from castfem.base.tolerances import ROUNDING
 from castfem.model.base import TableModel
-from castfem.model.problems import Problem
+from castfem.model.checks import Faults, caution, check
 
 if TYPE_CHECKING:
     from castfem.model.case import Case
@@ -29,80 +28,63 @@ ResistanceOverPosition = Annotated[
 FrictionCoefficient = Annotated[
     float, Kind("1", least=0.0, label="friction coefficient", sample="0.3")
 ]
-_PATH = ("machine", "extraction")
 
 
 class Extraction(TableModel):
     """What the rolls resist with; the drives of the machine share it (thesis III.1.3, VI.2.3)."""
 
-    resistance: ResistanceOverPosition = Field(
-        description="resistance of all rolls from the first to a position, as a maker gives it, "
-        'with the work of bending in it; or "coupled": from the forces on the rolls in the run',
-        examples=[{"file": "resistance.csv"}],
-    )
-    friction_axis: FrictionCoefficient = Field(
-        0.015, description="friction at the axes of the rolls (eq. 46)"
-    )
-    friction_surface: FrictionCoefficient = Field(
-        0.3, description="friction between strand and a roll that is locked (eq. 45)"
-    )
-    bending: Literal["equilibrium", "hinges"] = Field(
-        "equilibrium",
-        description="of a coupled resistance: force of bending on a pair, from the moments beside "
-        "it, or M/L at each by itself (eq. 320)",
-    )
+    resistance: ResistanceOverPosition = Field(examples=[{"file": "resistance.csv"}])
+    """resistance of all rolls from the first to a position, as a maker gives it, with the work of
+    bending in it; or "coupled": from the forces on the rolls in the run"""
+    friction_axis: FrictionCoefficient = 0.015
+    """friction at the axes of the rolls (eq. 46)"""
+    friction_surface: FrictionCoefficient = 0.3
+    """friction between strand and a roll that is locked (eq. 45)"""
+    bending: Literal["equilibrium", "hinges"] = "equilibrium"
+    """of a coupled resistance: force of bending on a pair, from the moments beside it, or M/L at
+    each by itself (eq. 320)"""
 
 
-def check_extraction(case: Case) -> Iterator[Problem]:
-    """Yield what keeps [machine.extraction] from being one; of a faulty case what can be told."""
-    table = None if case.machine is None else case.machine.extraction
-    if table is None or case.machine is None:
+@check("machine.extraction")
+def _draws(case: Case, table: Extraction) -> Faults:
+    rolls = None if case.machine is None else case.machine.pairs()
+    if rolls is None:
         return
-    rolls = case.machine.pairs()
-    if rolls is not None and not any(pair.driven for pair in rolls.pairs):
-        yield Problem(
-            _PATH,
-            "no pair of rolls is driven, nothing would draw the strand; set driven to yes in the "
-            "table of [machine] rolls",
-        )
-    yield from _resistance(table)
-    if case.mechanics is None or rolls is None:
-        return
-    if not case.bends:
-        yield Problem(
-            _PATH,
-            "is for a strand that its machine bends; give the rolls of [machine] a radius, or "
-            "leave it out and give mechanics.planes.force",
-        )
-        return
-    yield from _twice(case)
+    if not any(pair.driven for pair in rolls.pairs):
+        fix = "set driven to yes in the table of [machine] rolls"
+        yield "", f"no pair of rolls is driven, nothing would draw the strand; {fix}"
+    if case.mechanics is not None and not case.bends:
+        fix = "give the rolls of [machine] a radius, or mechanics.planes.force instead"
+        yield "", f"is for a strand that its machine bends; {fix}"
 
 
-def _resistance(table: Extraction) -> Iterator[Problem]:
+@check("machine.extraction")
+def _resistance(case: Case, table: Extraction) -> Faults:
     """Yield a resistance that is no curve, or falls."""
-    given = table.resistance
-    if isinstance(given, Table):
-        for before, row in itertools.pairwise(zip(given.arguments, given.values, strict=True)):
-            if row[1] < before[1]:
-                yield Problem(
-                    (*_PATH, "resistance"),
-                    f"falls from {1e-3 * before[1]:g} kN at {before[0]:g} m to "
-                    f"{1e-3 * row[1]:g} kN at {row[0]:g} m: it is that of all rolls above, not "
-                    "the effort in the strand, which castfem makes of it with the drives",
-                )
-                return
-    elif isinstance(given, float | int):
-        yield Problem(
-            (*_PATH, "resistance"),
-            'must be a table over position, such as { file = "resistance.csv" }, or "coupled"',
-        )
+    curve = table.resistance
+    if isinstance(curve, float | int):
+        fix = 'such as { file = "resistance.csv" }, or "coupled"'
+        yield "resistance", f"must be a table over position, {fix}"
+    if not isinstance(curve, Table):
+        return
+    for before, row in itertools.pairwise(zip(curve.arguments, curve.values, strict=True)):
+        if row[1] < before[1]:
+            yield (
+                "resistance",
+                f"falls from {1e-3 * before[1]:g} kN at {before[0]:g} m to {1e-3 * row[1]:g} kN at "
+                f"{row[0]:g} m: it is that of all rolls above, not the effort in the strand, which "
+                "castfem makes of it with the drives",
+            )
+            return
 
 
-def _twice(case: Case) -> Iterator[Problem]:
+@check("machine.extraction")
+def _twice(case: Case, table: Extraction) -> Faults:
     """Yield forces that would be counted twice."""
-    assert case.mechanics is not None
+    if case.mechanics is None or not case.bends:
+        return
     planes = case.mechanics.planes
-    if planes is not None and planes.neutral_axis in (None, "free"):
+    if planes.neutral_axis in (None, "free"):
         for key, reason in (
             ("force", "stands beside [machine.extraction], which gives the force"),
             (
@@ -113,22 +95,17 @@ def _twice(case: Case) -> Iterator[Problem]:
         ):
             value = getattr(planes, key)
             if value is not None and (key != "force" or value != 0.0):
-                yield Problem(("mechanics", "planes", key), f"{reason}; leave one of the two out")
-    mould = case.mould
-    if mould is not None and mould.friction is not None and mould.friction.tag != "none":
-        yield Problem(
-            ("mould", "friction"),
-            "pulls at the strand beside [machine.extraction], whose drives take what rolls "
-            'resist and would never take it; give friction = { law = "none" }, or leave '
-            "machine.extraction out",
-        )
+                yield f"/mechanics.planes.{key}", f"{reason}; leave one of the two out"
+    if case.mould is not None and case.mould.friction.tag != "none":
+        fix = 'give friction = { law = "none" }, or leave machine.extraction out'
+        yield "/mould.friction", f"pulls at the strand beside [machine.extraction]; {fix}"
 
 
-def extraction_warnings(case: Case) -> Iterator[Problem]:
+@caution("machine.extraction")
+def _leaves_out(case: Case, table: Extraction) -> Faults:
     """Yield a curve of the resistance that leaves out pairs of the machine."""
-    table = None if case.machine is None else case.machine.extraction
     rolls = None if case.machine is None else case.machine.normal()
-    if table is None or rolls is None or not isinstance(table.resistance, Table):
+    if rolls is None or not isinstance(table.resistance, Table):
         return
     from castfem.physics.machine.extraction.resistance import steps_of
 
@@ -143,8 +120,8 @@ def extraction_warnings(case: Case) -> Iterator[Problem]:
         if left and left != [0]
     ]
     if told:
-        yield Problem(
-            (*_PATH, "resistance"),
+        yield (
+            "resistance",
             f"goes from {rows[0]:.4g} to {rows[-1]:.4g} m, the rolls from {places[0]:.4g} to "
             f"{places[-1]:.4g} m: {' and '.join(told)} resist with nothing; give the curve from "
             "the first pair to the last",

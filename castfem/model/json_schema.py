@@ -5,26 +5,12 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from castfem.model.base import meaning
 from castfem.model.case import Case
+from castfem.model.problems import tables
 from castfem.model.section import Section
 from castfem.model.tensile import TABLE, TensileCase
-
-_INHERITED = (
-    *(
-        "Case",
-        "Casting",
-        "Steel",
-        "Mesh",
-        "Mould",
-        "Machine",
-        "Quality",
-        "Optimise",
-        "Thermal",
-        "Stepping",
-        "Adaptive",
-    ),
-    "Output",
-)
+from castfem.model.variants import Variants
 
 
 def case_schema() -> dict[str, Any]:
@@ -33,19 +19,25 @@ def case_schema() -> dict[str, Any]:
     A file that extends another may leave out what the other has, so nothing is required in the
     tables that merge; the entries of arrays, which are replaced, must be whole.
     """
-    schema = Case.model_json_schema()
-    tables = schema["$defs"]
-    test = TensileCase.model_json_schema()
+    schema, test = Case.model_json_schema(), TensileCase.model_json_schema()
+    found = schema["$defs"]
     for name in ("Tensile", "Segment"):
-        tables[name] = test["$defs"][name]
-    tables["Tensile"].pop("required", None)
+        found[name] = test["$defs"][name]
     schema["properties"][TABLE] = test["properties"][TABLE]
     _plain(schema)
-    for name in _INHERITED:
-        tables.get(name, schema if name == "Case" else {}).pop("required", None)
-    for name in _shapes():
-        tables[name].pop("required", None)
-    schema["properties"]["section"] = _section(tables)
+    for root in (Case, TensileCase):
+        for table in tables(root):
+            node = schema if table.model is Case else found.get(table.model.__name__, {})
+            for key, text in meaning(table.model).items():
+                if text and key in node.get("properties", {}):
+                    node["properties"][key]["description"] = text
+            merges = not table.listed and not issubclass(table.model, Variants)
+            if merges or issubclass(table.model, Section):
+                node.pop("required", None)
+    shapes = [model.__name__ for model in Section.variants()]
+    for name in shapes:
+        found[name]["properties"]["shape"].pop("default", None)
+    schema["properties"]["section"] = {"anyOf": [{"$ref": f"#/$defs/{name}"} for name in shapes]}
     schema["properties"]["extends"] = {
         "type": "string",
         "description": "case this one adds to: a file, relative to this one, or a shipped case",
@@ -62,19 +54,6 @@ def case_schema() -> dict[str, Any]:
             {"required": ["title", TABLE]},
         ],
     }
-
-
-def _shapes() -> list[str]:
-    """Return the names of the models of all shapes of section."""
-    return [model.__name__ for model in Section.variants()]
-
-
-def _section(tables: dict[str, Any]) -> dict[str, Any]:
-    """Return the schema of [section]: any shape, known or inherited."""
-    shapes = _shapes()
-    for name in shapes:
-        tables[name]["properties"]["shape"].pop("default", None)
-    return {"anyOf": [{"$ref": f"#/$defs/{name}"} for name in shapes]}
 
 
 def _plain(node: Any) -> None:

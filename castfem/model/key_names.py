@@ -6,7 +6,7 @@ one, as `cooling.mould.contact.coefficient` and `cooling.mould.surface.0.coeffic
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from pydantic.fields import FieldInfo
@@ -14,8 +14,60 @@ from pydantic.fields import FieldInfo
 from castfem.base.messages import dotted
 from castfem.base.units import nearest
 from castfem.model.base import TableModel
-from castfem.model.dotted_keys import step_into
+from castfem.model.mould import EXAMPLES
 from castfem.model.problems import below, model_at, submodels
+
+
+def value_at(data: Mapping[str, Any], key: str) -> Any:
+    """Return what stands under a dotted key, None where nothing does."""
+    place: Any = data
+    for part in key.split("."):
+        step = step_into(place, part.strip())
+        if step is None or (isinstance(place, Mapping) and step not in place):
+            return None
+        place = place[step]
+    return place
+
+
+def lost(data: Mapping[str, Any], key: str) -> str:
+    """Say why a dotted key leads to no entry of an array; "" where it does not ask for one."""
+    place: Any = data
+    path: tuple[str | int, ...] = ()
+    for part in key.split("."):
+        step = step_into(place, part.strip())
+        if step is None:
+            return no_entry(place, path, part.strip())
+        if isinstance(place, Mapping) and step not in place:
+            return ""
+        place, path = place[step], (*path, step)
+    return ""
+
+
+def step_into(place: Any, part: str) -> str | int | None:
+    """Return the key or index that `part` means in a table or array, None if there is none."""
+    if isinstance(place, Mapping):
+        return part
+    if not isinstance(place, Sequence) or isinstance(place, str):
+        return None
+    if part.isdigit():
+        return int(part) if int(part) < len(place) else None
+    for index, entry in enumerate(place):
+        if isinstance(entry, Mapping) and entry.get("name") == part:
+            return index
+    return None
+
+
+def no_entry(place: Any, path: tuple[str | int, ...], part: str) -> str:
+    """Say why `part` leads nowhere in `place`."""
+    where = dotted(path)
+    if not isinstance(place, Sequence) or isinstance(place, str):
+        example = EXAMPLES.get(str(path[-1])) if path[:-1] == ("mould",) else None
+        mend = f"; give a table, such as {where} = {example}" if example else ""
+        return f"{where} is a single value, it has no keys{mend}"
+    names = [str(e["name"]) for e in place if isinstance(e, Mapping) and "name" in e]
+    named = f" or the name of one ({', '.join(names)}{nearest(part, names)})" if names else ""
+    return f"'{part}' is no entry of {where}; give an index from 0 to {len(place) - 1}{named}"
+
 
 Keys = tuple[str | int, ...]
 
@@ -85,10 +137,8 @@ def _with_law(root: type[TableModel], data: Mapping[str, Any], parts: list[str])
         meant, rest = written or having, parts[2:]
     if len(meant) > 1:
         words = ", ".join(str(laws[i].get("name") or laws[i].get("law", i)) for i in meant)
-        raise ValueError(
-            f"several heat laws of zone {parts[1]} have it ({words}); put one before it, or "
-            "surface and its number"
-        )
+        fix = "put one before it, or surface and its number"
+        raise ValueError(f"several heat laws of zone {parts[1]} have it ({words}); {fix}")
     return ".".join([*parts[:2], "surface", str(meant[0]), *rest]) if meant else ""
 
 
@@ -157,3 +207,70 @@ def _written(data: Mapping[str, Any], path: Keys) -> str:
         parts.append(name if alone and name and "." not in name else part)
         place = inner
     return dotted(tuple(parts))
+
+
+Merge = Callable[[dict[str, Any], dict[str, Any], Keys], None]
+_LAWS = "surface"  # of a zone
+
+
+def are_named(value: Any) -> bool:
+    """Return whether a value is an array of tables that have names."""
+    return (
+        isinstance(value, list)
+        and bool(value)
+        and all(isinstance(entry, dict) for entry in value)
+        and any("name" in entry for entry in value)
+    )
+
+
+def change(array: list[Any], given: Mapping[str, Any], path: Keys, merge: Merge) -> list[str]:
+    """Change entries of an array; return what is wrong, a line each.
+
+    Args:
+        array: Of tables, at `path` of the case.
+        given: By the name or the index of an entry the keys that change in it.
+        path: Of the array.
+        merge: Merges a table into another one at a path.
+    """
+    problems: list[str] = []
+    for name, keys in given.items():
+        index = step_into(array, str(name))
+        if not isinstance(index, int):
+            problems.append(f"{dotted((*path, name))}: {no_entry(array, path, str(name))}")
+        elif not isinstance(keys, dict):
+            problems.append(
+                f"{dotted((*path, name))}: keys of this entry are needed, such as "
+                f"[{dotted((*path, name))}] and a line for each"
+            )
+        else:
+            problems += _change_entry(array[index], keys, (*path, index), str(name), merge)
+    return problems
+
+
+def _change_entry(
+    entry: dict[str, Any], keys: dict[str, Any], path: Keys, name: str, merge: Merge
+) -> Iterator[str]:
+    laws = entry.get(_LAWS)
+    if not isinstance(laws, list):
+        merge(entry, keys, path)
+        return
+    own: dict[str, Any] = {}
+    for key, value in keys.items():
+        table = isinstance(value, dict)
+        named = [
+            i for i, law in enumerate(laws) if table and key in (law.get("law"), law.get("name"))
+        ]
+        having = [i for i, law in enumerate(laws) if key in law and key not in entry]
+        meant = named or having
+        if len(meant) > 1:
+            words = ", ".join(str(laws[i].get("name") or laws[i].get("law", i)) for i in meant)
+            yield (
+                f"{name}.{key}: several heat laws of this zone are meant ({words}); give their "
+                f"tables anew, [[cooling.{name}.{_LAWS}]]"
+            )
+        elif meant:
+            inner = value if named else {key: value}
+            merge(laws[meant[0]], inner, (*path, _LAWS, meant[0]))
+        else:
+            own[key] = value
+    merge(entry, own, path)

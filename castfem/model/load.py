@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -11,18 +11,19 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from castfem.base import units
 from castfem.base.errors import InputError
 from castfem.model import (
     document,
-    dotted_keys,
     key_names,
     plausibility,
     problems,
     tensile,
-    validation,
 )
 from castfem.model.base import LENIENT
 from castfem.model.case import Case
+from castfem.model.checks import check, check_test
+from castfem.model.document import PROPERTY_FILES, is_path
 from castfem.model.problems import Problem
 from castfem.model.tensile import TensileCase
 
@@ -40,7 +41,7 @@ class Reading:
     """What came of reading a case.
 
     Attributes:
-        case: The case; with problems, what is sound of it: whatever is faulty is None in it.
+        case: The case; with problems, what is sound of it: what is faulty is `UNREADABLE` in it.
             None if not even the files could be read.
         problems: One line each.
         steel: Where the steel was chosen ("billet.toml: steel"), for its own messages; of a tensile
@@ -157,7 +158,7 @@ def value_of(case: Case, key: str) -> Any:
         ValueError: No key has this bare name, or several have.
     """
     data = case.document()
-    return dotted_keys.value_at(data, key_names.full_key(Case, data, key))
+    return key_names.value_at(data, key_names.full_key(Case, data, key))
 
 
 def _or_raise(reading: Reading) -> Case:
@@ -172,7 +173,8 @@ def _validate(written: document.Document) -> Reading:
     """Validate a document, check across keys, and collect the problems with their files."""
     kind = _kind(written)
     case, found = _build(kind, written.data)
-    found = [*found, *_together(case, faulty=bool(found))]
+    checks = check if isinstance(case, Case) else check_test
+    found = [*found, *checks.run(case, sound=not found)]
     lines = [*written.faults, *(_line(written, problem) for problem in found)]
     table, name = ("steel", "name") if kind is Case else (tensile.TABLE, "material")
     steel = f"{written.origin((table, name))}: {table}"
@@ -190,30 +192,12 @@ def _validate(written: document.Document) -> Reading:
     )
 
 
-def _together(case: AnyCase, faulty: bool) -> list[problems.Problem]:
-    """Return the problems of keys taken together; where some are faulty, as many as can be told.
-
-    Args:
-        case: The case, its faulty values None.
-        faulty: Whether there are any: a check that trips over one of them, or over what another
-            check has found, has nothing to add.
-    """
-    checks = tensile.check(case) if isinstance(case, TensileCase) else validation.check(case)
-    found: list[problems.Problem] = []
-    try:
-        found.extend(checks)
-    except (ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError):
-        if not faulty and not found:
-            raise
-    return found
-
-
 def _kind(written: document.Document) -> type[AnyCase]:
     return TensileCase if tensile.TABLE in written.data else Case
 
 
 def _build(kind: type[AnyCase], data: dict[str, Any]) -> tuple[AnyCase, list[problems.Problem]]:
-    """Return the case, faulty values None, and the problems within single keys."""
+    """Return the case, faulty values `UNREADABLE`, and the problems within single keys."""
     try:
         return kind.model_validate(data), []
     except ValidationError as error:
@@ -244,3 +228,97 @@ def _line(written: document.Document, problem: problems.Problem) -> str:
             where += f' ({what} "{name}")' if isinstance(name, str) else ""
     parts = [written.place(problem.path), where, problem.text]
     return ": ".join(part for part in parts if part)
+
+
+def portable(case: AnyCase, beside: str) -> tuple[str, dict[str, bytes]]:
+    """Return a case file, and the contents of the property files that belong beside it.
+
+    Args:
+        case: The case; the files it names are read.
+        beside: Name of the folder for copies of them, in that of the case file.
+
+    Returns:
+        TOML as of `resolved_toml`, in which files of the user's are named relative to it:
+        "properties/steel/mine.toml". Those names, and what is to be written under them.
+
+    Raises:
+        InputError: A file cannot be read.
+    """
+    import tomli_w
+
+    tables, files = case.document(), {}
+    for table, key in PROPERTY_FILES:
+        name = tables.get(table, {}).get(key)
+        if not isinstance(name, str) or not is_path(name):
+            continue
+        source = Path(name)
+        kind = table if key == "name" else key
+        try:
+            content = source.read_bytes()
+        except OSError as error:
+            raise InputError(f"{table}.{key}: {name}: cannot be read ({error.strerror})") from error
+        tables[table][key] = place = f"{beside}/{kind}/{source.name}"
+        files[place] = content
+    return tomli_w.dumps(tables), files
+
+
+_MEND = "; a number is varied: name a key that has one, such as casting.speed"
+_ANY_TEXT = "no number"
+_CHOICE = "; one of "  # how what takes one of some words is refused
+
+
+def faults_of_key(case: Case, key: str, values: Sequence[Any], where: str) -> list[str]:
+    """Return why a key cannot have some values, a line each; what is wrong with all is told once.
+
+    Args:
+        case: The case.
+        key: Dotted or bare.
+        values: As a case file has them, such as the ends of a range.
+        where: Where they were written, which each line begins with.
+    """
+    found: list[str] = []
+    told: set[str] = set()
+    for value in values:
+        for line in _refused(case, key, value, where):
+            plain = line.replace(f'"{value}"', "").replace(f"({value})", "")
+            if plain not in told:
+                told.add(plain)
+                found.append(line)
+    given = _text_at(case, key)
+    if given is not None and not found and not _refused(case, key, _ANY_TEXT, where):
+        return [f'{where}: {key}: is a text ("{given}"){_MEND}']
+    if given is not None or not _has_value(case, key):
+        return [line + _MEND if _CHOICE in line else line for line in found]
+    return found
+
+
+def _refused(case: Case, key: str, value: Any, where: str) -> list[str]:
+    """What is wrong with the case that has a value."""
+    try:
+        changed(case, {key: value}, where)
+    except InputError as error:
+        lines = [line.removeprefix("case: ") for line in error.problems]
+        return [line if line.startswith(where) else f"{where}: {line}" for line in lines]
+    return []
+
+
+def _text_at(case: Case, key: str) -> str | None:
+    """The text that the case has under a key; None of a quantity and of anything else."""
+    try:
+        given = value_of(case, key)
+    except ValueError:
+        return None
+    if not isinstance(given, str):
+        return None
+    try:
+        units.parse_any(given)
+    except ValueError:
+        return given
+    return None
+
+
+def _has_value(case: Case, key: str) -> bool:
+    try:
+        return value_of(case, key) is not None
+    except ValueError:
+        return True

@@ -15,16 +15,13 @@ from pydantic import Field
 
 from castfem.base.quantities import Length, Notation
 from castfem.base.table_notation import schema_of_columns
-from castfem.model.base import TableModel
-from castfem.model.defects import Defect, RollDefect
+from castfem.model.base import FaultyError, TableModel
+from castfem.model.checks import Faults, caution, check
+from castfem.model.defects import Defect, RollDefect, at_an_end, with_defects
 from castfem.model.extraction import Extraction
-from castfem.model.problems import Problem
 from castfem.model.section import Strip
 
 if TYPE_CHECKING:
-    from pydantic import GetJsonSchemaHandler
-    from pydantic_core import CoreSchema
-
     from castfem.model.case import Case
     from castfem.physics.machine.rolls import Fault, Rolls
 
@@ -58,9 +55,8 @@ class RollTable(Notation):
 
         return None if value is None else columns_of(value)
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def json_schema(self) -> dict[str, Any]:
+        """See `Notation.json_schema`."""
         from castfem.physics.machine.rolls import COLUMNS, KINDS
 
         ways = schema_of_columns(
@@ -75,54 +71,41 @@ class RollTable(Notation):
 class RollSegment(TableModel):
     """Pairs of rolls of one pitch and diameter."""
 
-    rolls: int = Field(ge=1, strict=True, description="number of pairs", examples=[8])
-    pitch: Length = Field(
-        description="distance along the strand of each pair from the one before",
-        examples=["250 mm"],
-    )
-    diameter: Length = Field(description="diameter of the rolls", examples=["215 mm"])
-    radius: Length | None = Field(
-        None,
-        description="radius of the strand at the last pair, to which 1/R goes linearly from the "
-        "segment before; left out: straight",
-        examples=["8 m"],
-    )
-    aperture: Length | None = Field(
-        None, description="distance of the rolls of a pair; by default the section's height",
-        examples=["222 mm"],
-    )  # fmt: skip
+    rolls: int = Field(ge=1, strict=True, examples=[8])
+    """number of pairs"""
+    pitch: Length = Field(examples=["250 mm"])
+    """distance along the strand of each pair from the one before"""
+    diameter: Length = Field(examples=["215 mm"])
+    """diameter of the rolls"""
+    radius: Length | None = Field(None, examples=["8 m"])
+    """radius of the strand at the last pair, to which 1/R goes linearly from the segment before;
+    left out: straight"""
+    aperture: Length | None = Field(None, examples=["222 mm"])
+    """distance of the rolls of a pair; by default the section's height"""
 
 
 class Machine(TableModel):
     """The rolls below the mould, which bend and straighten the strand: `rolls` or `segment`."""
 
-    rolls: Annotated[Any, RollTable()] = Field(
-        None, description="table of the pairs, see docs/machine.md"
-    )
-    first: Length | None = Field(
-        None,
-        description="of segments: position of the first pair, from the meniscus",
-        examples=["900 mm"],
-    )
-    radius_of: Literal["extrados", "centreline", "intrados"] = Field(
-        "extrados", description="of segments: the face whose radius is given"
-    )
-    segment: tuple[RollSegment, ...] = Field((), description="pairs of one pitch and diameter")
-    extraction: Extraction | None = Field(
-        None, description="resistance of the rolls, shared by the drives; left out: no effort of it"
-    )
+    rolls: Annotated[Any, RollTable()] = None
+    """table of the pairs, see docs/machine.md"""
+    first: Length | None = Field(None, examples=["900 mm"])
+    """of segments: position of the first pair, from the meniscus"""
+    radius_of: Literal["extrados", "centreline", "intrados"] = "extrados"
+    """of segments: the face whose radius is given"""
+    segment: tuple[RollSegment, ...] = ()
+    """pairs of one pitch and diameter"""
+    extraction: Extraction | None = None
+    """resistance of the rolls, shared by the drives; left out: no effort of it"""
 
-    defect: tuple[Defect, ...] | None = Field(
-        None, description="what is wrong with the machine; left out: nothing"
-    )
+    defect: tuple[Defect, ...] | None = None
+    """what is wrong with the machine; left out: nothing"""
 
     def pairs(self) -> Rolls | None:
         """Return the rolls with their defects; None while what is needed for them is missing."""
         rolls = self.normal()
         if rolls is None or not self.defect:
             return rolls
-        from castfem.model.defects import with_defects
-
         return with_defects(rolls, self.defect)
 
     def normal(self) -> Rolls | None:
@@ -132,8 +115,6 @@ class Machine(TableModel):
             return found
         from castfem.physics.machine.rolls import Segment, expand
 
-        if any(s is None or None in (s.rolls, s.pitch, s.diameter) for s in self.segment):
-            return None
         parts = [
             Segment(s.rolls, s.pitch, s.diameter, s.radius or math.inf, s.aperture)
             for s in self.segment
@@ -149,42 +130,42 @@ def thickness_of(section: Any) -> float | None:
     return None
 
 
-def check_machine(case: Case) -> Iterator[Problem]:
-    """Yield what keeps [machine] from being one, of a faulty case what can be told."""
-    table = case.machine
-    if table is None:
-        return
+@check("machine")
+def _has_rolls(case: Case, table: Machine) -> Faults:
     if table.rolls is None and not table.segment:
-        if not table.model_fields_set & {"rolls", "segment"}:
-            yield Problem(
-                ("machine",),
-                'has no rolls; rolls = "rolls.csv", or first = "900 mm" and [[machine.segment]]',
-            )
-        return
-    if table.rolls is not None and table.segment:
-        yield Problem(("machine",), "rolls and segment exclude each other; give one of the two")
-        return
-    if table.segment and "first" not in table.model_fields_set:
-        yield Problem(
-            ("machine", "first"),
-            'is missing; where the first pair of the segments stands, such as "900 mm"',
-        )
-    if case.section is None:
-        return
+        yield "", 'has no rolls; rolls = "rolls.csv", or first = "900 mm" and [[machine.segment]]'
+    elif table.rolls is not None and table.segment:
+        yield "", "rolls and segment exclude each other; give one of the two"
+    elif table.segment and table.first is None:
+        fix = 'where the first pair of the segments stands, such as "900 mm"'
+        yield "first", f"is missing; {fix}"
+
+
+@check("machine")
+def _holds(case: Case, table: Machine) -> Faults:
+    """Yield what keeps rolls from holding the strand."""
+    if isinstance(case.section, Strip):
+        yield "", "a strip has no thickness that rolls could hold; leave it out"
     thickness, rolls = thickness_of(case.section), table.normal()
-    if thickness is None and isinstance(case.section, Strip):
-        yield Problem(("machine",), "a strip has no thickness that rolls could hold; leave it out")
-    if thickness is None or rolls is None:
+    if thickness is None or rolls is None or (table.rolls is not None and table.segment):
         return
     from castfem.physics.machine.rolls import faults
 
-    ends = None if case.cooling is None and case.mould is None else _mould_exit(case)
-    key = "rolls" if table.rolls is not None else "segment"
+    try:
+        ends = case.mould_exit()
+    except FaultyError:
+        ends = None
     found = list(faults(rolls, thickness, ends))
     for text in _together(rolls, found):
-        yield Problem(("machine", key), text)
+        yield _key(table), text
     if table.defect and not found:
+        yield from at_an_end(case, table, rolls)
         yield from _impossible_defects(rolls, table.defect, thickness)
+
+
+def _key(table: Machine) -> str:
+    """Return where the rolls stand."""
+    return "rolls" if table.rolls is not None else "segment"
 
 
 def _together(rolls: Rolls, found: Sequence[Fault]) -> Iterator[str]:
@@ -197,24 +178,19 @@ def _together(rolls: Rolls, found: Sequence[Fault]) -> Iterator[str]:
             yield f"{rolls.place(fault.index)}: {fault.text}{more}"
 
 
-def _impossible_defects(
-    rolls: Rolls, defects: Sequence[Defect | None], thickness: float
-) -> Iterator[Problem]:
+def _impossible_defects(rolls: Rolls, defects: Sequence[Defect], thickness: float) -> Faults:
     """Yield the defects that leave other rolls no room, each with the first of these."""
-    from castfem.model.defects import with_defects
     from castfem.physics.machine.rolls import faults
 
     alone = False
     for i, defect in enumerate(defects):
         wrong = next(faults(with_defects(rolls, [defect]), thickness, None), None)
-        if defect is None or wrong is None:
-            continue
-        alone = True
-        yield Problem(("machine", "defect", i), _no_room(rolls, [defect], wrong))
+        if wrong is not None:
+            alone = True
+            yield f"defect.{i}", _no_room(rolls, [defect], wrong)
     wrong = next(faults(with_defects(rolls, defects), thickness, None), None)
     if wrong is not None and not alone:
-        given = [one for one in defects if one is not None]
-        yield Problem(("machine", "defect"), _no_room(rolls, given, wrong))
+        yield "defect", _no_room(rolls, defects, wrong)
 
 
 def _no_room(rolls: Rolls, defects: Sequence[Defect], wrong: Fault) -> str:
@@ -224,41 +200,32 @@ def _no_room(rolls: Rolls, defects: Sequence[Defect], wrong: Fault) -> str:
     return f"with {named} the strand is bent too sharply: {where}: {what}; move it less"
 
 
-def _mould_exit(case: Case) -> float | None:
-    """Where the mould ends; None as well where a faulty case does not tell."""
-    try:
-        return case.mould_exit()
-    except (AttributeError, TypeError):
-        return None
-
-
-def machine_warnings(case: Case) -> Iterator[Problem]:
+@caution("machine")
+def machine_warnings(case: Case, table: Machine) -> Faults:
     """Yield what rolls of a sound case have that was probably not meant."""
-    table, thickness = case.machine, thickness_of(case.section)
-    normal = None if table is None else table.normal()
-    if table is None or normal is None or thickness is None:
+    thickness, normal, rolls = thickness_of(case.section), table.normal(), table.pairs()
+    if normal is None or rolls is None or thickness is None:
         return
-    key = "rolls" if table.rolls is not None else "segment"
     found = list(_doubtful(normal, thickness))
-    yield from (Problem(("machine", key), text) for text in found)
-    rolls = table.pairs()
-    if not found and rolls is not None and table.defect:
+    yield from ((_key(table), text) for text in found)
+    if not found and table.defect:
         of_rolls = [one for one in table.defect if isinstance(one, RollDefect)]
         named = " and ".join(dict.fromkeys(str(one).rstrip(",") for one in of_rolls))
         for text in _doubtful(rolls, thickness):
-            yield Problem(("machine", "defect"), f"with {named}: {text.partition('; ')[0]}")
-    yield from _beyond(case, rolls or normal)
+            yield "defect", f"with {named}: {text.partition('; ')[0]}"
 
 
-def _beyond(case: Case, rolls: Rolls) -> Iterator[Problem]:
+@caution("machine")
+def _ends_above(case: Case, table: Machine) -> Faults:
     """Yield a strand that bulges and is followed by more than a pitch below its last roll."""
     bulging = None if case.mechanics is None else case.mechanics.bulging
-    if bulging is None or not bulging.bears or len(rolls.there) < 2:
+    rolls = table.pairs()
+    if rolls is None or bulging is None or not bulging.bears or len(rolls.there) < 2:
         return
     above, last = (rolls.pairs[i].position for i in rolls.there[-2:])
     if case.casting.length > last + (last - above):
-        yield Problem(
-            ("casting", "length"),
+        yield (
+            "/casting.length",
             f"({case.casting.length:.4g} m) goes beyond the last roll, at {last:.4g} m: "
             "nothing bulges there, and a strand that is still liquid would not break out; give the "
             "rolls that hold it, or follow it to the last one",
@@ -280,15 +247,11 @@ def _doubtful(rolls: Rolls, thickness: float) -> Iterator[str]:
     tightest = min(rolls.pairs, key=lambda pair: abs(pair.radius))
     strain = 0.5 * thickness / abs(tightest.radius)
     if strain > _STRAINED:
-        yield (
-            f"{rolls.place(rolls.pairs.index(tightest))}: R = {tightest.radius:g} m strains the "
-            f"faces of the strand by {100.0 * strain:.3g} %"
-        )
+        strained = f"strains the faces of the strand by {100.0 * strain:.3g} %"
+        yield f"{rolls.place(rolls.pairs.index(tightest))}: R = {tightest.radius:g} m {strained}"
     for i in range(len(rolls.pairs)):
         aperture = rolls.aperture(i, thickness)
         if abs(aperture / thickness - 1.0) > _OTHER:
-            yield (
-                f"{rolls.place(i)}: aperture ({1e3 * aperture:g} mm) of a section "
-                f"{1e3 * thickness:g} mm thick"
-            )
+            of = f"of a section {1e3 * thickness:g} mm thick"
+            yield f"{rolls.place(i)}: aperture ({1e3 * aperture:g} mm) {of}"
             return

@@ -19,13 +19,13 @@ from castfem.base.table_notation import Curve, CurveOr
 from castfem.base.tables import Table
 from castfem.base.types import MushyZone
 from castfem.base.units import parse_any
-from castfem.model.base import TableModel, written
-from castfem.model.bulging import Bulging, BulgingMark
+from castfem.model.base import OneWord, TableModel, written
+from castfem.model.bulging import MODELS, Bulging
+from castfem.model.checks import Faults, check
 from castfem.model.thermal import PetscOption
 
 if TYPE_CHECKING:
-    from pydantic import GetJsonSchemaHandler
-    from pydantic_core import CoreSchema
+    from castfem.model.case import Case
 
 FREE = "free"
 _TIME, _LENGTH = Kind("s", "s", above=0.0), Kind("m", "mm", above=0.0)
@@ -101,9 +101,8 @@ class AxisMark(Notation):
             return {name: self.write(place) for name, place in value.items()}
         return _DISTANCE.write(value) if isinstance(value, float) else value
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def json_schema(self) -> dict[str, Any]:
+        """See `Notation.json_schema`."""
         place = {"anyOf": [{"enum": list(AXES)}, _DISTANCE.json_schema()]}
         both = {
             "type": "object",
@@ -121,128 +120,92 @@ class GeneralizedPlaneStrain(TableModel):
     excludes stays zero. Where the rolls of [machine] bend the strand they give a2 for a0, (41).
     """
 
-    a0: AxialStrain = Field(
-        "free", description='axial strain: "free" or imposed', examples=["free", 0.0]
-    )
-    a1: Gradient | None = Field(
-        None, description="gradient of the axial strain along x; free unless symmetry excludes it"
-    )
-    a2: Gradient | None = Field(
-        None, description="gradient of the axial strain along y; free unless symmetry excludes it"
-    )
-    across: AxialStrain | None = Field(
-        None, description="uniform strain along y, for a strip cut out of something wide"
-    )
-    force: Force = Field(written("0 kN"), description="external axial force on the whole strand")
-    moment_x: MomentOfTime = Field(
-        written("0 kN m"),
-        description="external moment with x, on the whole strand",
-    )
-    moment_y: MomentOfTime = Field(
-        written("0 kN m"), description="external moment with y, on the whole strand"
-    )
-    neutral_axis: Annotated[Any, AxisMark()] = Field(
-        None,
-        description="of a strand that its machine bends: where the thickness of the slice stays 1 "
-        "(eq. 42-44); by default free, found by equilibrium",
-        examples=["free"],
-    )
-    closing: Literal["tangential", "axial"] | None = Field(
-        None,
-        description="of a strand that its machine bends: what the force balances, N - kM, from "
-        "which the work of bending is taken, or N alone as in the thesis; by default tangential",
-        examples=["tangential"],
-    )
-    force_contains_bending: bool | None = Field(
-        None,
-        description="whether the force, as a measured one, has the work of bending in it; asked "
-        "for where a table over position is closed tangentially, else false",
-        examples=[True],
-    )
+    a0: AxialStrain = Field("free", examples=["free", 0.0])
+    """axial strain: "free" or imposed"""
+    a1: Gradient | None = None
+    """gradient of the axial strain along x; free unless symmetry excludes it"""
+    a2: Gradient | None = None
+    """gradient of the axial strain along y; free unless symmetry excludes it"""
+    across: AxialStrain | None = None
+    """uniform strain along y, for a strip cut out of something wide"""
+    force: Force = written("0 kN")
+    """external axial force on the whole strand"""
+    moment_x: MomentOfTime = written("0 kN m")
+    """external moment with x, on the whole strand"""
+    moment_y: MomentOfTime = written("0 kN m")
+    """external moment with y, on the whole strand"""
+    neutral_axis: Annotated[Any, AxisMark()] = Field(None, examples=["free"])
+    """of a strand that its machine bends: where the thickness of the slice stays 1 (eq. 42-44); by
+    default free, found by equilibrium"""
+    closing: Literal["tangential", "axial"] | None = Field(None, examples=["tangential"])
+    """of a strand that its machine bends: what the force balances, N - kM, from which the work of
+    bending is taken, or N alone as in the thesis; by default tangential"""
+    force_contains_bending: bool | None = Field(None, examples=[True])
+    """whether the force, as a measured one, has the work of bending in it; asked for where a table
+    over position is closed tangentially, else false"""
 
 
 class GivenDisplacement(TableModel):
     """A displacement given on boundary groups, beside the lines of symmetry."""
 
-    on: tuple[str, ...] = Field(
-        min_length=1,
-        description="boundary groups; a name also stands for all groups that begin with it",
-    )
-    component: Literal["x", "y"] = Field(description="direction of the displacement")
-    value: DisplacementOfTime = Field(written("0 mm"), description="the displacement")
+    on: tuple[str, ...] = Field(min_length=1)
+    """boundary groups; a name also stands for all groups that begin with it"""
+    component: Literal["x", "y"]
+    """direction of the displacement"""
+    value: DisplacementOfTime = written("0 mm")
+    """the displacement"""
 
 
 class Mechanics(TableModel):
     """The mechanical problem of the slice in generalized plane strain."""
 
-    law: str = Field(
-        "norton_hoff_kozlowski",
-        description="constitutive law: a set shipped with castfem, or a TOML file of your own, "
-        "relative to this file",
-    )
-    elasticity: str | None = Field(
-        None,
-        description="Young's modulus and Poisson's ratio: a shipped set or a TOML file; by "
-        "default each is the steel's own, where it has one, or else that of elastic_steel",
-        examples=["elastic_steel"],
-    )
-    liquid_stiffness: Ratio = Field(
-        1e-5,
-        description="Young's modulus over that of the solid of liquid that is elastic, and of what "
-        "a mushy zone begins with (mush)",
-    )
-    liquid: Literal["fed", "elastic"] = Field(
-        "fed",
-        description="fed: the liquid flows in from above where the shell moves away and carries "
-        "its pressure alone; elastic: a soft body, as in the thesis (V.1.6), which holds the shell",
-    )
-    mush: MushyZone | None = Field(
-        None,
-        description="what the mushy zone bears. skeleton: stiffness and flow stress of the solid, "
-        "in proportion to the solid fraction above coherency; geometric, linear: a modulus that "
-        "goes so with the solid fraction; none: no more than the liquid. By default skeleton where "
-        "the liquid is fed (none with coherency = 0), geometric where it is elastic",
-        examples=["skeleton"],
-    )
+    law: str = "norton_hoff_kozlowski"
+    """constitutive law: a set shipped with castfem, or a TOML file of your own, relative to this
+    file"""
+    elasticity: str | None = Field(None, examples=["elastic_steel"])
+    """Young's modulus and Poisson's ratio: a shipped set or a TOML file; by default each is the
+    steel's own, where it has one, or else that of elastic_steel"""
+    liquid_stiffness: Ratio = 1e-5
+    """Young's modulus over that of the solid of liquid that is elastic, and of what a mushy zone
+    begins with (mush)"""
+    liquid: Literal["fed", "elastic"] = "fed"
+    """fed: the liquid flows in from above where the shell moves away and carries its pressure
+    alone; elastic: a soft body, as in the thesis (V.1.6), which holds the shell"""
+    mush: MushyZone | None = Field(None, examples=["skeleton"])
+    """what the mushy zone bears. skeleton: stiffness and flow stress of the solid, in proportion to
+    the solid fraction above coherency; geometric, linear: a modulus that goes so with the solid
+    fraction; none: no more than the liquid. By default skeleton where the liquid is fed (none with
+    coherency = 0), geometric where it is elastic"""
     coherency: Solid | None = Field(
         None,
         description="solid fraction up to which the mushy zone is as soft as the liquid. By "
         f"default {ZERO_STRENGTH:g} of a skeleton, else 0",
     )
-    ferrostatic: Literal["proportional", "full", "none", "off"] = Field(
-        "full",
-        description="pressure of the liquid in the mushy zone: full until all is solid, for the "
-        "liquid between the crystals bears it; proportional to the liquid (eq. 219); none as soon "
-        "as anything is solid; off: no pressure at all",
-    )
+    ferrostatic: Literal["proportional", "full", "none", "off"] = "full"
+    """pressure of the liquid in the mushy zone: full until all is solid, for the liquid between the
+    crystals bears it; proportional to the liquid (eq. 219); none as soon as anything is solid; off:
+    no pressure at all"""
     until: Annotated[float | str, KindOr(_LENGTH, MOULD_EXIT)] | None = Field(
-        None,
-        description="where the mechanics end: position of the slice, or mould_exit. Below it the "
-        "run goes on with the temperature alone, through the slice in the shape that it has there; "
-        "left out: they go on to the end",
-        examples=["mould_exit", "1 m"],
+        None, examples=["mould_exit", "1 m"]
     )
-    strain: Literal["small", "large"] = Field(
-        "small", description="small strain, or an objective update on the deformed slice"
-    )
-    tolerance: Tolerance = Field(
-        1e-8, description="forces left unbalanced, relative to the stress there is"
-    )
+    """where the mechanics end: position of the slice, or mould_exit. Below it the run goes on with
+    the temperature alone, through the slice in the shape that it has there; left out: they go on to
+    the end"""
+    strain: Literal["small", "large"] = "small"
+    """small strain, or an objective update on the deformed slice"""
+    tolerance: Tolerance = 1e-8
+    """forces left unbalanced, relative to the stress there is"""
     planes: GeneralizedPlaneStrain = Field(
-        default_factory=lambda: GeneralizedPlaneStrain.model_validate({}),
-        description="degrees of freedom of generalized plane strain",
+        default_factory=lambda: GeneralizedPlaneStrain.model_validate({})
     )
-    bulging: Annotated[Bulging | None, BulgingMark()] = Field(
-        None,
-        description="how the wide faces bulge between the rolls of [machine], which bear them; "
-        "left out: they are not borne",
-    )
-    held: tuple[GivenDisplacement, ...] = Field(
-        (), description="displacements given on the surface"
-    )
-    solver: dict[str, PetscOption] = Field(
-        default_factory=dict, description="PETSc options of the nonlinear solver, merged over ours"
-    )
+    """degrees of freedom of generalized plane strain"""
+    bulging: Annotated[Bulging, OneWord("model", MODELS)] | None = None
+    """how the wide faces bulge between the rolls of [machine], which bear them; left out: they are
+    not borne"""
+    held: tuple[GivenDisplacement, ...] = ()
+    """displacements given on the surface"""
+    solver: dict[str, PetscOption] = Field(default_factory=dict)
+    """PETSc options of the nonlinear solver, merged over ours"""
 
     @property
     def mushy_zone(self) -> MushyZone:
@@ -297,71 +260,44 @@ class WindowMark(Notation):
         """Return what reads back to the same window."""
         return _LENGTH.write(value.length) if isinstance(value, Way) else _TIME.write(value)
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def json_schema(self) -> dict[str, Any]:
+        """See `Notation.json_schema`."""
         return {"anyOf": [_TIME.json_schema(), _LENGTH.json_schema()]}
 
 
 class Coupling(TableModel):
     """How the thermal and the mechanical problem are coupled."""
 
-    interval: Annotated[float | Way, WindowMark()] = Field(
-        written("0.1 s"),
-        description="coupling window: time, or length of strand, after which the two exchange "
-        "temperatures, gap and viscoplastic work",
-    )
-    mechanical_step: Time | None = Field(
-        None,
-        description="longest step of the mechanics within a window; by default they take one",
-        examples=["50 ms"],
-    )
-    order: Literal["thermal_first", "mechanics_first"] = Field(
-        "thermal_first",
-        description="who goes first; mechanics_first strains the slice as if it went on cooling "
-        "as in the window before (thesis, Fig. 84)",
-    )
-    passes: int = Field(
-        8,
-        ge=1,
-        strict=True,
-        description="largest number of coupling iterations in a window: it is repeated until "
-        "the gap to the mould converges, and cut back if it does not; 1: neither, but windows "
-        "whose gap has not converged are counted",
-    )
-    settled: PositiveDifference = Field(
-        written("1 K"),
-        description="tolerance of the coupling iterations: the gap has converged when the gap just "
-        "computed would change the surface temperature by less",
-    )
-    window_error: PositiveDifference | None = Field(
-        None,
-        description="error of the surface temperature allowed in a window whose gap changes; a "
-        "window with more is cut back, unless it is shorter than 0.1 s and than a fiftieth of the "
-        "interval; by default 2 K",
-        examples=["2 K"],
-    )
-    growth: Growth | None = Field(
-        None,
-        description="how many times `interval` a window may grow to between events (rolls, ends of "
-        "zones, edges of sprays, kinks of the speed), after each of which it begins with "
-        "`interval`; by default it does not grow",
-        examples=[8.0],
-    )
-    strain_error: Tolerance | None = Field(
-        None,
-        description="error of the axial strain at the surface allowed in a window that has grown; "
-        "by default 1e-5",
-        examples=[1e-5],
-    )
-    follow_shape: bool = Field(
-        True,
-        description="whether heat flows through the slice as it has moved, out of the surface it "
-        "has now (thesis IV); false: through the undeformed one",
-    )
-    dissipation: Share = Field(
-        1.0, description="share of the viscoplastic work that becomes heat; 0: it is left out"
-    )
+    interval: Annotated[float | Way, WindowMark()] = written("0.1 s")
+    """coupling window: time, or length of strand, after which the two exchange temperatures, gap
+    and viscoplastic work"""
+    mechanical_step: Time | None = Field(None, examples=["50 ms"])
+    """longest step of the mechanics within a window; by default they take one"""
+    order: Literal["thermal_first", "mechanics_first"] = "thermal_first"
+    """who goes first; mechanics_first strains the slice as if it went on cooling as in the window
+    before (thesis, Fig. 84)"""
+    passes: int = Field(8, ge=1, strict=True)
+    """largest number of coupling iterations in a window: it is repeated until the gap to the mould
+    converges, and cut back if it does not; 1: neither, but windows whose gap has not converged are
+    counted"""
+    settled: PositiveDifference = written("1 K")
+    """tolerance of the coupling iterations: the gap has converged when the gap just computed would
+    change the surface temperature by less"""
+    window_error: PositiveDifference | None = Field(None, examples=["2 K"])
+    """error of the surface temperature allowed in a window whose gap changes; a window with more is
+    cut back, unless it is shorter than 0.1 s and than a fiftieth of the interval; by default 2 K"""
+    growth: Growth | None = Field(None, examples=[8.0])
+    """how many times `interval` a window may grow to between events (rolls, ends of zones, edges of
+    sprays, kinks of the speed), after each of which it begins with `interval`; by default it does
+    not grow"""
+    strain_error: Tolerance | None = Field(None, examples=[1e-5])
+    """error of the axial strain at the surface allowed in a window that has grown; by default
+    1e-5"""
+    follow_shape: bool = True
+    """whether heat flows through the slice as it has moved, out of the surface it has now (thesis
+    IV); false: through the undeformed one"""
+    dissipation: Share = 1.0
+    """share of the viscoplastic work that becomes heat; 0: it is left out"""
 
 
 def free_strains(planes: GeneralizedPlaneStrain, allowed: tuple[str, ...]) -> tuple[str, ...]:
@@ -372,3 +308,19 @@ def free_strains(planes: GeneralizedPlaneStrain, allowed: tuple[str, ...]) -> tu
         for name, value in given.items()
         if value == FREE or (value is None and name in ("a1", "a2") and name in allowed)
     )
+
+
+_SOFTEST = 1e-6  # of the solid: liquid that keeps its shape at large strain
+
+
+@check("mechanics")
+def _liquid_in_mould(case: Case, table: Mechanics) -> Faults:
+    if case.mould is None:
+        return
+    if table.liquid == "fed" and table.ferrostatic in ("off", "none"):
+        text = f'("{table.ferrostatic}"): nothing holds liquid that is fed at the wall of a mould'
+        yield "ferrostatic", f'{text}; give ferrostatic = "full", or liquid = "elastic"'
+    soft = table.liquid_has_modulus and table.liquid_stiffness < _SOFTEST
+    if soft and table.strain == "large":
+        text = f"({table.liquid_stiffness:g}): liquid this soft folds in a mould at large strain"
+        yield "liquid_stiffness", f'{text}; at least {_SOFTEST:g}, or strain = "small"'

@@ -3,32 +3,101 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field
 
 from castfem.base.quantities import Distance, Kind, Length, PositiveNumber, Speed, Temperature
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
-from castfem.base.units import nearest
-from castfem.model.base import TableModel, written
+from castfem.base.units import in_mm
+from castfem.model.base import OneWord, TableModel, written
+from castfem.model.checks import Faults, check
 from castfem.model.mechanics import Share
-from castfem.model.mould_tube import MouldTube
-from castfem.model.problems import Problem
+from castfem.model.section import BeamBlank, Rectangle
 from castfem.model.taper import Perimeter, TaperMark
 from castfem.model.variants import Variants
 from castfem.model.wall_shape import WallShape
 from castfem.physics.mould.displaced import WallDisplacement
 
 if TYPE_CHECKING:
-    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
-    from pydantic_core import CoreSchema
-
+    from castfem.model.case import Case
     from castfem.physics.contact.friction import Friction as FrictionLaw
 
+
+FluxOfPosition = Annotated[
+    float | Table, Curve(Kind("W/m^2", "MW/m^2", least=0.0), over="position")
+]
+CoefficientOfPosition = Annotated[
+    float | Table, Curve(Kind("W/(m^2 K)", "W/(m^2 K)", above=0.0), over="position")
+]
 TemperatureOfPosition = Annotated[float | Table, Curve(Kind("K", "degC"), over="position")]
+Cells = Annotated[float, Kind("1", least=1.0, most=64.0, label="number of cells", sample="2")]
+CornerShare = Annotated[float, Kind("1", least=0.0, most=2.0, label="share", sample="0.6")]
+
+
+MOST_BRICKS = 300_000
+"""Cells of a tube, at most: each has 27 nodes."""
+
+
+class MouldTube(TableModel):
+    """The copper tube of a mould, for its distortion by heat; the length is the mould's."""
+
+    thickness: Length = Field(examples=["10 mm"])
+    """of the wall"""
+    above: Distance = written("100 mm")
+    """how far it goes on above the meniscus"""
+    support: Literal["free", "hung", "clamped", "between"] = "hung"
+    """hung: its upper end is held along the mould; clamped: in all directions; between: both ends
+    along the mould; free: not at all"""
+    flux: FluxOfPosition | None = Field(None, examples=["2 MW/m^2"])
+    """into the hot face below the meniscus; by default that of the strand, which is run for it"""
+    corner_flux: CornerShare = 1.0
+    """flux on the arcs of the corners over that at mid-face; of a given flux"""
+    corner_reach: Length = written("20 mm")
+    """length of face over which it falls to that"""
+    water_coefficient: CoefficientOfPosition = written("30000 W/(m^2 K)")
+    """heat transfer to the cooling water"""
+    water_temperature: TemperatureOfPosition = written("40 degC")
+    """of the cooling water"""
+    hot_face: TemperatureOfPosition | None = None
+    """temperature of the face towards the strand, below the meniscus, instead of a flux"""
+    water_side: TemperatureOfPosition | None = None
+    """temperature of the water side, instead of water"""
+    cells_across: Cells = 2.0
+    """cells through the wall"""
+    cell_size: Length = written("12 mm")
+    """largest cell round the wall and along it; at the meniscus a third of it"""
+    solver: Literal["auto", "direct", "multigrid"] = "auto"
+    """of the linear systems; auto: direct where they are small"""
+
+
+@check("mould.tube")
+def _bricks(case: Case, table: MouldTube) -> Faults:
+    """Yield cells so small that there would be no end to them."""
+    size, length = table.cell_size, case.mould.length if case.mould is not None else 0.0
+    width, height = case.section.outline()
+    if table.cells_across % 1.0:
+        yield "cells_across", "must be a whole number"
+    if width is None or height is None:
+        return
+    count = table.cells_across * 0.5 * (width + height) / size * (length + table.above) / size
+    if count > MOST_BRICKS:
+        most = f"at most {MOST_BRICKS:g}; give a larger one"
+        yield "cell_size", f"({in_mm(size)}) makes about {count:.2g} cells of the tube, {most}"
+
+
+@check("mould.tube")
+def _surrounds(case: Case, table: MouldTube) -> Faults:
+    if isinstance(case.section, BeamBlank):
+        yield "", "only a rectangle or a round has a tube; leave the table out"
+    if isinstance(case.section, Rectangle) and case.section.corner_radius == 0.0:
+        fix = 'give [section] some: corner_radius = "5 mm"'
+        yield "", f"a tube has rounded corners; {fix}"
+    if table.flux is not None and table.hot_face is not None:
+        yield "hot_face", "the flux is given, too: one of the two, leave the other out"
+
+
 ConductivityOfTemperature = Annotated[
     float | Table, Curve(Kind("W/(m K)", "W/(m K)", above=0.0), over="temperature")
 ]
@@ -57,70 +126,13 @@ EXAMPLES = {
 """Tables within [mould] that one word may stand for, written out."""
 
 
-@dataclass(frozen=True, slots=True)
-class OneWord:
-    """Annotation of a table that a single word may stand for: that word under its main key.
-
-    Attributes:
-        key: The main key.
-        words: What it may be where nothing else has to be given.
-        example: The table written out.
-    """
-
-    key: str
-    words: tuple[str, ...]
-    example: str
-
-    def _table(self, given: Any) -> Any:
-        if not isinstance(given, str):
-            return given
-        if given not in self.words:
-            raise ValueError(
-                f"must be {' or '.join(self.words)}, or a table with '{self.key}', such as "
-                f"{self.example}{nearest(given, self.words)}"
-            )
-        return {self.key: given}
-
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        from pydantic_core import core_schema
-
-        return core_schema.no_info_before_validator_function(self._table, handler(source))
-
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        return {"anyOf": [{"enum": list(self.words)}, handler(schema)]}
-
-
 class ContactSettings(TableModel):
     """How the strand is kept out of the wall: penalty (eq. 239) or Nitsche's method."""
 
-    method: Literal["penalty", "nitsche"] = Field(
-        "penalty",
-        description='method; `contact = "nitsche"` in [mould] says the same in one line',
-    )
-    factor: PositiveNumber | None = Field(
-        None,
-        description="stiffness of the contact over that of the cell behind it; by default 10",
-        examples=[1000],
-    )
-
-    @field_validator("factor")
-    @classmethod
-    def _stable(cls, factor: float | None, info: ValidationInfo) -> float | None:
-        """Refuse factors with which Nitsche's method cannot solve a strand (docs/contact.md)."""
-        if factor is None or info.data.get("method") != "nitsche":
-            return factor
-        from castfem.physics.contact.settings import FACTOR, LEAST_NITSCHE
-
-        if factor >= LEAST_NITSCHE:
-            return factor
-        raise ValueError(
-            f"too small for Nitsche's method to be stable; allowed: at least "
-            f"{LEAST_NITSCHE:g}, or leave it out for {FACTOR:g}"
-        )
+    method: Literal["penalty", "nitsche"] = "penalty"
+    """method; `contact = "nitsche"` in [mould] says the same in one line"""
+    factor: PositiveNumber | None = Field(None, examples=[1000])
+    """stiffness of the contact over that of the cell behind it; by default 10"""
 
 
 class Friction(Variants):
@@ -133,8 +145,8 @@ class Friction(Variants):
         """Return the law as the contact asks it, None for a wall without friction."""
         return None
 
-    def problems(self) -> Iterator[Problem]:
-        """Yield what its values cannot be together."""
+    def problems(self) -> Faults:
+        """Yield what its values cannot be together: keys, and what is wrong."""
         yield from ()
 
 
@@ -148,7 +160,8 @@ class Coulomb(Friction):
     """Coulomb: the friction stress is at most the coefficient times the pressure (eq. 231)."""
 
     law: Literal["coulomb"]
-    coefficient: FrictionCoefficient = Field(description="friction stress over pressure")
+    coefficient: FrictionCoefficient
+    """friction stress over pressure"""
 
     def build(self) -> FrictionLaw:
         """See `Friction.build`."""
@@ -161,10 +174,10 @@ class Limited(Friction):
     """Coulomb, limited where pressure and friction make the surface yield (eq. 233)."""
 
     law: Literal["limited"]
-    coefficient: FrictionCoefficient = Field(description="friction stress over pressure")
-    yield_stress: Stress = Field(
-        description="yield stress p0 of the weaker of the two, sqrt(p^2 + 3 tau^2) <= p0"
-    )
+    coefficient: FrictionCoefficient
+    """friction stress over pressure"""
+    yield_stress: Stress
+    """yield stress p0 of the weaker of the two, sqrt(p^2 + 3 tau^2) <= p0"""
 
     def build(self) -> FrictionLaw:
         """See `Friction.build`."""
@@ -177,11 +190,12 @@ class Tresca(Friction):
     """Tresca: the friction stress is at most a share of the yield stress (eq. 234, 235)."""
 
     law: Literal["tresca"]
-    share: Share = Field(description="share m in m p0 / sqrt(3)")
-    yield_stress: Stress = Field(description="yield stress p0 of the weaker of the two")
-    steepest: PositiveNumber = Field(
-        1.0, description="the friction stress is at most this many times the pressure"
-    )
+    share: Share
+    """share m in m p0 / sqrt(3)"""
+    yield_stress: Stress
+    """yield stress p0 of the weaker of the two"""
+    steepest: PositiveNumber = 1.0
+    """the friction stress is at most this many times the pressure"""
 
     def build(self) -> FrictionLaw:
         """See `Friction.build`."""
@@ -194,19 +208,18 @@ class Viscous(Friction):
     """Friction that goes with a power of the sliding speed, beyond a threshold (eq. 236, 237)."""
 
     law: Literal["viscous"]
-    stress: Stress = Field(description="friction stress at the given speed", examples=["20 kPa"])
-    speed: Speed = Field(description="sliding speed at which it holds", examples=["3.6 m/min"])
-    exponent: Exponent = Field(1.0, description="exponent n of the speed")
-    coefficient: FrictionCoefficient = Field(
-        0.0, description="friction stress over pressure up to which it sticks; 0: a lubricant"
-    )
-    yield_stress: Stress | None = Field(
-        None,
-        description="yield stress p0: beyond the threshold at most p0 / sqrt(3); needed with one",
-    )
-    steepest: PositiveNumber = Field(
-        1.0, description="beyond the threshold it is at most this many times the pressure"
-    )
+    stress: Stress = Field(examples=["20 kPa"])
+    """friction stress at the given speed"""
+    speed: Speed = Field(examples=["3.6 m/min"])
+    """sliding speed at which it holds"""
+    exponent: Exponent = 1.0
+    """exponent n of the speed"""
+    coefficient: FrictionCoefficient = 0.0
+    """friction stress over pressure up to which it sticks; 0: a lubricant"""
+    yield_stress: Stress | None = None
+    """yield stress p0: beyond the threshold at most p0 / sqrt(3); needed with one"""
+    steepest: PositiveNumber = 1.0
+    """beyond the threshold it is at most this many times the pressure"""
 
     def build(self) -> FrictionLaw:
         """See `Friction.build`; without a yield stress the given stress has no other limit."""
@@ -219,60 +232,48 @@ class Viscous(Friction):
         base = friction.Coulomb(self.coefficient)
         return friction.Viscous(base, share, self.yield_stress, speed, exponent, steepest)
 
-    def problems(self) -> Iterator[Problem]:
+    def problems(self) -> Faults:
         """See `Friction.problems`."""
-        if self.coefficient and self.yield_stress is None:
-            yield Problem(
-                ("mould", "friction"),
-                'a threshold needs the limit of what comes on top: yield_stress = "10 MPa"',
-            )
-        if self.yield_stress is not None and self.stress > self.yield_stress / math.sqrt(3.0):
-            yield Problem(
-                ("mould", "friction", "stress"),
+        if self.yield_stress is None:
+            if self.coefficient:
+                yield "", 'a threshold needs the limit of what is above it: yield_stress = "10 MPa"'
+            return
+        most = self.yield_stress / math.sqrt(3.0)
+        if self.stress > most:
+            yield (
+                "stress",
                 f"({1e-6 * self.stress:.4g} MPa) is above yield_stress / sqrt(3), "
-                f"{1e-6 * self.yield_stress / math.sqrt(3.0):.4g} MPa, to which it is limited at "
-                "any speed; lower it, or raise yield_stress",
+                f"{1e-6 * most:.4g} MPa, its limit at any speed; lower it, or raise yield_stress",
             )
 
 
 class Copper(TableModel):
     """Thermal expansion of the mould, where its sizes are those of the cold mould."""
 
-    expansion: ExpansionCoefficient = Field(
-        written("17e-6 1/K"), description="mean expansion coefficient", examples=["17e-6 1/K"]
-    )
-    cold: Temperature = Field(
-        written("25 degC"),
-        description="temperature at which the sizes are given",
-        examples=["25 degC"],
-    )
-    temperature: TemperatureOfPosition | None = Field(
-        None,
-        description="mean temperature of the wall over its thickness; by default wall_temperature",
-        examples=["120 degC"],
-    )
-    conductivity: ConductivityOfTemperature | None = Field(
-        None,
-        description="for [mould.tube]; by default that of [Calcutt2001], 394 to 377 W/(m K)",
-    )
-    mean_expansion: ExpansionOfTemperature | None = Field(
-        None,
-        description="for [mould.tube]: mean coefficient from 20 degC over temperature; by default "
-        "that of [Calcutt2001], 16.8e-6 to 17.7e-6 1/K",
-    )
-    youngs_modulus: ModulusOfTemperature | None = Field(
-        None, description="for [mould.tube]; by default 117 GPa at 20 degC, 106 GPa at 300 degC"
-    )
-    poisson: PoissonOfTemperature | None = Field(
-        None, description="Poisson's ratio, for [mould.tube]; by default 0.34"
-    )
+    expansion: ExpansionCoefficient = Field(written("17e-6 1/K"), examples=["17e-6 1/K"])
+    """mean expansion coefficient"""
+    cold: Temperature = Field(written("25 degC"), examples=["25 degC"])
+    """temperature at which the sizes are given"""
+    temperature: TemperatureOfPosition | None = Field(None, examples=["120 degC"])
+    """mean temperature of the wall over its thickness; by default wall_temperature"""
+    conductivity: ConductivityOfTemperature | None = None
+    """for [mould.tube]; by default that of [Calcutt2001], 394 to 377 W/(m K)"""
+    mean_expansion: ExpansionOfTemperature | None = None
+    """for [mould.tube]: mean coefficient from 20 degC over temperature; by default that of
+    [Calcutt2001], 16.8e-6 to 17.7e-6 1/K"""
+    youngs_modulus: ModulusOfTemperature | None = None
+    """for [mould.tube]; by default 117 GPa at 20 degC, 106 GPa at 300 degC"""
+    poisson: PoissonOfTemperature | None = None
+    """Poisson's ratio, for [mould.tube]; by default 0.34"""
 
 
 class Oscillation(TableModel):
     """How the mould oscillates, a sine; nothing but its numbers is computed from it."""
 
-    stroke: Length = Field(description="from the highest to the lowest point", examples=["6 mm"])
-    frequency: Frequency = Field(description="strokes per time", examples=["150 1/min"])
+    stroke: Length = Field(examples=["6 mm"])
+    """from the highest to the lowest point"""
+    frequency: Frequency = Field(examples=["150 1/min"])
+    """strokes per time"""
 
     def negative_strip(self, speed: float) -> float:
         """Time in each stroke in which the mould goes down faster than the strand, s.
@@ -289,52 +290,56 @@ class Oscillation(TableModel):
 class Mould(TableModel):
     """The rigid mould round the strand; left out: an idealised mould that follows the strand."""
 
-    length: Length = Field(
-        description="from the meniscus to the end of the mould", examples=["600 mm"]
-    )
-    taper: Annotated[Perimeter, TaperMark()] = Field(
-        written("0 %/m"),
-        description="relative change of the section's sizes per metre (eq. 300); positive: the "
-        "mould closes downwards",
-        examples=["1 %/m"],
-    )
-    width: Length | None = Field(
-        None, description="of the cavity at the meniscus; by default that of the strand"
-    )
-    height: Length | None = Field(None, description="likewise, in y")
-    diameter: Length | None = Field(None, description="likewise, of a round")
-    corner_radius: Distance | None = Field(
-        None, description="of the cavity at the meniscus; by default that of the strand"
-    )
-    wall_temperature: TemperatureOfPosition | None = Field(
-        None,
-        description="of the face towards the strand, constant or along the mould",
-        examples=["160 degC"],
-    )
-    condition: Literal["working", "cold"] = Field(
-        "working",
-        description="the mould to which sizes and taper belong: hot as it works, or cold; a cold "
-        "one is expanded by [mould.copper]",
-    )
-    copper: Copper = Field(
-        default_factory=lambda: Copper.model_validate({}),
-        description="thermal expansion of a mould given cold",
-    )
-    displacement: Annotated[WallDisplacement, WallShape()] | None = Field(
-        None,
-        description="how far the wall at work stands from the cavity of sizes and taper, all round "
-        "and along; `castfem mould --hot` and `castfem section` write it. Instead of the expansion "
-        "of [mould.copper]",
-    )
-    tube: MouldTube | None = Field(
-        None, description="the copper tube, for `castfem mould --hot`; a run has no use for it"
-    )
-    oscillation: Oscillation | None = Field(None, description="its oscillation")
+    length: Length = Field(examples=["600 mm"])
+    """from the meniscus to the end of the mould"""
+    taper: Annotated[Perimeter, TaperMark()] = Field(written("0 %/m"), examples=["1 %/m"])
+    """relative change of the section's sizes per metre (eq. 300); positive: the mould closes
+    downwards"""
+    width: Length | None = None
+    """of the cavity at the meniscus; by default that of the strand"""
+    height: Length | None = None
+    """likewise, in y"""
+    diameter: Length | None = None
+    """likewise, of a round"""
+    corner_radius: Distance | None = None
+    """of the cavity at the meniscus; by default that of the strand"""
+    wall_temperature: TemperatureOfPosition | None = Field(None, examples=["160 degC"])
+    """of the face towards the strand, constant or along the mould"""
+    condition: Literal["working", "cold"] = "working"
+    """the mould to which sizes and taper belong: hot as it works, or cold; a cold one is expanded
+    by [mould.copper]"""
+    copper: Copper = Field(default_factory=lambda: Copper.model_validate({}))
+    """thermal expansion of a mould given cold"""
+    displacement: Annotated[WallDisplacement, WallShape()] | None = None
+    """how far the wall at work stands from the cavity of sizes and taper, all round and along;
+    `castfem mould --hot` and `castfem section` write it. Instead of the expansion of
+    [mould.copper]"""
+    tube: MouldTube | None = None
+    """the copper tube, for `castfem mould --hot`; a run has no use for it"""
+    oscillation: Oscillation | None = None
+    """its oscillation"""
     contact: Annotated[
         ContactSettings, OneWord("method", ("penalty", "nitsche"), EXAMPLES["contact"])
-    ] = Field(
-        default_factory=lambda: ContactSettings.model_validate({}), description="contact method"
-    )
+    ] = Field(default_factory=lambda: ContactSettings.model_validate({}))
+    """contact method"""
     friction: Annotated[Friction, OneWord("law", ("none",), EXAMPLES["friction"])] = Field(
-        default_factory=lambda: NoFriction(law="none"), description="friction law"
+        default_factory=lambda: NoFriction(law="none")
     )
+    """friction law"""
+
+
+@check("mould.friction")
+def _friction(case: Any, friction: Friction) -> Faults:
+    yield from friction.problems()
+
+
+@check("mould.contact")
+def _stable(case: Any, contact: ContactSettings) -> Faults:
+    """Yield a factor with which Nitsche's method cannot solve a strand (docs/contact.md)."""
+    if contact.factor is None or contact.method != "nitsche":
+        return
+    from castfem.physics.contact.settings import FACTOR, LEAST_NITSCHE
+
+    if contact.factor < LEAST_NITSCHE:
+        text = "too small for Nitsche's method to be stable; allowed: at least"
+        yield "factor", f"{text} {LEAST_NITSCHE:g}, or leave it out for {FACTOR:g}"

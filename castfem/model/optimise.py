@@ -6,15 +6,14 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, field_validator
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema
 
 from castfem.base import result_registry, units
 from castfem.model.base import TableModel
-from castfem.model.problems import Problem
+from castfem.model.checks import Faults, check
 
 if TYPE_CHECKING:
     from castfem.model.case import Case
@@ -100,10 +99,8 @@ _TEXT_OR_NUMBER = {"anyOf": [{"type": "string"}, {"type": "number"}]}
 Value = Annotated[str, BeforeValidator(_as_text), WithJsonSchema(_TEXT_OR_NUMBER)]
 
 
-def _checked_range(ends: tuple[str, ...] | None) -> tuple[str, ...] | None:
+def _checked_range(ends: tuple[str, ...]) -> tuple[str, ...]:
     """Refuse what is no range."""
-    if ends is None:
-        return ends
     if len(ends) != 2:
         raise ValueError('two values are needed, such as ["0 %/m", "3 %/m"]')
     (low, unit), (high, other) = (units.parse_any(end) for end in ends)
@@ -114,23 +111,32 @@ def _checked_range(ends: tuple[str, ...] | None) -> tuple[str, ...] | None:
     return ends
 
 
+def _checked_shares(ends: tuple[str, ...]) -> tuple[str, ...]:
+    """Refuse what are no two shares."""
+    if len(ends) != 2:
+        raise ValueError('two shares are needed, such as ["-10 %", "10 %"]')
+    low, high = (units.parse(end, "1", kind=("change", "10 %")) for end in ends)
+    if not -1.0 < low < high:
+        raise ValueError('is empty, or goes to zero: write it as ["-10 %", "10 %"]')
+    return ends
+
+
+Range = Annotated[tuple[Value, ...], AfterValidator(_checked_range)]
+Shares = Annotated[tuple[Value, ...], AfterValidator(_checked_shares)]
+
+
 class Variable(TableModel):
     """A key of the case whose value is looked for, in a range."""
 
     key: str = Field(
-        description="dotted key; within a taper by part, or by segment and end",
-        examples=["mould.taper", "mould.taper.corner", "mould.taper.0.taper", "casting.speed"],
+        examples=["mould.taper", "mould.taper.corner", "mould.taper.0.taper", "casting.speed"]
     )
-    range: tuple[Value, ...] = Field(
-        description="lowest and highest value, with unit", examples=[["0 %/m", "3 %/m"]]
-    )
-    start: Value | None = Field(
-        None,
-        description="where the search begins; by default, of a taper, that of the strand in its "
-        "idealised mould (302), (303), else the value of the case",
-    )
-
-    _is_range = field_validator("range")(_checked_range)
+    """dotted key; within a taper by part, or by segment and end"""
+    range: Range = Field(examples=[["0 %/m", "3 %/m"]])
+    """lowest and highest value, with unit"""
+    start: Value | None = None
+    """where the search begins; by default, of a taper, that of the strand in its idealised mould
+    (302), (303), else the value of the case"""
 
     @property
     def si(self) -> tuple[float, float, str]:
@@ -147,48 +153,24 @@ class Variable(TableModel):
 class Input(TableModel):
     """A number that is not known exactly: what it may be, every value as likely as another."""
 
-    key: str = Field(
-        description="dotted key, or, where it is relative, a property of the steel or a parameter "
-        "of the constitutive law or the elasticity",
-        examples=["cooling.mould.surface.0.coefficient", "mechanics.law.strength"],
-    )
-    range: tuple[Value, ...] | None = Field(
-        None,
-        description="lowest and highest value, with unit",
-        examples=[["1500 W/(m^2 K)", "1700 W/(m^2 K)"]],
-    )
-    relative: tuple[Value, ...] | None = Field(
-        None,
-        description="or by how much number or table may be smaller and larger",
-        examples=[["-10 %", "10 %"]],
-    )
-
-    _is_range = field_validator("range")(_checked_range)
-
-    @field_validator("relative")
-    @classmethod
-    def _is_relative(cls, ends: tuple[str, ...] | None) -> tuple[str, ...] | None:
-        """Refuse what are no two shares."""
-        if ends is None:
-            return ends
-        if len(ends) != 2:
-            raise ValueError('two shares are needed, such as ["-10 %", "10 %"]')
-        low, high = (units.parse(end, "1", kind=("change", "10 %")) for end in ends)
-        if not -1.0 < low < high:
-            raise ValueError('is empty, or goes to zero: write it as ["-10 %", "10 %"]')
-        return ends
+    key: str = Field(examples=["cooling.mould.surface.0.coefficient", "mechanics.law.strength"])
+    """dotted key, or, where it is relative, a property of the steel or a parameter of the
+    constitutive law or the elasticity"""
+    range: Range | None = Field(None, examples=[["1500 W/(m^2 K)", "1700 W/(m^2 K)"]])
+    """lowest and highest value, with unit"""
+    relative: Shares | None = Field(None, examples=[["-10 %", "10 %"]])
+    """or by how much number or table may be smaller and larger"""
 
 
 class Front(TableModel):
     """A second result to be weighed against the first: the front of what can be had of both."""
 
-    minimise: str | None = Field(
-        None, description="result that is to be small", examples=["mould_gap_max"]
-    )
-    maximise: str | None = Field(
-        None, description="or one that is to be large", examples=["heat_removed"]
-    )
-    points: int = Field(6, ge=3, le=50, strict=True, description="of the front, at most")
+    minimise: str | None = Field(None, examples=["mould_gap_max"])
+    """result that is to be small"""
+    maximise: str | None = Field(None, examples=["heat_removed"])
+    """or one that is to be large"""
+    points: int = Field(6, ge=3, le=50, strict=True)
+    """of the front, at most"""
 
     @property
     def objective(self) -> tuple[str, float]:
@@ -199,51 +181,35 @@ class Front(TableModel):
 class Optimise(TableModel):
     """What `castfem optimise` looks for: values of some keys with which a result is best."""
 
-    minimise: Names = Field((), description="result, as in summary.json, that is to be small")
-    maximise: Names = Field((), description="likewise, that is to be large")
+    minimise: Names = ()
+    """result, as in summary.json, that is to be small"""
+    maximise: Names = ()
+    """likewise, that is to be large"""
     constraints: Constraints = Field(
-        (),
-        description="what must hold: result, >= or <=, and a value with unit or a share of what "
-        "the idealised mould gives",
-        examples=[["heat_removed >= 99 % of idealised", "mould_gap_max <= 0.05 mm"]],
+        (), examples=[["heat_removed >= 99 % of idealised", "mould_gap_max <= 0.05 mm"]]
     )
-    fidelity: Literal["thermal", "coarse", "default", "fine"] = Field(
-        "default",
-        description="how well the runs of the search are computed (thermal: temperature alone, "
-        "without a mould); the best one is run by the others, too, which gives its numerical error",
-    )
-    method: Literal["cobyqa", "slsqp", "optuna"] = Field(
-        "cobyqa",
-        description="cobyqa: from the start downhill; slsqp: likewise, by derivatives that the "
-        "runs carry along, for three variables or more and a result without kinks "
-        "(von_mises_smooth); optuna (the extra castfem[optimise]): first with half of the runs all "
-        "over the ranges, for several valleys and many variables",
-    )
-    most_runs: int = Field(
-        60,
-        ge=1,
-        strict=True,
-        description="the search ends when so many runs have been made, at the earliest after those "
-        "that measure the noise; further ones, often as many again, look about the best run and "
-        "check it",
-    )
-    variable: tuple[Variable, ...] = Field(
-        min_length=1, description="the keys whose values are looked for"
-    )
-    input: tuple[Input, ...] = Field(
-        (), description="what is not known exactly, and spreads the answer"
-    )
-    samples: int | None = Field(
-        None,
-        ge=8,
-        strict=True,
-        description="runs for that spread, at least those that fix its polynomials; by default a "
-        "few more, fewer where runs carry derivatives",
-        examples=[32],
-    )
-    front: Front | None = Field(
-        None, description="what is weighed against the result that is to be best"
-    )
+    """what must hold: result, >= or <=, and a value with unit or a share of what the idealised
+    mould gives"""
+    fidelity: Literal["thermal", "coarse", "default", "fine"] = "default"
+    """how well the runs of the search are computed (thermal: temperature alone, without a mould);
+    the best one is run by the others, too, which gives its numerical error"""
+    method: Literal["cobyqa", "slsqp", "optuna"] = "cobyqa"
+    """cobyqa: from the start downhill; slsqp: likewise, by derivatives that the runs carry along,
+    for three variables or more and a result without kinks (von_mises_smooth); optuna (the extra
+    castfem[optimise]): first with half of the runs all over the ranges, for several valleys and
+    many variables"""
+    most_runs: int = Field(60, ge=1, strict=True)
+    """the search ends when so many runs have been made, at the earliest after those that measure
+    the noise; further ones, often as many again, look about the best run and check it"""
+    variable: tuple[Variable, ...] = Field(min_length=1)
+    """the keys whose values are looked for"""
+    input: tuple[Input, ...] = ()
+    """what is not known exactly, and spreads the answer"""
+    samples: int | None = Field(None, ge=8, strict=True, examples=[32])
+    """runs for that spread, at least those that fix its polynomials; by default a few more, fewer
+    where runs carry derivatives"""
+    front: Front | None = None
+    """what is weighed against the result that is to be best"""
 
     @property
     def bounds(self) -> tuple[Bound, ...]:
@@ -263,106 +229,84 @@ class Optimise(TableModel):
         return (*((n, 1.0) for n in self.minimise), *((n, -1.0) for n in self.maximise))
 
 
-def check_optimise(case: Case) -> Iterator[Problem]:
-    """Yield what cannot be looked for."""
-    table = case.optimise
-    if table is None:
-        return
-    yield from _objectives(table)
-    yield from _front(table)
-    yield from _inputs(table)
-    for number, text in enumerate(table.constraints or ()):
-        if text is not None:
-            yield from _constraint_faults(case, number, bound(text))
-    keys = [variable.key for variable in table.variable or () if variable is not None]
-    for key in sorted({key for key in keys if keys.count(key) > 1}):
-        yield Problem(("optimise", "variable"), f'("{key}") is given twice; leave one out')
-    yield from _starts(table)
-
-
-def _objectives(table: Optimise) -> Iterator[Problem]:
-    if table.minimise is None or table.maximise is None:
-        return
+@check("optimise")
+def _objectives(case: Case, table: Optimise) -> Faults:
     count = len(table.objectives)
     if not 1 <= count <= _MOST_OBJECTIVES:
         told = "nothing is to become best" if not count else f"{count} results are to become best"
         more = ", and weigh it against another by [optimise.front]" if count else ""
-        yield Problem(
-            ("optimise",),
-            f'{told}; give minimise = "von_mises_max" or maximise = "heat_removed", one of them'
-            f"{more}",
-        )
+        fix = f'give minimise = "von_mises_max" or maximise = "heat_removed", one of them{more}'
+        yield "", f"{told}; {fix}"
     for key in ("minimise", "maximise"):
         for name in getattr(table, key):
-            yield from _unknown(name, ("optimise", key))
+            yield from _unknown(name, key)
 
 
-def _unknown(name: str, path: tuple[str, ...]) -> Iterator[Problem]:
+def _unknown(name: str, key: str) -> Faults:
     if result_registry.unit_of(name) is None:
         near = units.nearest(name, result_registry.result_names())
-        yield Problem(path, f'("{name}") is no result of a run{near}')
+        yield key, f'("{name}") is no result of a run{near}'
 
 
-def _starts(table: Optimise) -> Iterator[Problem]:
-    """Yield starts beyond their ranges; in other units or none they are refused by the key."""
-    for number, variable in enumerate(table.variable or ()):
-        if variable is None or variable.range is None or variable.start is None:
-            continue
-        low, high, unit = variable.si
-        path = ("optimise", "variable", number, "start")
-        try:
-            start, other = units.parse_any(variable.start)
-        except ValueError as error:
-            yield Problem(path, str(error))
-            continue
-        if unit == other and not low <= start <= high:
-            ends = " to ".join(variable.range)
-            yield Problem(path, f'("{variable.start}") is not within the range, {ends}')
+@check("optimise.front")
+def _front(case: Case, front: Front) -> Faults:
+    if (front.minimise is None) == (front.maximise is None):
+        yield "", 'one of minimise and maximise is needed, such as "heat_removed"'
+        return
+    name, _ = front.objective
+    yield from _unknown(name, "minimise" if front.minimise is not None else "maximise")
+    if case.optimise is not None and name in (*case.optimise.minimise, *case.optimise.maximise):
+        yield "", f'("{name}") is weighed against itself; name another result'
 
 
-def _inputs(table: Optimise) -> Iterator[Problem]:
-    varied = {variable.key for variable in table.variable or () if variable is not None}
-    for number, one in enumerate(table.input or ()):
-        if one is None:
-            continue
-        path = ("optimise", "input", number)
-        if (one.range is None) == (one.relative is None):
-            yield Problem(path, 'one of range and relative is needed, such as ["-10 %", "10 %"]')
-        if one.key in varied:
-            yield Problem(
-                (*path, "key"),
+@check("optimise.variable.*")
+def _starts(case: Case, variable: Variable) -> Faults:
+    """Yield a start beyond its range; in other units or none it is refused by the key."""
+    if variable.start is None:
+        return
+    low, high, unit = variable.si
+    try:
+        start, other = units.parse_any(variable.start)
+    except ValueError as error:
+        yield "start", str(error)
+        return
+    if unit == other and not low <= start <= high:
+        yield (
+            "start",
+            f'("{variable.start}") is not within the range, {" to ".join(variable.range)}',
+        )
+
+
+@check("optimise")
+def _variables(case: Case, table: Optimise) -> Faults:
+    keys = [variable.key for variable in table.variable]
+    for key in sorted({key for key in keys if keys.count(key) > 1}):
+        yield "variable", f'("{key}") is given twice; leave one out'
+    for number, one in enumerate(table.input):
+        if one.key in keys:
+            yield (
+                f"input.{number}.key",
                 f'("{one.key}") is a variable, too, whose value an input would take; leave one out',
             )
 
 
-def _front(table: Optimise) -> Iterator[Problem]:
-    front = table.front
-    if front is None:
-        return
-    path = ("optimise", "front")
-    if (front.minimise is None) == (front.maximise is None):
-        yield Problem(path, 'one of minimise and maximise is needed, such as "heat_removed"')
-        return
-    name, _ = front.objective
-    yield from _unknown(name, (*path, "minimise" if front.minimise is not None else "maximise"))
-    if name in ((*(table.minimise or ()), *(table.maximise or ()))):
-        yield Problem(path, f'("{name}") is weighed against itself; name another result')
+@check("optimise.input.*")
+def _inputs(case: Case, one: Input) -> Faults:
+    if (one.range is None) == (one.relative is None):
+        yield "", 'one of range and relative is needed, such as ["-10 %", "10 %"]'
 
 
-def _constraint_faults(case: Case, number: int, found: Bound) -> Iterator[Problem]:
-    path = ("optimise", "constraints", number)
-    if found.relative:
-        fault = result_registry.fault(found.quantity, f"1 {_of(found.quantity)}")
-        if case.mould is None:
-            yield Problem(path, f'("{found.text}"): the case has no [mould], it is idealised')
-        elif found.value <= 0.0:
-            yield Problem(path, f'("{found.text}"): a share above 0 % is needed')
-    else:
-        fault = result_registry.fault(found.quantity, found.right)
-    if fault is not None:
-        yield Problem(path, fault[1])
-
-
-def _of(name: str) -> str:
-    unit = result_registry.unit_of(name) or "1"
-    return "" if unit == "1" else unit
+@check("optimise")
+def _constraint_faults(case: Case, table: Optimise) -> Faults:
+    for number, found in enumerate(table.bounds):
+        key, right = f"constraints.{number}", found.right
+        if found.relative:
+            unit = result_registry.unit_of(found.quantity)
+            right = "1" if unit in (None, "1") else f"1 {unit}"
+            if case.mould is None:
+                yield key, f'("{found.text}"): the case has no [mould], it is idealised'
+            elif found.value <= 0.0:
+                yield key, f'("{found.text}"): a share above 0 % is needed'
+        fault = result_registry.fault(found.quantity, right)
+        if fault is not None:
+            yield key, fault[1]

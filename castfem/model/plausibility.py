@@ -7,33 +7,43 @@ computed.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from castfem.base import ranges
 from castfem.base.tables import Table
 from castfem.base.tolerances import ROUNDING
 from castfem.base.units import convert, format, in_mm
-from castfem.model import bounds, effort
+from castfem.model import (  # noqa: F401 - each enters its checks
+    bending,
+    bounds,
+    build_mould,
+    check_cooling,
+    check_secondary,
+    mechanics_end,
+    shared_heat,
+    shown_units,
+)
 from castfem.model.case import Case
+from castfem.model.casting import Start
 from castfem.model.check_cooling import law_groups
-from castfem.model.check_secondary import secondary_warnings
+from castfem.model.checks import Faults, caution, own_caution
 from castfem.model.cooling import Contact, HeatLaw, Radiation, Spray, Zone
-from castfem.model.extraction import extraction_warnings
-from castfem.model.idle_keys import idle_keys
-from castfem.model.machine import machine_warnings
-from castfem.model.mechanics import Way
-from castfem.model.mould_plausibility import mould_warnings
+from castfem.model.extraction import COUPLED, Extraction
+from castfem.model.mechanics import Coupling, Mechanics, Way
+from castfem.model.mould import Mould
 from castfem.model.problems import Problem
-from castfem.model.shared_heat import beyond_tables
 from castfem.physics.thermal.sprays import CORRELATIONS
 
 if TYPE_CHECKING:
+    from castfem.model.base import TableModel
+    from castfem.model.case import Case
     from castfem.physics.constitutive.base import Law
     from castfem.physics.materials import Steel
 
+
 _WARMER = 1.0  # K, that a start may be above what was poured
 _SAME_CARBON = 0.03  # wt%
-_WIDEST_CELL = 15e-3  # m: shells are some 10 to 25 mm thick where their mould ends
 _LONGEST_WINDOW = 0.25  # m of strand: a narrow pitch of rolls, a third of a mould
 _MISSING = 0.2  # of a zone, in which a table of it has no rows
 _NEARLY = 1e-3  # m: a zone that ends as near to a roll as this was meant to end there
@@ -44,26 +54,8 @@ _SIGNED = {
 
 def warnings(case: Case) -> Iterator[Problem]:
     """Yield what a sound case has that was probably not meant."""
-    yield from bounds.unusual(case)
-    yield from effort.many(case)
-    yield from _coarse(case)
-    yield from _sprays(case)
-    yield from beyond_tables(case)
-    yield from machine_warnings(case)
-    yield from extraction_warnings(case)
-    yield from _short_tables(case)
-    yield from _nearly_at_rolls(case)
-    yield from secondary_warnings(case)
-    yield from idle_keys(case)
-    if case.mould is not None:
-        yield from mould_warnings(case.mould, case.section, case.mesh)
-    start = 0.0
-    for index, zone in enumerate(case.cooling):
-        yield from _wasted(case, zone, ("cooling", index))
-        yield from _uncooled(case, zone, ("cooling", index))
-        if case.mould is not None and start < case.mould.length:
-            yield from _fixed(case, zone, ("cooling", index))
-        start = case.casting.length if zone.to is None else zone.to
+    yield from caution.run(case)
+    yield from (replace(problem, inherited=False) for problem in own_caution.run(case))
 
 
 def warnings_with(
@@ -79,10 +71,8 @@ def warnings_with(
     """
     if steel.left_out:
         names = ", ".join(steel.left_out)
-        yield Problem(
-            ("steel", "composition"),
-            f"there are no data for {names}; the steel is computed without",
-        )
+        text = f"there are no data for {names}; the steel is computed without"
+        yield Problem(("steel", "composition"), text)
     start = case.casting.temperature
     if start is not None and start < steel.liquidus:
         yield Problem(
@@ -170,29 +160,21 @@ def _limit_of_signed_strain(case: Case, law: Law) -> Iterator[Problem]:
         )
 
 
-def _coarse(case: Case) -> Iterator[Problem]:
-    """Yield cells and coupling windows in which what is looked for is lost."""
-    if case.mesh.surface_size > _WIDEST_CELL:
-        yield Problem(
-            ("mesh", "surface_size"),
-            f"({format(case.mesh.surface_size, 'm', 'mm')}) is as thick as a shell; castfem error "
-            "tells what cells cost",
-        )
+@caution("coupling")
+def _long_windows(case: Case, coupling: Coupling) -> Faults:
     if case.mechanics is None:
         return
-    window, given = case.coupling.interval, case.casting.speed
+    window, given = coupling.interval, case.casting.speed
     speed = max(given.values) if isinstance(given, Table) else given
     fastest = ranges.RANGES["casting.speed"].usual[1]
     length = window.length if isinstance(window, Way) else window * min(speed, fastest)
     if length > _LONGEST_WINDOW:
-        yield Problem(
-            ("coupling", "interval"),
-            f"({length:.4g} m of strand) is longer than what a gap opens or "
-            "a pitch bulges in; 0.1 s or 5 mm is usual",
-        )
+        text = f"({length:.4g} m of strand) is longer than what a gap opens or a pitch bulges in"
+        yield "interval", f"{text}; 0.1 s or 5 mm is usual"
 
 
-def _short_tables(case: Case) -> Iterator[Problem]:
+@caution()
+def _short_tables(case: Case, _: object) -> Faults:
     """Yield heat given over position that ends, while it changes, long before its zone does."""
     start = 0.0
     for index, zone in enumerate(case.cooling):
@@ -204,57 +186,54 @@ def _short_tables(case: Case) -> Iterator[Problem]:
                     continue
                 last, settled = table.arguments[-1], table.values[-1] == table.values[-2]
                 if not settled and start < end and last < end - _MISSING * (end - start):
-                    yield Problem(
-                        ("cooling", index, "surface", place, key),
-                        f"the table ends at {in_mm(last)}, the zone at {in_mm(end)}: its last "
-                        "value goes on to there; give the row at the end of the zone",
-                    )
+                    text = f"the table ends at {in_mm(last)}, the zone at {in_mm(end)}"
+                    where = f"cooling.{index}.surface.{place}.{key}"
+                    yield where, f"{text}: give the row at the end of the zone"
         start = end
 
 
-def _nearly_at_rolls(case: Case) -> Iterator[Problem]:
+@caution("cooling.*")
+def _nearly_at_rolls(case: Case, zone: Zone) -> Faults:
     """Yield zones that end beside a roll: what jumps there falls into a window of no length."""
     rolls = None if case.machine is None else case.machine.pairs()
-    if case.mechanics is None or rolls is None:
+    if case.mechanics is None or rolls is None or zone.to is None:
         return
-    for index, zone in enumerate(case.cooling):
-        for number, pair in enumerate(rolls.pairs, start=1):
-            if zone.to is not None and ROUNDING < abs(zone.to - pair.position) < _NEARLY:
-                yield Problem(
-                    ("cooling", index, "to"),
-                    f"({zone.to:.9g} m) is {1e3 * abs(zone.to - pair.position):.3g} mm off roll "
-                    f"{number}: strain rates between the two mean nothing; give "
-                    f'"{pair.position:.9g} m"',
-                )
-
-
-def _sprays(case: Case) -> Iterator[Problem]:
-    """Yield sprays outside of what their correlation was measured for, and without radiation."""
-    for i, zone in enumerate(case.cooling):
-        sprays = [(j, law) for j, law in enumerate(zone.surface) if isinstance(law, Spray)]
-        for j, law in sprays:
-            low, high = CORRELATIONS[law.correlation].water
-            if law.water is None:
-                continue  # that of the whole zone
-            if low <= law.water <= high or law.water == 0.0:
-                continue
-            reach = f"{low:g} to {high:g}" if low else f"at most {high:g}"
-            held = CORRELATIONS[law.correlation].held
-            how = "extrapolated" if not held or law.water < low else held
-            yield Problem(
-                ("cooling", i, "surface", j, "water"),
-                f"({law.water:.4g} L/(m^2 s)) is outside of what {law.correlation} was measured "
-                f"for, {reach} L/(m^2 s): {how}",
-            )
-        if sprays and not any(isinstance(law, Radiation) for law in zone.surface):
-            yield Problem(
-                ("cooling", i),
-                "a spray without radiation; the correlation is of the water alone, add a surface "
-                'with law = "radiation"',
+    for number, pair in enumerate(rolls.pairs, start=1):
+        if ROUNDING < abs(zone.to - pair.position) < _NEARLY:
+            yield (
+                "to",
+                f"({zone.to:.9g} m) is {1e3 * abs(zone.to - pair.position):.3g} mm off roll "
+                f'{number}: strain rates between them mean nothing; give "{pair.position:.9g} m"',
             )
 
 
-def _wasted(case: Case, zone: Zone, path: tuple[str | int, ...]) -> Iterator[Problem]:
+@caution("cooling.*.surface.*")
+def _sprays(case: Case, law: HeatLaw) -> Faults:
+    """Yield sprays outside of what their correlation was measured for."""
+    if not isinstance(law, Spray) or not law.water:
+        return  # none, or that of the whole zone
+    of = CORRELATIONS[law.correlation]
+    low, high = of.water
+    if not low <= law.water <= high:
+        reach = f"{low:g} to {high:g}" if low else f"at most {high:g}"
+        how = "extrapolated" if not of.held or law.water < low else of.held
+        yield (
+            "water",
+            f"({law.water:.4g} L/(m^2 s)) is outside of what {law.correlation} was measured for, "
+            f"{reach} L/(m^2 s): {how}",
+        )
+
+
+@caution("cooling.*")
+def _radiates(case: Case, zone: Zone) -> Faults:
+    sprays = any(isinstance(law, Spray) for law in zone.surface)
+    if sprays and not any(isinstance(law, Radiation) for law in zone.surface):
+        fix = 'the correlation is of the water alone, add a surface with law = "radiation"'
+        yield "", f"a spray without radiation; {fix}"
+
+
+@caution("cooling.*")
+def _wasted(case: Case, zone: Zone) -> Faults:
     """Yield radiation and convection beside contact that has no gap for them to cross."""
     touching: set[str] = set()
     for law in zone.surface:
@@ -262,41 +241,133 @@ def _wasted(case: Case, zone: Zone, path: tuple[str | int, ...]) -> Iterator[Pro
             touching |= law_groups(case.section, law)
     for index, law in enumerate(zone.surface):
         if law.crosses_gap and touching & law_groups(case.section, law):
-            yield Problem(
-                (*path, "surface", index),
+            yield (
+                f"surface.{index}",
                 f"{law.tag} has no effect beside contact without a gap: where the strand touches "
                 "there is contact alone (eq. 35); what is meant as a mean of both is convection "
                 "with a mean coefficient",
             )
 
 
-def _uncooled(case: Case, zone: Zone, path: tuple[str | int, ...]) -> Iterator[Problem]:
+@caution("cooling.*")
+def _uncooled(case: Case, zone: Zone) -> Faults:
     """Yield a part of the surface that is left out where the rest of it is cooled."""
     cooled = {group for law in zone.surface for group in law_groups(case.section, law)}
     left_out = [group for group in case.section.cooled_groups() if group not in cooled]
     if cooled and left_out:
-        names = ", ".join(left_out)
-        yield Problem(
-            (*path, "surface"),
-            f"no heat law holds on {names}: no heat leaves there; add to a law's `on`, or leave "
-            "`on` out for the whole surface",
+        yield (
+            "surface",
+            f"no heat law holds on {', '.join(left_out)}: no heat leaves there; add to a law's "
+            "`on`, or leave `on` out for the whole surface",
         )
 
 
-def _fixed(case: Case, zone: Zone, path: tuple[str | int, ...]) -> Iterator[Problem]:
+@caution("mechanics")
+def _elastic(case: Case, table: Mechanics) -> Faults:
+    """Yield moduli of the steel that are changed beside an elasticity of its own name."""
+    for name in ("youngs_modulus", "poisson_ratio"):
+        if table.elasticity is not None and name in case.steel.overrides:
+            yield (
+                f"/steel.overrides.{name}",
+                "has no effect beside mechanics.elasticity, which holds it; leave one of them out",
+            )
+
+
+@caution("mould")
+def _fixed(case: Case, mould: Mould) -> Faults:
     """Yield heat in the mould that the gap which opens there does not change."""
-    following = [law for law in zone.surface if isinstance(law, Contact) and law.gap is None]
-    met = {group for law in following for group in law_groups(case.section, law)}
-    for index, law in enumerate(zone.surface):
-        if law in following or _crosses(law, law_groups(case.section, law), met):
+    start = 0.0
+    for number, zone in enumerate(case.cooling):
+        if start >= mould.length:
+            return
+        following = [law for law in zone.surface if isinstance(law, Contact) and law.gap is None]
+        met = {group for law in following for group in law_groups(case.section, law)}
+        for index, law in enumerate(zone.surface):
+            crosses = law.crosses_gap and law_groups(case.section, law) <= met
+            if law not in following and not crosses:
+                fix = 'heat that is to follow it is law = "contact" without the key gap'
+                text = f"{law.called or law.tag} is not changed by the gap that opens in the mould"
+                yield f"/cooling.{number}.surface.{index}", f"{text}; {fix}"
+        start = case.casting.length if zone.to is None else zone.to
+
+
+_REPEATED = ("passes", "settled", "window_error")
+
+
+def _changed(table: TableModel) -> list[str]:
+    """Keys with another value than their default: the case of a run names the defaults, too."""
+    fields = type(table).model_fields
+    needed = {name for name, field in fields.items() if field.is_required()}
+    plain = type(table).model_validate(table.model_dump(mode="json", include=needed))
+    return [n for n in fields if getattr(table, n) != getattr(plain, n)]
+
+
+@caution()
+def _longest_step(case: Case, _: object) -> Faults:
+    """Yield a step that was asked for and is never taken, since fields are written within it."""
+    time, every = case.thermal.time, case.output_every
+    given: dict[tuple[str, ...], float | None] = {("step",): time.step}
+    if time.adaptive is not None and "largest" in _changed(time.adaptive):
+        given = {("adaptive", "largest"): time.adaptive.largest}
+    for name, step in given.items():
+        if case.output_fields and step is not None and step > every * (1.0 + ROUNDING):
+            yield (
+                ".".join(("thermal", "time", *name)),
+                f"({step:.4g} s) is cut to output.every ({every:.4g} s): the states of the fields "
+                "end a step; write them less often, or none (output.fields = [])",
+            )
+
+
+@caution("casting.start")
+def _clock(case: Case, start: Start) -> Faults:
+    """Yield a start by the clock, where nothing goes by it."""
+    if not start.time:
+        return
+    water = [] if case.water is None else [case.water.flow]
+    water += [getattr(law, "flow", None) for zone in case.cooling for law in zone.surface]
+    water += [] if case.secondary is None else [c.flow for c in case.secondary.circuit]
+    given = (case.casting.speed, case.casting.superheat, *water)
+    if not any(isinstance(value, Table) and value.over == "time" for value in given):
+        yield "time", "has no effect: no speed, superheat or flow of water is over time"
+
+
+@caution("coupling")
+def _coupling(case: Case, table: Coupling) -> Faults:
+    """Yield what is told of windows that are not repeated, or of a coupling that is not there."""
+    given = _changed(table)
+    if case.mechanics is None:
+        for name in given:
+            yield name, "has no effect without [mechanics]"
+        return
+    if "strain_error" in given and (table.growth or 1.0) == 1.0:
+        yield "strain_error", "has no effect without coupling.growth"
+    for name in (n for n in _REPEATED if n in given):
+        if case.mould is None:
+            reason = "without [mould]: no gap opens, and a window is not repeated"
+        elif table.order != "thermal_first":
+            reason = f'with order = "{table.order}": a window is not repeated'
+        elif name == "window_error" and table.passes == 1:
+            reason = "with passes = 1: the error of a window is found by repeating it"
+        else:
             continue
-        yield Problem(
-            (*path, "surface", index),
-            f"{law.called or law.tag} is not changed by the gap that opens in the mould; heat "
-            'that is to follow it is law = "contact" without the key gap',
-        )
+        yield name, f"has no effect {reason}"
 
 
-def _crosses(law: HeatLaw, groups: set[str], met: set[str]) -> bool:
-    """Return whether a law crosses the gap of contact wherever it holds."""
-    return law.crosses_gap and groups <= met
+@own_caution("mechanics")
+def _liquid(case: Case, table: Mechanics) -> Faults:
+    """Yield a modulus of liquid that is fed, where no mushy zone is stiffer than it."""
+    if not table.liquid_has_modulus and "liquid_stiffness" in _changed(table):
+        fix = 'what has this modulus is liquid = "elastic", or a mushy zone that stiffens (mush)'
+        yield "liquid_stiffness", f"has no effect: liquid that is fed has none; {fix}"
+
+
+@caution("machine.extraction")
+def _extraction(case: Case, table: Extraction) -> Faults:
+    """Yield friction and bending that a maker's curve has in it."""
+    rolls = None if case.machine is None else case.machine.pairs()
+    if rolls is None or table.resistance == COUPLED:
+        return
+    locked = any(pair.locked for pair in rolls.pairs)
+    for name in ("bending", *(() if locked else ("friction_axis", "friction_surface"))):
+        if name in _changed(table):
+            yield name, "has no effect beside a maker's curve, which has it in it"

@@ -11,36 +11,33 @@ from pydantic import Field
 from castfem.base.errors import InputError
 from castfem.base.messages import choices
 from castfem.base.quantities import Distance, Kind
+from castfem.base.tolerances import ROUNDING
 from castfem.base.types import Array
-from castfem.base.units import nearest
+from castfem.base.units import in_mm, nearest
 from castfem.model.base import TableModel
+from castfem.model.checks import Faults, check, given, twice
 
 if TYPE_CHECKING:
     from castfem.model.case import Case
 
+_ONE_SIDED = {"quarter": "xy", "half": "x"}  # part of the section: coordinates without negatives
 Coordinate = Annotated[float, Kind("m", "mm")]
 
 
 class Probe(TableModel):
     """A point of the steel that is followed, as a thermocouple would; x and y, or a depth."""
 
-    name: str = Field(
-        pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$",
-        description="name of the probe and of its file, probes/NAME.csv",
-    )
-    x: Coordinate | None = Field(
-        None, description="place on the undeformed section, from its middle", examples=["30 mm"]
-    )
-    y: Coordinate | None = Field(None, description="likewise, with x", examples=["57.5 mm"])
-    under: str | None = Field(
-        None,
-        description="place of the surface below which it lies, instead of x and y: mid_face, "
-        "narrow_face, corner ... as in the columns of history.csv",
-        examples=["mid_face"],
-    )
-    depth: Distance | None = Field(
-        None, description="how deep below it, with under", examples=["5 mm"]
-    )
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$")
+    """name of the probe and of its file, probes/NAME.csv"""
+    x: Coordinate | None = Field(None, examples=["30 mm"])
+    """place on the undeformed section, from its middle"""
+    y: Coordinate | None = Field(None, examples=["57.5 mm"])
+    """likewise, with x"""
+    under: str | None = Field(None, examples=["mid_face"])
+    """place of the surface below which it lies, instead of x and y: mid_face, narrow_face, corner
+    ... as in the columns of history.csv"""
+    depth: Distance | None = Field(None, examples=["5 mm"])
+    """how deep below it, with under"""
 
     def place(self, lines: Mapping[str, tuple[Any, Any]]) -> Array:
         """Return where it lies on the undeformed section, x and y in m.
@@ -85,3 +82,37 @@ def outside(case: Case, name: str, place: Array) -> InputError:
         f'output.probe "{name}": x = {x:g}, y = {y:g} mm lies outside the section{round_}{mend}; '
         "under and depth, instead of x and y, place it below the surface"
     )
+
+
+@check("output")
+def _names(case: Case, output: Any) -> Faults:
+    for key, text in twice([probe.name for probe in output.probe], "name", str.lower):
+        yield f"probe.{key}", text
+
+
+@check("output.probe.*")
+def _says_where(case: Case, probe: Probe) -> Faults:
+    found = [given(probe, *way) for way in (("x", "y"), ("under", "depth"))]
+    if all(found) or not any(found):
+        yield "", "one of x with y, or under with depth, is needed to say where it is"
+    for one, other in (("x", "y"), ("y", "x"), ("under", "depth"), ("depth", "under")):
+        if given(probe, one) and not given(probe, other):
+            yield "", f"{other} is missing; {one} and {other} go together"
+
+
+@check("output.probe.*")
+def _is_within(case: Case, probe: Probe) -> Faults:
+    """Yield a place beyond the rectangle round the section; the run looks closer."""
+    section = case.section
+    width, height = section.outline()
+    if width is None or height is None or getattr(section, "bulge", None) is not None:
+        return
+    part = getattr(section, "symmetry", "")
+    for key, size in (("x", width), ("y", height)):
+        at = getattr(probe, key)
+        if at is not None and abs(at) > 0.5 * size * (1.0 + ROUNDING):
+            most = f"which reaches to {in_mm(0.5 * size)} from its middle"
+            yield key, f"({in_mm(at)}) lies outside of the section, {most}"
+        elif at is not None and at < -ROUNDING * size and key in _ONE_SIDED.get(part, ""):
+            fix = f"the modelled part is a {part}; give its mirror image, {in_mm(-at)}"
+            yield key, f"({in_mm(at)}) lies beyond the line of symmetry: {fix}"

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import types
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
@@ -15,7 +15,7 @@ from castfem.base.messages import Path, choices, dotted, shown
 from castfem.base.quantities import Kind
 from castfem.base.table_notation import Curve
 from castfem.base.units import nearest
-from castfem.model.base import TableModel
+from castfem.model.base import TableModel, meaning
 from castfem.model.variants import Variants, tag_of
 
 _MISSING = object()
@@ -116,18 +116,19 @@ _PLAIN = {
 def _missing(model: type[TableModel] | None, path: Path) -> str:
     """Say what is missing, and how it may be written."""
     field = model.model_fields.get(str(path[-1])) if model else None
-    if field is None:
+    if field is None or model is None:
         return "is missing"
+    what = meaning(model)[str(path[-1])]
     for kind in field.metadata:
         if isinstance(kind, Kind | Curve):
             plain = kind.kind if isinstance(kind, Curve) else kind
             example = field.examples[0] if field.examples else plain.example
-            return f'is missing; {field.description}, such as "{example}"'
+            return f'is missing; {what}, such as "{example}"'
     if submodels(field.annotation):
         if _listed(field.annotation):
             return f"is missing; at least one table {_entry(path)} is needed"
         return f"the table [{dotted(path)}] is missing"
-    return f"is missing; {field.description}"
+    return f"is missing; {what}"
 
 
 def _listed(annotation: Any) -> bool:
@@ -157,6 +158,36 @@ def submodels(annotation: Any) -> list[type[TableModel]]:
     if origin in (tuple, list, typing.Union, types.UnionType):
         return [m for inner in typing.get_args(annotation) for m in submodels(inner)]
     return []
+
+
+class Table(NamedTuple):
+    """A table that a case may have.
+
+    Attributes:
+        path: Its keys.
+        model: Its model; of a table of several kinds, one for each.
+        listed: Whether it, or one around it, is an entry of an array.
+        heading: As in a file, [[cooling]].
+    """
+
+    path: tuple[str, ...]
+    model: type[TableModel]
+    listed: bool
+    heading: str
+
+
+def tables(root: type[TableModel]) -> Iterator[Table]:
+    """Yield the tables of a kind of case, those within others behind them, the root first."""
+
+    def within(table: Table) -> Iterator[Table]:
+        yield table
+        for key, field in table.model.model_fields.items():
+            path, listed = (*table.path, key), _listed(field.annotation)
+            heading = f"[[{dotted(path)}]]" if listed else f"[{dotted(path)}]"
+            for model in submodels(field.annotation):
+                yield from within(Table(path, model, listed or table.listed, heading))
+
+    yield from within(Table((), root, False, ""))
 
 
 def below(root: type[TableModel], name: str) -> list[str]:

@@ -12,8 +12,7 @@ from castfem.base.quantities import Kind, Notation
 from castfem.model.base import TableModel, written
 
 if TYPE_CHECKING:
-    from pydantic import GetJsonSchemaHandler
-    from pydantic_core import CoreSchema
+    pass
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +45,8 @@ class Range(Notation):
         """Return what reads back to the same range."""
         return [self.kind.write(end) for end in value]
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def json_schema(self) -> dict[str, Any]:
+        """See `Notation.json_schema`."""
         return {
             "type": "array",
             "items": self.kind.json_schema(),
@@ -67,21 +65,12 @@ STRAIN = Kind("1", above=0.0, label="strain", sample="0.004")
 class Quality(TableModel):
     """By what the strand is judged: crack indexes, end of the pool, soft reduction."""
 
-    band: Annotated[tuple[float, float], TEMPERATURES] = Field(
-        written(["800 degC", "950 degC"]),  # type: ignore[arg-type]
-        description="temperatures between which the steel has little ductility, of I1 and I2",
-    )
-    brittle: Annotated[tuple[float, float], SOLID_FRACTIONS] = Field(
-        written([0.9, 0.99]),  # type: ignore[arg-type]
-        description="solid fractions between which the mushy zone tears, of `brittle_strain`",
-    )
-    critical_strain: Annotated[float, STRAIN] | None = Field(
-        None,
-        description="strain in the brittle range from which on the steel tears; left out: none is "
-        "known, and no share of it is told",
-        examples=["0.4 percent"],
-    )
-    soft_reduction: Annotated[tuple[float, float], SOLID_FRACTIONS] = Field(
-        written([0.3, 0.7]),  # type: ignore[arg-type]
-        description="solid fractions on the centre line between which reduction closes segregation",
-    )
+    band: Annotated[tuple[float, float], TEMPERATURES] = written(["800 degC", "950 degC"])  # type: ignore[arg-type]
+    """temperatures between which the steel has little ductility, of I1 and I2"""
+    brittle: Annotated[tuple[float, float], SOLID_FRACTIONS] = written([0.9, 0.99])  # type: ignore[arg-type]
+    """solid fractions between which the mushy zone tears, of `brittle_strain`"""
+    critical_strain: Annotated[float, STRAIN] | None = Field(None, examples=["0.4 percent"])
+    """strain in the brittle range from which on the steel tears; left out: none is known, and no
+    share of it is told"""
+    soft_reduction: Annotated[tuple[float, float], SOLID_FRACTIONS] = written([0.3, 0.7])  # type: ignore[arg-type]
+    """solid fractions on the centre line between which reduction closes segregation"""

@@ -15,37 +15,18 @@ from castfem.base.curves import CurveOrName
 from castfem.base.quantities import Kind, KindOr, NameOf
 from castfem.base.shown_units import UnitsNotation
 from castfem.base.table_notation import Curve, CurveOr
-from castfem.model.base import TableModel
-from castfem.model.bulging import Bulging
-from castfem.model.casting import Casting, Output, Reference, Start, Steel
-from castfem.model.coefficient_table import NozzleTable
-from castfem.model.cooling import HeatLaw, Zone
-from castfem.model.defects import Defect
-from castfem.model.extraction import Extraction
-from castfem.model.machine import Machine, RollSegment, RollTable
-from castfem.model.mechanics import (
-    AxisMark,
-    Coupling,
-    GeneralizedPlaneStrain,
-    GivenDisplacement,
-    Mechanics,
-    WindowMark,
-)
-from castfem.model.mould import ContactSettings, Copper, Friction, Mould, Oscillation
-from castfem.model.mould_tube import MouldTube
-from castfem.model.optimise import Front, Input, Optimise, Variable
-from castfem.model.probe import Probe
-from castfem.model.problems import submodels
-from castfem.model.quality import Quality, Range
-from castfem.model.secondary import Circuit, NozzleModel, RollContact, Secondary
-from castfem.model.section import Mesh, Section
+from castfem.model.base import meaning
+from castfem.model.case import Case
+from castfem.model.machine import RollTable
+from castfem.model.mechanics import AxisMark, WindowMark
+from castfem.model.problems import Table, submodels, tables
+from castfem.model.quality import Range
+from castfem.model.secondary import NozzleTable
+from castfem.model.section import Section
 from castfem.model.taper import TaperMark
-from castfem.model.tensile import Segment, Tensile, TensileOutput
-from castfem.model.thermal import Adaptive, Stepping, Thermal
-from castfem.model.variants import Variants
-from castfem.model.verification import Verification
+from castfem.model.tensile import TensileCase, TensileOutput
+from castfem.model.variants import Variants, tag_of
 from castfem.model.wall_shape import WallShape
-from castfem.model.water import Water
 
 _HEAD = """\
 # Case files
@@ -122,51 +103,6 @@ checkpoint; output settings (other than which fields are written), title, refere
 ## Keys
 """
 
-_TABLES: tuple[tuple[str, type[TableModel]], ...] = (
-    ("[casting]", Casting),
-    ("[casting.start]", Start),
-    ("[steel]", Steel),
-    ("[section]", Section),
-    ("[mesh]", Mesh),
-    ("[[cooling]]", Zone),
-    ("[[cooling.surface]]", HeatLaw),
-    ("[thermal]", Thermal),
-    ("[thermal.time]", Stepping),
-    ("[thermal.time.adaptive]", Adaptive),
-    ("[mechanics]", Mechanics),
-    ("[mechanics.planes]", GeneralizedPlaneStrain),
-    ("[mechanics.bulging]", Bulging),
-    ("[[mechanics.held]]", GivenDisplacement),
-    ("[coupling]", Coupling),
-    ("[mould]", Mould),
-    ("[mould.copper]", Copper),
-    ("[mould.tube]", MouldTube),
-    ("[mould.oscillation]", Oscillation),
-    ("[mould.contact]", ContactSettings),
-    ("[mould.friction]", Friction),
-    ("[machine]", Machine),
-    ("[[machine.segment]]", RollSegment),
-    ("[machine.extraction]", Extraction),
-    ("[[machine.defect]]", Defect),
-    ("[secondary]", Secondary),
-    ("[secondary.contact]", RollContact),
-    ("[[secondary.nozzle]]", NozzleModel),
-    ("[[secondary.circuit]]", Circuit),
-    ("[water]", Water),
-    ("[quality]", Quality),
-    ("[output]", Output),
-    ("[[output.probe]]", Probe),
-    ("[verification]", Verification),
-    ("[[reference]]", Reference),
-    ("[optimise]", Optimise),
-    ("[[optimise.variable]]", Variable),
-    ("[[optimise.input]]", Input),
-    ("[optimise.front]", Front),
-    ("[tensile]", Tensile),
-    ("[[tensile.segment]]", Segment),
-    ("[output], of a tensile test", TensileOutput),
-)
-
 _TOP = """
 ### top of the file
 
@@ -180,29 +116,26 @@ _TOP = """
 def markdown_page() -> str:
     """Return the whole reference page."""
     parts = [_HEAD, _TOP]
-    parts += ["".join(_table(name, model)) for name, model in _tables()]
+    parts += ["".join(_table(one)) for one in tables(Case) if one.path]
+    parts += ["".join(_table(one)) for one in tables(TensileCase) if one.path != ("reference",)]
     return "".join(parts) + "".join(_groups())
 
 
-def _tables() -> Iterator[tuple[str, type[TableModel]]]:
-    """Yield heading and model of each table; of one that has kinds, those of every kind."""
-    for name, model in _TABLES:
-        if not issubclass(model, Variants):
-            yield name, model
-            continue
-        for tag, kind in model.kinds.items():
-            yield f'{name}, {model.tag_key} = "{tag}"', kind
-
-
-def _table(name: str, model: type[TableModel]) -> Iterator[str]:
+def _table(table: Table) -> Iterator[str]:
     """Yield the section on one table."""
+    model, name = table.model, table.heading
+    if model is TensileCase:
+        return
+    if (tag := tag_of(model)) is not None and issubclass(model, Variants):
+        name += f', {model.tag_key} = "{tag}"'
+    name += ", of a tensile test" if model is TensileOutput else ""
     text = (model.__doc__ or "").strip().splitlines()[0]
     yield f"\n### `{name}`\n\n{text}\n\n"
     yield "| key | takes | default | meaning |\n|---|---|---|---|\n"
     for key, field in model.model_fields.items():
         if _is_tag(key, field) or _is_table(field):
             continue
-        yield f"| `{key}` | {_takes(field)} | {_default(field)} | {field.description or ''} |\n"
+        yield f"| `{key}` | {_takes(field)} | {_default(field)} | {meaning(model)[key]} |\n"
 
 
 def _is_tag(key: str, field: FieldInfo) -> bool:

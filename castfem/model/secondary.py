@@ -6,22 +6,28 @@ What reads it into geometry and laws (`castfem.physics.machine.sprays`,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
+from castfem.base.csv_files import UnreadableError, read_csv
 from castfem.base.quantities import (
     HeatTransferCoefficient,
     Kind,
     Length,
     NameOf,
+    Notation,
     PositiveNumber,
     Temperature,
+    WaterFlow,
     WaterTemperature,
 )
+from castfem.base.table_notation import schema_of_columns
+from castfem.base.units import nearest
 from castfem.model.base import TableModel, written
-from castfem.model.coefficient_table import NozzleTable
 from castfem.model.cooling import CoefficientOfTemperature, EmissivityOfTemperature
 from castfem.model.water import SpecificWater, WaterShare, ZoneFlow
 from castfem.physics.thermal.sprays import CORRELATIONS
@@ -29,7 +35,128 @@ from castfem.physics.thermal.sprays import CORRELATIONS
 if TYPE_CHECKING:
     from castfem.physics.machine.rolls import Rolls
     from castfem.physics.machine.sprays import Row, Stretch
-    from castfem.physics.thermal.spray_water import Coefficient
+    from castfem.physics.thermal.spray_water import Coefficient, CoefficientTable
+
+
+_KINDS: dict[str, Kind] = {
+    "temperature": Kind("K", "degC"),
+    "water": WaterFlow.__metadata__[0],  # type: ignore[attr-defined]
+    "value": HeatTransferCoefficient.__metadata__[0],  # type: ignore[attr-defined]
+}
+_UNITS = {"temperature": "temperature_unit", "water": "water_unit", "value": "unit"}
+_HEADER = "temperature [degC], water [L/(m^2 s)], value [W/(m^2 K)]"
+
+
+@dataclass(frozen=True, slots=True)
+class NozzleTable(Notation):
+    """Annotation of a field that takes h(T, W): a CSV file, or columns."""
+
+    takes: str = 'CSV file `{ file = "nozzle.csv" }`, or its columns'
+
+    def read(self, given: object) -> CoefficientTable | None:
+        """Return the table, or raise ValueError."""
+        from castfem.physics.thermal.spray_water import CoefficientTable
+
+        if given is None or isinstance(given, CoefficientTable):
+            return given
+        if not isinstance(given, Mapping):
+            raise ValueError('a table is needed, { file = "nozzle.csv" } with ' + _HEADER)
+        if "file" in given:
+            if len(given) > 1:
+                raise ValueError("a table with a file takes no other key")
+            return _from_file(Path(str(given["file"])))
+        return _from_columns(given)
+
+    def write(self, value: CoefficientTable | None) -> Any:
+        """Return what reads back to the same table."""
+        if value is None:
+            return None
+        rows = [
+            (t, w, h)
+            for t, line in zip(value.temperatures, value.values, strict=True)
+            for w, h in zip(value.water, line, strict=True)
+        ]
+        return {
+            name: [kind.write(row[i]) for row in rows]
+            for i, (name, kind) in enumerate(_KINDS.items())
+        }
+
+    def json_schema(self) -> dict[str, Any]:
+        """See `Notation.json_schema`."""
+        ways = schema_of_columns(_KINDS, tuple(_UNITS.values()))
+        return {"anyOf": ways, "description": "h(T, W), from a file"}
+
+
+def _from_file(path: Path) -> CoefficientTable:
+    try:
+        file = read_csv(path)
+    except UnreadableError as error:
+        raise ValueError(f"cannot read the table '{path}': {error}") from None
+    names = [heading.name for heading in file.headings]
+    if sorted(names) != sorted(_KINDS) or not file.rows:
+        raise ValueError(f"'{path}' line {file.line}: a header and rows are needed: {_HEADER}")
+    for row in file.rows:
+        if len(row.cells) != len(names):
+            raise ValueError(f"'{path}' line {row.line}: {len(row.cells)} cells, not {len(names)}")
+    columns: dict[str, Any] = {}
+    for i, heading in enumerate(file.headings):
+        columns[heading.name] = [row.cells[i] for row in file.rows]
+        columns[_UNITS[heading.name]] = heading.unit
+    try:
+        return _from_columns(columns, tuple(row.line for row in file.rows))
+    except ValueError as error:
+        raise ValueError(f"'{path}' {error}") from None
+
+
+def _from_columns(given: Mapping[str, Any], lines: Sequence[int] = ()) -> CoefficientTable:
+    """Return the table in columns, a row for each temperature and flow, in any order."""
+    from castfem.physics.thermal.spray_water import CoefficientTable
+
+    allowed = (*_KINDS, *_UNITS.values(), "file")
+    for key in given:
+        if key not in allowed:
+            fix = f"allowed: {', '.join(allowed)}{nearest(str(key), allowed)}"
+            raise ValueError(f"unknown key '{key}' in a table h(T, W); {fix}")
+    for name in _KINDS:
+        if not isinstance(given.get(name), Sequence) or isinstance(given[name], str):
+            raise ValueError(f"a table h(T, W) needs the column '{name}'")
+    lengths = {len(given[name]) for name in _KINDS}
+    if len(lengths) > 1:
+        raise ValueError("the columns of a table h(T, W) must be equally long")
+    found: dict[tuple[float, float], float] = {}
+    for i in range(lengths.pop()):
+        where = f"line {lines[i]}" if lines else f"row {i + 1}"
+        t, w, h = (_cell(name, given[name][i], given.get(_UNITS[name]), where) for name in _KINDS)
+        if (t, w) in found:
+            raise ValueError(f"{where}: this temperature and flow stand there twice")
+        found[t, w] = h
+    temperatures, water = (tuple(sorted({key[k] for key in found})) for k in range(2))
+    if len(temperatures) < 2 or len(water) < 2:
+        raise ValueError("at least two temperatures and two flows are needed")
+    if water[0] != 0.0:
+        raise ValueError("the flows must begin at 0: what holds at the edge of a spray")
+    gaps = [(t, w) for t in temperatures for w in water if (t, w) not in found]
+    if gaps:
+        at = [_KINDS[name].write(x) for name, x in zip(_KINDS, gaps[0], strict=False)]
+        raise ValueError(f"no value at {at[0]} and {at[1]}; one for each pair is needed")
+    values = tuple(tuple(found[t, w] for w in water) for t in temperatures)
+    return CoefficientTable(temperatures, water, values)
+
+
+def _cell(name: str, cell: object, unit: object, where: str) -> float:
+    """Read a cell, in the unit of its column where it has none itself."""
+    text = str(cell).strip()
+    try:
+        try:
+            float(text)
+        except ValueError:
+            return _KINDS[name].read(text)
+        if not unit:
+            raise ValueError(f"name the unit of the column, {name} [{_KINDS[name].shown}]")
+        return _KINDS[name].read(f"{text} {unit}")
+    except ValueError as error:
+        raise ValueError(f"{where}: {name} ({text}): {error}") from None
+
 
 Angle = Annotated[float, Kind("rad", "deg", above=0.0, most=3.0)]
 Place = Annotated[float, Kind("m", "mm")]
@@ -48,44 +175,36 @@ def is_wide(name: str) -> bool:
 class RollContact(TableModel):
     """Contact with the rolls; one of `share` and `coefficient`."""
 
-    angle: Angle = Field(
-        description="part of a roll's circumference that touches the strand; the length of contact "
-        "is that of the arc",
-        examples=["10 deg"],
-    )
-    share: Share | None = Field(
-        None, description="share of a roll in the heat of its pitch, 0.01 to 0.22 [Meng2003]"
-    )
-    coefficient: HeatTransferCoefficient | None = Field(
-        None, description="heat transfer coefficient of contact"
-    )
-    temperature: Temperature | None = Field(
-        None, description="temperature of the rolls, with coefficient", examples=["150 degC"]
-    )
+    angle: Angle = Field(examples=["10 deg"])
+    """part of a roll's circumference that touches the strand; the length of contact is that of the
+    arc"""
+    share: Share | None = None
+    """share of a roll in the heat of its pitch, 0.01 to 0.22 [Meng2003]"""
+    coefficient: HeatTransferCoefficient | None = None
+    """heat transfer coefficient of contact"""
+    temperature: Temperature | None = Field(None, examples=["150 degC"])
+    """temperature of the rolls, with coefficient"""
 
 
 class NozzleModel(TableModel):
     """A model of nozzle; one of `table` and `correlation`."""
 
-    name: str = Field(min_length=1, description="name of the model")
-    angle: Angle = Field(description="of its spray across the strand", examples=["110 deg"])
-    angle_along: Angle = Field(description="of its spray along the strand", examples=["14 deg"])
-    edge: Edge = Field(
-        0.0,
-        description="share of the half width over which its water falls to zero at the ends; 0 is "
-        "even all over, 1 a triangle",
-    )
-    table: Annotated[Any, NozzleTable()] = Field(
-        None,
-        description="measured coefficients of the water alone over surface temperature and water, "
-        "beginning at no water",
-    )
-    correlation: Annotated[str, NameOf(CORRELATIONS)] | None = Field(
-        None, description="formula of the coefficient; below its least water it falls to zero"
-    )
-    machine_factor: PositiveNumber = Field(
-        1.0, description="divides the coefficient: fit to the machine", examples=[4]
-    )
+    name: str = Field(min_length=1)
+    """name of the model"""
+    angle: Angle = Field(examples=["110 deg"])
+    """of its spray across the strand"""
+    angle_along: Angle = Field(examples=["14 deg"])
+    """of its spray along the strand"""
+    edge: Edge = 0.0
+    """share of the half width over which its water falls to zero at the ends; 0 is even all over, 1
+    a triangle"""
+    table: Annotated[Any, NozzleTable()] = None
+    """measured coefficients of the water alone over surface temperature and water, beginning at no
+    water"""
+    correlation: Annotated[str, NameOf(CORRELATIONS)] | None = None
+    """formula of the coefficient; below its least water it falls to zero"""
+    machine_factor: PositiveNumber = Field(1.0, examples=[4])
+    """divides the coefficient: fit to the machine"""
 
     def coefficient(self, water_temperature: float) -> Coefficient:
         """Return h of water and surface temperature."""
@@ -106,38 +225,25 @@ class NozzleModel(TableModel):
 class Circuit(TableModel):
     """Nozzles of one model that one valve feeds: a row of them in each gap between some rolls."""
 
-    name: str = Field(min_length=1, description="name of the circuit")
-    on: tuple[str, ...] = Field(
-        min_length=1,
-        description="faces it sprays; a name also stands for all groups that begin with it",
-    )
-    rolls: tuple[int, int] = Field(
-        description="number of the roll above the first row and of that below the last",
-        examples=[[8, 15]],
-    )
-    nozzle: str = Field(description="their model, the name of a [[secondary.nozzle]]")
-    across: tuple[Place, ...] = Field(
-        min_length=1,
-        description="where the nozzles of a row stand, from the middle of the face",
-        examples=[["-300 mm", "300 mm"]],
-    )
-    stand_off: Length = Field(
-        description="distance of the nozzles from the surface", examples=["210 mm"]
-    )
-    flow: ZoneFlow | None = Field(
-        None,
-        description="water of all its nozzles together, on the whole strand; over the casting "
-        "speed, or the time by the clock of casting.start.time",
-        examples=["445 L/min"],
-    )
-    specific: SpecificWater | None = Field(
-        None,
-        description="instead, per mass of steel that passes; it follows the casting speed",
-        examples=["0.12 L/kg"],
-    )
-    share: WaterShare | None = Field(
-        None, description="instead, its share of [water]", examples=[0.3]
-    )
+    name: str = Field(min_length=1)
+    """name of the circuit"""
+    on: tuple[str, ...] = Field(min_length=1)
+    """faces it sprays; a name also stands for all groups that begin with it"""
+    rolls: tuple[int, int] = Field(examples=[[8, 15]])
+    """number of the roll above the first row and of that below the last"""
+    nozzle: str
+    """their model, the name of a [[secondary.nozzle]]"""
+    across: tuple[Place, ...] = Field(min_length=1, examples=[["-300 mm", "300 mm"]])
+    """where the nozzles of a row stand, from the middle of the face"""
+    stand_off: Length = Field(examples=["210 mm"])
+    """distance of the nozzles from the surface"""
+    flow: ZoneFlow | None = Field(None, examples=["445 L/min"])
+    """water of all its nozzles together, on the whole strand; over the casting speed, or the time
+    by the clock of casting.start.time"""
+    specific: SpecificWater | None = Field(None, examples=["0.12 L/kg"])
+    """instead, per mass of steel that passes; it follows the casting speed"""
+    share: WaterShare | None = Field(None, examples=[0.3])
+    """instead, its share of [water]"""
 
     def nozzles(self) -> int:
         """Return how many nozzles share its flow, on the whole strand."""
@@ -156,33 +262,24 @@ class Secondary(TableModel):
     All but contact radiates to the surroundings.
     """
 
-    ambient: Temperature = Field(
-        description="temperature of rolls and surroundings that the strand radiates to",
-        examples=["60 degC"],
-    )
-    emissivity: EmissivityOfTemperature | None = Field(
-        None, description="emissivity of the strand; by default the steel's"
-    )
-    water_temperature: WaterTemperature = Field(
-        written("25 degC"), description="temperature of the water"
-    )
-    contact: RollContact | None = Field(
-        None, description="contact with the rolls, on the wide faces; left out: none"
-    )
-    run_off: CoefficientOfTemperature | None = Field(
-        None,
-        description="coefficient of the water between a spray and the next roll, on the wide "
-        "faces; left out: none",
-        examples=["150 W/(m^2 K)"],
-    )
-    falls_off: Angle | None = Field(
-        None,
-        description="inclination to the vertical from which on water falls off the extrados rather "
-        "than run on to the next roll; left out: it never does",
-        examples=["60 deg"],
-    )
-    nozzle: tuple[NozzleModel, ...] = Field((), description="models of nozzles")
-    circuit: tuple[Circuit, ...] = Field((), description="circuits of water")
+    ambient: Temperature = Field(examples=["60 degC"])
+    """temperature of rolls and surroundings that the strand radiates to"""
+    emissivity: EmissivityOfTemperature | None = None
+    """emissivity of the strand; by default the steel's"""
+    water_temperature: WaterTemperature = written("25 degC")
+    """temperature of the water"""
+    contact: RollContact | None = None
+    """contact with the rolls, on the wide faces; left out: none"""
+    run_off: CoefficientOfTemperature | None = Field(None, examples=["150 W/(m^2 K)"])
+    """coefficient of the water between a spray and the next roll, on the wide faces; left out:
+    none"""
+    falls_off: Angle | None = Field(None, examples=["60 deg"])
+    """inclination to the vertical from which on water falls off the extrados rather than run on to
+    the next roll; left out: it never does"""
+    nozzle: tuple[NozzleModel, ...] = ()
+    """models of nozzles"""
+    circuit: tuple[Circuit, ...] = ()
+    """circuits of water"""
 
     def model_of(self, circuit: Circuit) -> NozzleModel:
         """Return the model of a circuit's nozzles, in a sound case."""

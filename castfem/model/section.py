@@ -7,18 +7,24 @@ A shape of section is one class here: its sizes, its boundary groups, the cavity
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Annotated, Any, ClassVar, Literal
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
+from castfem.base.errors import CaseError
 from castfem.base.quantities import Distance, Kind, Length
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
 from castfem.base.units import in_mm
-from castfem.model.base import TableModel, written
-from castfem.model.problems import Problem
+from castfem.model.base import TableModel, Unreadable, written
+from castfem.model.checks import Faults, caution, check
 from castfem.model.variants import Variants
 from castfem.physics import mould as wall
+
+if TYPE_CHECKING:
+    from castfem.model.case import Case
+
 
 Size = Callable[[str], float]
 """Size of a cavity at the meniscus by the name that [mould] and [section] give it, m."""
@@ -83,10 +89,6 @@ class Section(Variants):
         """Return whether part of its surface is an arc."""
         return bool(getattr(self, "corner_radius", 0.0))
 
-    def problems(self) -> Iterator[Problem]:
-        """Yield what its sizes cannot be together."""
-        yield from ()
-
     def cavity(self, size: Size, hot: float) -> wall.Cavity:
         """Return the cavity of its mould.
 
@@ -108,28 +110,16 @@ class Rectangle(Section):
     one_taper: ClassVar[bool] = False
 
     shape: Literal["rectangle"]
-    width: Length = Field(description="size in x, along the wide face")
-    height: Length = Field(description="size in y, along the narrow face (thickness of a slab)")
-    corner_radius: Distance = Field(
-        written("0 mm"), description="radius of the corners; 0 mm for sharp ones"
-    )
+    width: Length
+    """size in x, along the wide face"""
+    height: Length
+    """size in y, along the narrow face (thickness of a slab)"""
+    corner_radius: Distance = written("0 mm")
+    """radius of the corners; 0 mm for sharp ones"""
     symmetry: Symmetry = Field("quarter", description=_SYMMETRY)
-    bulge: Bulge | None = Field(
-        None,
-        description="how far the outline at the meniscus stands out from the rectangle, over the "
-        "way round a quarter from the middle of the narrow face; `castfem section` writes it",
-    )
-
-    def problems(self) -> Iterator[Problem]:
-        """See `Section.problems`."""
-        radius, sides = self.corner_radius, (self.width, self.height)
-        if None not in (radius, *sides) and radius >= 0.5 * min(sides):
-            given, most = (in_mm(x) for x in (radius, 0.5 * min(sides)))
-            yield Problem(
-                ("section", "corner_radius"),
-                f"({given}) leaves no flat face; allowed: below half the smaller side "
-                f'({most}), or shape = "round"',
-            )
+    bulge: Bulge | None = None
+    """how far the outline at the meniscus stands out from the rectangle, over the way round a
+    quarter from the middle of the narrow face; `castfem section` writes it"""
 
     def cavity(self, size: Size, hot: float) -> wall.Cavity:
         """See `Section.cavity`."""
@@ -144,7 +134,8 @@ class Round(Section):
     has_corner: ClassVar[bool] = False
 
     shape: Literal["round"]
-    diameter: Length = Field(description="diameter of the section")
+    diameter: Length
+    """diameter of the section"""
     symmetry: Symmetry = Field("quarter", description=_SYMMETRY)
 
     def outline(self) -> tuple[float | None, float | None]:
@@ -174,18 +165,22 @@ class BeamBlank(Section):
     }
 
     shape: Literal["beam_blank"]
-    width: Length = Field(description="size in x, over the outer faces of the flanges")
-    height: Length = Field(description="size in y, of the flanges from tip to tip")
-    web_thickness: Length = Field(description="thickness of the web, in y")
-    flange_thickness: Length = Field(
-        description="thickness of a flange at its tip, in x, the flank drawn through"
-    )
-    root_thickness: Length = Field(
-        description="thickness of a flange at the surface of the web, likewise"
-    )
-    fillet_radius: Length = Field(description="radius between web and flank (concave)")
-    shoulder_radius: Length = Field(description="radius between flank and tip (convex)")
-    corner_radius: Length = Field(description="radius between tip and outer face (convex)")
+    width: Length
+    """size in x, over the outer faces of the flanges"""
+    height: Length
+    """size in y, of the flanges from tip to tip"""
+    web_thickness: Length
+    """thickness of the web, in y"""
+    flange_thickness: Length
+    """thickness of a flange at its tip, in x, the flank drawn through"""
+    root_thickness: Length
+    """thickness of a flange at the surface of the web, likewise"""
+    fillet_radius: Length
+    """radius between web and flank (concave)"""
+    shoulder_radius: Length
+    """radius between flank and tip (convex)"""
+    corner_radius: Length
+    """radius between tip and outer face (convex)"""
     symmetry: Symmetry = Field("quarter", description=_SYMMETRY)
 
     def halves(self) -> tuple[float | None, float | None]:
@@ -232,8 +227,10 @@ class Strip(Section):
     has_corner: ClassVar[bool] = False
 
     shape: Literal["strip"]
-    length: Length = Field(description="size in x, from the surface into the strand")
-    width: Length = Field(description="size in y")
+    length: Length
+    """size in x, from the surface into the strand"""
+    width: Length
+    """size in y"""
 
     def cooled_groups(self) -> tuple[str, ...]:
         """See `Section.cooled_groups`; its sides and its core are no surface of the strand."""
@@ -251,37 +248,96 @@ class Strip(Section):
 class Mesh(TableModel):
     """Cells of the section, graded from the surface to the core."""
 
-    cell: Literal["quadrilateral", "triangle"] = Field("quadrilateral", description="cell shape")
-    order: Literal[1, 2] = Field(1, description="order of the cells' geometry")
-    surface_size: Length = Field(
-        description="cell size at the surface, normal to it", examples=["0.5 mm"]
-    )
-    corner_size: Length | None = Field(
-        None,
-        description="cell size along the surface at a corner; by default surface_size",
-        examples=["0.5 mm"],
-    )
-    face_size: Length | None = Field(
-        None,
-        description="cell size along the surface at mid-face; by default core_size",
-        examples=["5 mm"],
-    )
-    core_size: Length = Field(description="cell size in the core", examples=["8 mm"])
-    surface_depth: Distance = Field(
-        written("0 mm"), description="depth over which the sizes at the surface are kept"
-    )
-    core_depth: Length | None = Field(
-        None,
-        description="depth at which core_size is reached; by default half the thickness",
-        examples=["40 mm"],
-    )
+    cell: Literal["quadrilateral", "triangle"] = "quadrilateral"
+    """cell shape"""
+    order: Literal[1, 2] = 1
+    """order of the cells' geometry"""
+    surface_size: Length = Field(examples=["0.5 mm"])
+    """cell size at the surface, normal to it"""
+    corner_size: Length | None = Field(None, examples=["0.5 mm"])
+    """cell size along the surface at a corner; by default surface_size"""
+    face_size: Length | None = Field(None, examples=["5 mm"])
+    """cell size along the surface at mid-face; by default core_size"""
+    core_size: Length = Field(examples=["8 mm"])
+    """cell size in the core"""
+    surface_depth: Distance = written("0 mm")
+    """depth over which the sizes at the surface are kept"""
+    core_depth: Length | None = Field(None, examples=["40 mm"])
+    """depth at which core_size is reached; by default half the thickness"""
 
 
-def outer_groups(section: Section) -> tuple[str, ...]:
-    """Return the names of the boundary groups on the strand's surface, see `Section`."""
-    return section.outer_groups()
+_WIDEST_CELL = 15e-3  # m: shells are some 10 to 25 mm thick where their mould ends
+_FINEST = 1e-5  # of half the section: smallest cell
 
 
-def cooled_groups(section: Section) -> tuple[str, ...]:
-    """Return the groups a heat law without `on` holds on, see `Section`."""
-    return section.cooled_groups()
+@check("section")
+def _round_corners(case: Case, section: Section) -> Faults:
+    if not isinstance(section, Rectangle):
+        return
+    radius, most = section.corner_radius, 0.5 * min(section.width, section.height)
+    if radius >= most:
+        fix = f'allowed: below half the smaller side ({in_mm(most)}), or shape = "round"'
+        yield "corner_radius", f"({in_mm(radius)}) leaves no flat face; {fix}"
+
+
+@check("mesh")
+def _sizes(case: Case, mesh: Mesh) -> Faults:
+    thin, large = case.section.halves()
+    for key in ("surface_size", "corner_size", "face_size", "core_size", "core_depth"):
+        value, most = getattr(mesh, key), thin if key == "surface_size" else large
+        if value is None or isinstance(value, Unreadable) or most is None or large is None:
+            continue
+        if value > most:
+            what = "half the thickness of" if key == "surface_size" else "half"
+            yield key, f"({in_mm(value)}) is larger than {what} the section ({in_mm(most)})"
+        # Curved cells so flat lose their shape in rounding, and DOLFINx finds no point in them.
+        if value < _FINEST * large:
+            fix = f"at least {in_mm(_FINEST * large)}"
+            yield key, f"({in_mm(value)}) is too fine to be told apart in the section; {fix}"
+
+
+@check("mesh")
+def _grading(case: Case, mesh: Mesh) -> Faults:
+    for small, big in (("surface_size", "core_size"), ("corner_size", "face_size")):
+        fine, coarse = getattr(mesh, small), getattr(mesh, big)
+        if fine is not None and coarse is not None and fine > coarse:
+            fix = "cells grow from the surface to the core, from the corner to the middle of a face"
+            yield small, f"({in_mm(fine)}) is larger than {big} ({in_mm(coarse)}); {fix}"
+
+
+@check("mesh")
+def _order(case: Case, mesh: Mesh) -> Faults:
+    if case.mould is None or mesh.order != 1:
+        return
+    if mesh.cell == "triangle":
+        fix = 'give order = 2, or cell = "quadrilateral"'
+        yield "order", f"(1) makes triangles too stiff for a freezing shell in its mould; {fix}"
+    elif case.section.is_curved():
+        fix = "give order = 2"
+        yield "order", f"(1) makes a polygon of the round surface, which its mould is not; {fix}"
+
+
+@check("mesh")
+def _corner(case: Case, mesh: Mesh) -> Faults:
+    if not case.section.has_corner and mesh.corner_size is not None:
+        yield "corner_size", f'a section of shape "{case.section.tag}" has no corner'
+
+
+@caution("mesh")
+def _coarse(case: Case, mesh: Mesh) -> Faults:
+    if mesh.surface_size > _WIDEST_CELL:
+        fix = "castfem error tells what cells cost"
+        yield "surface_size", f"({in_mm(mesh.surface_size)}) is as thick as a shell; {fix}"
+
+
+@contextmanager
+def meshing() -> Iterator[None]:
+    """Return a block in which the section of a case is meshed.
+
+    Raises:
+        CaseError: What the mesher refuses: too many cells, cells that would be bad.
+    """
+    try:
+        yield
+    except ValueError as error:
+        raise CaseError(f"mesh: {error}") from error

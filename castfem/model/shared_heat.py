@@ -4,13 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from castfem.base.tables import Table
 from castfem.base.units import convert, format
 from castfem.model.build_machine import build_machine
 from castfem.model.case import Case
-from castfem.model.measured_heat import ScaledLaw
-from castfem.model.problems import Problem
+from castfem.model.check_cooling import law_groups
+from castfem.model.checks import Faults, caution
+from castfem.model.cooling import Contact, Flux
+from castfem.model.heat_law import TOTALS, HeatLaw, ScaledLaw
+
+if TYPE_CHECKING:
+    from castfem.model.case import Case
+    from castfem.model.heat_law import HeatLaw
+
 
 _ALIKE = 1e-4  # relative; speeds that differ by less are the same
 SPEED_KEY = "casting.speed"
@@ -86,26 +94,19 @@ def fixed_while_varied(case: Case, keys: Iterable[str]) -> list[str]:
     ]
 
 
-def beyond_tables(case: Case) -> Iterator[Problem]:
+@caution("cooling.*.surface.*")
+def beyond_tables(case: Case, law: HeatLaw) -> Faults:
     """Yield tables over the casting speed that end before the speed of the case."""
     given = case.casting.speed
-    speeds = given.values if isinstance(given, Table) else (given,)
-    moving = [speed for speed in speeds if speed > 0.0]
-    if not moving:
-        return
-    for i, zone in enumerate(case.cooling):
-        for j, law in enumerate(zone.surface):
-            for key in ("power", "water", "water_rise"):
-                table = getattr(law, key, None) if isinstance(law, ScaledLaw) else None
-                if not isinstance(table, Table):
-                    continue
-                first, last = table.arguments[0], table.arguments[-1]
-                if min(moving) < first * (1.0 - _ALIKE) or max(moving) > last * (1.0 + _ALIKE):
-                    yield Problem(
-                        ("cooling", i, "surface", j, key),
-                        f"the table goes from {_speed(first)} to {_speed(last)}, the strand at "
-                        f"{_listed(moving)}: the value of its end is taken there",
-                    )
+    moving = [v for v in (given.values if isinstance(given, Table) else (given,)) if v > 0.0]
+    for key in TOTALS if isinstance(law, ScaledLaw) and moving else ():
+        table = getattr(law, key)
+        if not isinstance(table, Table):
+            continue
+        first, last = table.arguments[0], table.arguments[-1]
+        if min(moving) < first * (1.0 - _ALIKE) or max(moving) > last * (1.0 + _ALIKE):
+            text = f"the table goes from {_speed(first)} to {_speed(last)}, the strand at"
+            yield key, f"{text} {_listed(moving)}: the value of its end is taken there"
 
 
 def _listed(speeds: Iterable[float]) -> str:
@@ -120,3 +121,36 @@ def _listed(speeds: Iterable[float]) -> str:
 
 def _speed(speed: float) -> str:
     return format(speed, "m/s", "m/min")
+
+
+TOLD = "the same flux everywhere round the section: no gap opens at the corner without [mould]"
+
+
+def even_zones(case: Case) -> Iterator[str]:
+    """Yield the zones that have a flux at corners and beside them, and no gap that lowers it."""
+    start = 0.0
+    for zone in case.cooling:
+        if start < case.casting.length and any(is_even(case, law) for law in zone.surface):
+            yield zone.name
+        start = case.casting.length if zone.to is None else zone.to
+
+
+def is_even(case: Case, law: HeatLaw) -> bool:
+    """Whether a law is a given flux at corners and beside them, and no gap can lower it there."""
+    given = law.flux if isinstance(law, Contact) else law.value if isinstance(law, Flux) else None
+    if given is None or case.mould is not None:
+        return False
+    if isinstance(law, Contact) and law.gap is not None:
+        return False
+    groups = law_groups(case.section, law)
+    if getattr(case.section, "corner_radius", None) == 0.0:
+        return {"narrow", "wide"} <= {name.partition("_")[0] for name in groups}
+    corners = {name for name in groups if name.startswith("corner")}
+    return bool(corners) and corners != groups
+
+
+def mend(case: Case) -> str:
+    """What helps: less for the corner, where the section has it as a group of its own."""
+    if getattr(case.section, "corner_radius", None) == 0.0:
+        return "give the section its corner_radius, and its corner less heat"
+    return 'give the corner less by a law of its own, on = ["corner"]'

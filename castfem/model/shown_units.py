@@ -17,6 +17,8 @@ from castfem.base.shown_units import (
     is_chosen,
     scale_of,
 )
+from castfem.model.checks import Faults
+from castfem.model.checks import check as check_of_case
 
 if TYPE_CHECKING:
     from castfem.model.case import Case
@@ -104,3 +106,8 @@ def _column(values: Sequence[Any], unit: str) -> tuple[list[Any], str]:
         return list(values), unit
     turned = [scale(one) if isinstance(one, int | float) else one for one in values]
     return [float(f"{v:.9g}") if isinstance(v, float) else v for v in turned], scale.unit
+
+
+@check_of_case("output.units")
+def _measures(case: Case, choice: ShownUnits) -> Faults:
+    yield from faults(choice)

@@ -14,8 +14,7 @@ from castfem.base.units import nearest
 from castfem.physics.mould.taper import Displaced, Taper, TaperProfile, TaperSegment
 
 if TYPE_CHECKING:
-    from pydantic import GetJsonSchemaHandler
-    from pydantic_core import CoreSchema
+    pass
 
 TAPER = Kind("1/m", "%/m", label="taper", sample="1 %/m")
 _MOST = 0.5
@@ -116,9 +115,8 @@ class TaperMark(Notation):
         parts = {key: _write(given) for key, given in value.parts.items()}
         return parts["face"] if list(parts) == ["face"] else parts
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def json_schema(self) -> dict[str, Any]:
+        """See `Notation.json_schema`."""
         value, end = TAPER.json_schema(), _END.json_schema()
         parabola = {"top": value, "exit": value}
         segment = _object({"to": end, "taper": value, **parabola})
@@ -126,7 +124,7 @@ class TaperMark(Notation):
             value,
             {"type": "array", "items": segment, "minItems": 1},
             _object(parabola, required=["top", "exit"]),
-            *_CLOSING.__get_pydantic_json_schema__(schema, handler)["anyOf"][1:],
+            *_CLOSING.json_schema()["anyOf"][1:],
         ]
         parts = _object({key: {"anyOf": one} for key in PARTS})
         return {
@@ -213,9 +211,8 @@ def _value(given: object) -> float:
     """Return a taper, 1/m; it is a few percent per metre, what is far beyond was a slip."""
     value = TAPER.read(given)
     if abs(value) > _MOST:
-        raise ValueError(
-            f"is {100.0 * value:g} %/m; allowed: at most {100.0 * _MOST:g} %/m either way"
-        )
+        fix = f"allowed: at most {100.0 * _MOST:g} %/m either way"
+        raise ValueError(f"is {100.0 * value:g} %/m; {fix}")
     return value
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,8 +15,8 @@ from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
 from castfem.model.base import TableModel, written
 from castfem.model.casting import Reference
+from castfem.model.checks import Faults, check_test
 from castfem.model.document import is_path
-from castfem.model.problems import Problem
 
 TABLE = "tensile"
 SAME = 1e-6  # K
@@ -58,10 +57,10 @@ PoissonOfTemperature = Annotated[
 class Segment(TableModel):
     """A part of the test at one strain rate."""
 
-    rate: StrainRate = Field(
-        description="axial strain rate; negative: compression or unloading, 0: held"
-    )
-    duration: Time = Field(description="how long it lasts", examples=["10 s"])
+    rate: StrainRate
+    """axial strain rate; negative: compression or unloading, 0: held"""
+    duration: Time = Field(examples=["10 s"])
+    """how long it lasts"""
 
 
 class Tensile(TableModel):
@@ -70,53 +69,42 @@ class Tensile(TableModel):
     A bar with free sides is strained along its axis in segments of constant rate.
     """
 
-    material: Material = Field(
-        description="constitutive law: a shipped set, a TOML file of your own, or the table "
-        "[tensile.material] with what such a file holds (docs/laws.md)"
-    )
-    carbon: Percent | None = Field(
-        None,
-        description="carbon of the steel in weight percent, for laws that go by it",
-        examples=[0.1],
-    )
-    elasticity: str = Field(
-        "elastic_steel", description="elastic part: a shipped set, or a TOML file of your own"
-    )
-    young: YoungOfTemperature | None = Field(
-        None, description="Young's modulus in place of that of the set"
-    )
-    poisson: PoissonOfTemperature | None = Field(
-        None, description="Poisson's ratio in place of that of the set"
-    )
-    temperature: TemperatureOfTime = Field(
-        description="of the bar; a table is over the time since the start, or since that of each "
-        "cycle",
-        examples=["1100 degC"],
-    )
-    expansion: Expansion = Field(
-        written("0 1/K"),
-        description="mean thermal expansion from the temperature of the start; the segments give "
-        "the total strain, the law sees what is left of it",
-    )
-    steps: Annotated[int, AfterValidator(_at_least_one)] = Field(
-        200, strict=True, description="time steps in each segment"
-    )
-    segment: tuple[Segment, ...] = Field(min_length=1, description="parts of the test, in order")
-    cycles: Annotated[int, AfterValidator(_at_least_one)] = Field(
-        1, strict=True, description="how often the segments and the temperature are gone through"
-    )
+    material: Material
+    """constitutive law: a shipped set, a TOML file of your own, or the table [tensile.material]
+    with what such a file holds (docs/laws.md)"""
+    carbon: Percent | None = Field(None, examples=[0.1])
+    """carbon of the steel in weight percent, for laws that go by it"""
+    elasticity: str = "elastic_steel"
+    """elastic part: a shipped set, or a TOML file of your own"""
+    young: YoungOfTemperature | None = None
+    """Young's modulus in place of that of the set"""
+    poisson: PoissonOfTemperature | None = None
+    """Poisson's ratio in place of that of the set"""
+    temperature: TemperatureOfTime = Field(examples=["1100 degC"])
+    """of the bar; a table is over the time since the start, or since that of each cycle"""
+    expansion: Expansion = written("0 1/K")
+    """mean thermal expansion from the temperature of the start; the segments give the total strain,
+    the law sees what is left of it"""
+    steps: Annotated[int, AfterValidator(_at_least_one)] = Field(200, strict=True)
+    """time steps in each segment"""
+    segment: tuple[Segment, ...] = Field(min_length=1)
+    """parts of the test, in order"""
+    cycles: Annotated[int, AfterValidator(_at_least_one)] = Field(1, strict=True)
+    """how often the segments and the temperature are gone through"""
 
 
 class TensileOutput(TableModel):
     """What a tensile test writes."""
 
-    figures: bool = Field(True, strict=True, description="draw the figure at the end of the run")
+    figures: bool = Field(True, strict=True)
+    """draw the figure at the end of the run"""
 
 
 class TensileCase(TableModel):
     """A case file with the table [tensile] instead of a strand."""
 
-    title: str = Field(min_length=1, description="one line that says what the case is")
+    title: str = Field(min_length=1)
+    """one line that says what the case is"""
     tensile: Tensile
     output: TensileOutput = Field(default_factory=lambda: TensileOutput.model_validate({}))
     reference: tuple[Reference, ...] = ()
@@ -147,44 +135,23 @@ class TensileCase(TableModel):
         return hashlib.sha256(json.dumps(physics, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def check(case: TensileCase) -> Iterator[Problem]:
-    """Yield everything that does not fit together."""
-    yield from _too_many(case.tensile)
-    yield from _check_cycles(case.tensile)
-    for index, reference in enumerate(case.reference or ()):
-        if reference is not None and reference.at is not None:
-            yield Problem(
-                ("reference", index, "at"),
-                "a tensile test has no position; the quantities stress_1, stress_2 ... hold at the "
-                "ends of its segments",
-            )
-
-
-def _too_many(given: Tensile) -> Iterator[Problem]:
-    """Yield the steps that would be too many to come to an end; None stands for what is faulty."""
-    if None in (given.steps, given.cycles, given.segment):
-        return
-    count = given.steps * given.cycles * len(given.segment)
+@check_test("tensile")
+def _too_many(case: TensileCase, table: Tensile) -> Faults:
+    """Yield steps that would be too many to come to an end."""
+    count = table.steps * table.cycles * len(table.segment)
     if count > _MOST_STEPS:
-        key = "cycles" if given.cycles > given.steps else "steps"
-        yield Problem(
-            (TABLE, key),
-            f"({getattr(given, key)}) makes {grouped(count)} steps of the test; at most "
-            f"{grouped(_MOST_STEPS)}: give fewer",
-        )
+        key = "cycles" if table.cycles > table.steps else "steps"
+        fix = f"at most {grouped(_MOST_STEPS)}: give fewer"
+        yield key, f"({getattr(table, key)}) makes {grouped(count)} steps of the test; {fix}"
 
 
-def _check_cycles(given: Tensile) -> Iterator[Problem]:
-    """Yield whether the temperature comes back after a cycle; None stands for what is faulty."""
-    lengths = [None if part is None else part.duration for part in given.segment or (None,)]
-    if given.cycles is None or given.cycles == 1 or None in lengths:
+@check_test("tensile")
+def _comes_back(case: TensileCase, table: Tensile) -> Faults:
+    """Yield a temperature that does not come back after a cycle."""
+    if table.cycles == 1 or not isinstance(table.temperature, Table):
         return
-    if isinstance(given.temperature, Table):
-        end = sum(length or 0.0 for length in lengths)
-        change = given.temperature(end) - given.temperature(0.0)
-        if abs(change) > SAME:
-            yield Problem(
-                (TABLE, "temperature"),
-                f"ends a cycle of {end:g} s {change:+.4g} K from where it began; with "
-                f"cycles = {given.cycles} it must come back",
-            )
+    end = sum(part.duration for part in table.segment)
+    change = table.temperature(end) - table.temperature(0.0)
+    if abs(change) > SAME:
+        fix = f"with cycles = {table.cycles} it must come back"
+        yield "temperature", f"ends a cycle of {end:g} s {change:+.4g} K from where it began; {fix}"

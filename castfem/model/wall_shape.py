@@ -26,8 +26,7 @@ from castfem.base.types import Array
 from castfem.physics.mould.displaced import WallDisplacement
 
 if TYPE_CHECKING:
-    from pydantic import GetJsonSchemaHandler
-    from pydantic_core import CoreSchema
+    pass
 
 COLUMNS = ("position", "way", "x", "y")
 _KIND = Kind("m", "mm")
@@ -56,10 +55,8 @@ class WallShape(Notation):
             return read_wall(Path(str(given["file"])))
         for key in given:
             if key not in (*COLUMNS, "unit"):
-                raise ValueError(
-                    f"unknown key '{key}' in a displaced wall; allowed: "
-                    f"{', '.join((*COLUMNS, 'unit', 'file'))}"
-                )
+                fix = f"allowed: {', '.join((*COLUMNS, 'unit', 'file'))}"
+                raise ValueError(f"unknown key '{key}' in a displaced wall; {fix}")
         unit = given.get("unit")
         columns = [_column(name, given.get(name), unit) for name in COLUMNS]
         return gathered(np.array(columns).T) if len({*map(len, columns)}) == 1 else _unequal()
@@ -69,9 +66,8 @@ class WallShape(Notation):
         rows = flat(value)
         return {**{name: rows[:, i].tolist() for i, name in enumerate(COLUMNS)}, "unit": "m"}
 
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    def json_schema(self) -> dict[str, Any]:
+        """See `Notation.json_schema`."""
         ways = schema_of_columns(COLUMNS, ("unit",))
         return {"anyOf": ways, "description": "displaced wall, from a file"}
 

@@ -6,8 +6,10 @@ with that the shell is formed, and by it the strand keeps its mass while it shri
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
 from pydantic import Field
 
@@ -15,9 +17,11 @@ from castfem.base.curves import CurveOverEither
 from castfem.base.quantities import Kind
 from castfem.base.tables import Table
 from castfem.model.base import TableModel
+from castfem.model.checks import Faults, check, given, one_of
 
 if TYPE_CHECKING:
     from castfem.meshes import SectionMesh
+    from castfem.model.case import Case
     from castfem.physics.machine.travel import Travel
     from castfem.physics.materials import Steel
 
@@ -35,18 +39,21 @@ SpecificWater = Annotated[
     Kind("m^3/kg", "L/kg", least=0.0, label="water per mass of steel", sample="0.8 L/kg"),
 ]
 WaterShare = Annotated[float, Kind("1", least=0.0, most=1.0, label="share", sample="0.3")]
+_SAMPLES = {
+    "water": '"5 L/(m^2 s)"', "flow": '"240 L/min"', "specific": '"0.3 L/kg"', "share": "0.3",
+}  # fmt: skip
+WAYS = tuple(_SAMPLES)
+_ROUNDED = 2e-3  # shares of three digits
 PER_LITRE_AND_KG = 1e3  # L/kg in a m3/kg
 
 
 class Water(TableModel):
     """Spray water of the whole strand, of which zones and circuits take shares; one of the two."""
 
-    specific: SpecificWater | None = Field(
-        None,
-        description="water per mass of steel; its flow follows the casting speed",
-        examples=["0.8 L/kg"],
-    )
-    flow: ZoneFlow | None = Field(None, description="instead, its flow", examples=["1200 L/min"])
+    specific: SpecificWater | None = Field(None, examples=["0.8 L/kg"])
+    """water per mass of steel; its flow follows the casting speed"""
+    flow: ZoneFlow | None = Field(None, examples=["1200 L/min"])
+    """instead, its flow"""
 
 
 class Watered(Protocol):
@@ -129,3 +136,44 @@ def _times(share: float, flow: Flow) -> Flow:
     if isinstance(flow, Table):
         return Table(flow.over, flow.arguments, tuple(share * value for value in flow.values))
     return share * flow
+
+
+@check("water")
+def _total(case: Case, water: Water) -> Faults:
+    yield from one_of(water, {"specific": '"0.8 L/kg"', "flow": '"1200 L/min"'})
+
+
+@check()
+def _told(case: Case, _: object) -> Faults:
+    """Yield water that is told twice or not at all."""
+    for key, place in _places(case):
+        ways = {way: text for way, text in _SAMPLES.items() if way in type(place).model_fields}
+        for below, text in one_of(place, ways):
+            yield key + below, text
+        if getattr(place, "area", None) is not None and given(place, "water"):
+            yield f"{key}.area", "is the sprayed area of the water of a zone; water is per area"
+
+
+@check()
+def _shares(case: Case, _: object) -> Faults:
+    """Yield shares that do not make up the whole."""
+    shares = [(key, place.share) for key, place in _places(case) if place.share is not None]
+    whole = sum(share for _, share in shares)
+    if case.water is None:
+        for key, _ in shares:
+            fix = 'add [water] with specific = "0.8 L/kg" or flow = "1200 L/min"'
+            yield f"{key}.share", f"is a share of [water], which is missing; {fix}"
+    elif not shares:
+        yield "water", "no zone and no circuit takes a share of it; give share = 0.3"
+    elif not math.isclose(whole, 1.0, rel_tol=0.0, abs_tol=_ROUNDED):
+        yield "water", f"the shares of its zones and circuits make {whole:.6g}, not 1"
+
+
+def _places(case: Case) -> Iterator[tuple[str, Any]]:
+    """Sprays of zones, and circuits."""
+    for i, zone in enumerate(case.cooling):
+        for j, law in enumerate(zone.surface):
+            if law.tag == "spray":
+                yield f"cooling.{i}.surface.{j}", law
+    for i, circuit in enumerate(case.secondary.circuit if case.secondary is not None else ()):
+        yield f"secondary.circuit.{i}", circuit

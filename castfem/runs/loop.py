@@ -21,7 +21,7 @@ from castfem.base.tolerances import same_instant, same_or_before
 from castfem.fem import reductions
 from castfem.fem.root import Together, on_root
 from castfem.model.build.simulation import Simulation, build
-from castfem.model.portable import portable
+from castfem.model.load import portable
 from castfem.physics.coupling.staggered import CouplingWindow, take_window
 from castfem.physics.coupling.subcycling import SubSteps
 from castfem.runs import restart

@@ -14,9 +14,9 @@ from castfem.base.errors import InputError
 from castfem.base.types import Array
 from castfem.cli import checking
 from castfem.model import Case, load_case
-from castfem.model.build_extraction import coupled_pairs, known_resistance
+from castfem.model.build_machine import coupled_pairs, known_resistance
 from castfem.model.defects import Defect, RollDefect
-from castfem.model.machine import machine_warnings
+from castfem.model.plausibility import warnings
 from castfem.physics.machine.defects import circle, out_of_line, with_radii
 from castfem.physics.machine.extraction.resistance import tributary_lengths
 from castfem.physics.machine.rolls import Pair, Rolls
@@ -275,10 +275,12 @@ def test_defects_that_leave_others_no_room_are_named_not_the_rolls() -> None:
 
 
 def test_what_is_doubtful_of_a_defect_is_told_of_it() -> None:
-    (first, *_) = machine_warnings(slab({"kind": "misaligned", "roll": 20, "by": "-26 mm"}))
+    found = warnings(slab({"kind": "misaligned", "roll": 20, "by": "-26 mm"}))
+    (first, *_) = (one for one in found if one.path[0] == "machine")
     assert first.path == ("machine", "defect") and "strains the faces" in first.text
     assert first.text.startswith("with roll 20 off by -26 mm: ")
-    assert not list(machine_warnings(slab({"kind": "misaligned", "roll": 20, "by": "2 mm"})))
+    found = warnings(slab({"kind": "misaligned", "roll": 20, "by": "2 mm"}))
+    assert not [one for one in found if one.path[0] == "machine"]
 
 
 def test_a_defect_that_would_change_nothing_is_refused() -> None:

@@ -99,7 +99,7 @@ def test_drives_of_a_coupled_resistance_are_those_of_a_run(
 
     The slice has the whole pull of a drive at the pair below.
     """
-    from castfem.model.build_extraction import known_resistance
+    from castfem.model.build_machine import known_resistance
 
     case = load_case(CASES / "slab1200" / "reference.toml")
     assert case.machine is not None and case.machine.extraction is not None

@@ -12,9 +12,8 @@ import pytest
 from castfem.base.errors import InputError
 from castfem.model import Case, load_case
 from castfem.model.build_machine import build_machine
-from castfem.model.extraction import extraction_warnings
 from castfem.model.load import read_case
-from castfem.model.machine import machine_warnings
+from castfem.model.plausibility import warnings
 from castfem.physics.machine.rolls import Rolls
 
 SLAB = Path(__file__).parents[2] / "cases" / "slab1200" / "thermal.toml"
@@ -254,7 +253,7 @@ def test_a_strand_that_bulges_ends_with_its_rolls() -> None:
     lost = [{"kind": "lost", "roll": number} for number in (86, 87)]
     ended = read_case(bulging, ["casting.length=26.4 m", "mechanics.bulging=elastic"]).case
     assert isinstance(ended, Case)
-    without = list(machine_warnings(ended.with_({"machine.defect": lost})))
+    without = list(warnings(ended.with_({"machine.defect": lost})))
     assert any("beyond the last roll, at 25." in one.text for one in without)
 
 
@@ -272,6 +271,6 @@ def test_a_curve_of_resistance_is_of_all_rolls(
 ) -> None:
     slab = load_case(SLAB.parent / "reference.toml")
     given = slab.with_({"machine.extraction.resistance": {"position": position, "value": value}})
-    texts = [problem.text for problem in extraction_warnings(given)]
+    texts = [problem.text for problem in warnings(given)]
     assert bool(texts) == bool(told)
     assert not told or re.search(told, texts[0]), texts

@@ -56,13 +56,13 @@ MISTAKES = {
         'superheat = "40 K"\n',
         "",
         "casting",
-        ["neither is given", "exactly one"],
+        ["superheat or temperature is missing"],
     ),
     "both temperatures": (
         'superheat = "40 K"\n',
         'superheat = "40 K"\ntemperature = "1540 degC"\n',
         "casting",
-        ["both are given", "exactly one"],
+        ["superheat and temperature exclude each other"],
     ),
     "negative length": (
         '"5 mm"',
@@ -257,7 +257,7 @@ def test_all_problems_in_one_go(write, sound):
     told = str(caught.value)
     for words in (
         "casting.speed: ",
-        "casting: neither",
+        "casting: superheat or temperature is missing",
         "cooling.1.to",
         "mesh.cor_size: unknown",
         "mesh.core_size: is missing",

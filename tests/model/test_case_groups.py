@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from castfem.model import from_document, outer_groups
+from castfem.model import from_document
 
 SECTIONS = {
     "rectangle": {"width": "60 mm", "height": "40 mm", "corner_radius": "5 mm"},
@@ -50,4 +50,4 @@ def test_groups_are_those_of_the_mesh(name, symmetry):
     case = _case(name, symmetry)
     mesh = meshes.build(**case.mesh_parameters())
     outer = {group for group in mesh.groups if not group.startswith("symmetry")}
-    assert set(outer_groups(case.section)) == outer
+    assert set(case.section.outer_groups()) == outer

@@ -141,9 +141,9 @@ def test_what_two_keys_of_a_table_make_wrong_is_said_of_the_file_that_joined_it_
     with pytest.raises(InputError) as caught:
         load_case(top)
     (line,) = caught.value.problems
-    assert line.startswith(f"{top}: casting: both are given")
+    assert line.startswith(f"{top}: casting: superheat and temperature exclude")
     write('extends = "top.toml"\n[mesh]\norder = 2\n', "last.toml")
-    with pytest.raises(InputError, match=f"^{top}: casting: both are given"):
+    with pytest.raises(InputError, match=f"^{top}: casting: superheat and temperature exclude"):
         load_case(top.parent / "last.toml")
     write('casting = 3\nextends = "top.toml"\n', "last.toml")  # of which nothing was joined
     with pytest.raises(InputError, match=f"^{top.parent}/last.toml: casting: "):

@@ -32,29 +32,21 @@ def of(**changes: Any) -> str:
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
-        ({"contact": {"angle": "10 deg"}}, "contact: neither is given; exactly one of share"),
-
+        ({"contact": {"angle": "10 deg"}}, "contact: share or coefficient is missing"),
+        ({"contact": {"angle": "10 deg", "share": 0.1, "coefficient": "9 W/(m^2 K)"}}, "exclude"),
         ({"contact": {"angle": "10 deg", "coefficient": "9 W/(m^2 K)"}}, "of the rolls is"),
-
         ({"contact": {"angle": "171 deg", "share": 0.1}, "circuit": []}, ""),
         ({"run_off": None, "falls_off": "60 deg"}, "falls_off: has no effect without run_off"),
-
-
+        ({"nozzle": [FLAT | {"correlation": "boole"}]}, "bolle"),
+        ({"nozzle": [{k: v for k, v in FLAT.items() if k != "correlation"}]}, "one of table"),
         ({"nozzle": [FLAT, FLAT]}, '("flat") is used twice'),
-
-
         ({"circuit": [circuit(across=[])]}, "(circuit \"all\"): must not be empty"),
-
         ({"circuit": [circuit(across=["0 mm", "0 mm"])]}, "two nozzles stand at 0 mm"),
         ({"circuit": [circuit(across=["20 mm"])]}, "not mirrored at the middle"),
-
         ({"circuit": [circuit(on=["wide_face", "narrow_face"])]}, "wide and narrow faces in one"),
         ({"circuit": [circuit(rolls=[1, 6])]}, "numbers from 1 to 5"),
-
         ({"circuit": [circuit(stand_off="50 mm")]}, "between the rolls, below their axes"),
-
         ({"circuit": [circuit(flow="-3 L/min")]}, "must not be below 0"),
-
     ],
 )  # fmt: skip
 def test_a_table_that_cannot_be(changes: dict[str, Any], text: str) -> None:

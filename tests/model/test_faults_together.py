@@ -24,7 +24,7 @@ FAULTS: list[tuple[str, Path, Any, str]] = [
     ("billet125/taper_1", ("mould", "friction"), {**VISCOUS, "stress": ""}, "friction.stress: "),
     ("slab1200/bulging", ("cooling", 0, "name"), LEFT_OUT, "cooling.0.name: is missing"),
     ("slab1200/bulging", ("cooling", 0, "surface"), "x", "cooling.0.surface .*must be a list"),
-    ("slab1200/edges", ("secondary", "nozzle", 0, "table"), None, "exactly one of table"),
+    ("slab1200/edges", ("secondary", "nozzle", 0, "table"), None, "or correlation is missing"),
     ("slab1200/edges", ("secondary", "circuit", 4, "flow"), None, "share is missing"),
     (
         "slab1200/imposed_axis", ("mechanics", "planes", "neutral_axis"), [1, 2],

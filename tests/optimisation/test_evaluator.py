@@ -19,7 +19,7 @@ from small_case import small, write_small
 from castfem.base import atomic_files
 from castfem.base.errors import InputError, RunFailure
 from castfem.cli.sweeping import Options, sweep_case
-from castfem.model.portable import portable
+from castfem.model.load import portable
 from castfem.studies.optimisation import Evaluator, evaluator
 from castfem.studies.optimisation.evaluator import lean
 from castfem.studies.optimisation.fidelity import at_level, idealised

@@ -10,7 +10,7 @@ from small_case import small
 
 import castfem
 from castfem.cli import execute
-from castfem.model.even_flux import even_zones
+from castfem.model.shared_heat import even_zones
 from castfem.model.shipped_cases import CASE_NAME
 from castfem.post.report.cautions import cautions
 from castfem.runs.output.summary import Summary

@@ -12,7 +12,7 @@ from billet_runs import billet, run
 
 from castfem.base.errors import InputError
 from castfem.cli import execute
-from castfem.model.portable import portable
+from castfem.model.load import portable
 from castfem.physics import constitutive, materials
 from castfem.runs import existing_run
 

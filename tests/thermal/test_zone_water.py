@@ -172,8 +172,8 @@ def test_a_zone_below_the_run_has_no_water() -> None:
 @pytest.mark.parametrize(
     ("water", "message"),
     [
-        ({}, "neither is given; exactly one of specific"),
-        ({"specific": "1 L/kg", "flow": "1 L/min"}, "both are given"),
+        ({}, "specific or flow is missing"),
+        ({"specific": "1 L/kg", "flow": "1 L/min"}, "specific and flow exclude each other"),
         ({"specific": "1 L/kg"}, "no zone and no circuit takes a share"),
     ],
 )

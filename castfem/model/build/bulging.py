@@ -25,7 +25,7 @@ from castfem.physics.contact.surface_interaction import ALWAYS
 from castfem.base.errors import RunFailure
 from castfem.fem.line_probes import LineProbes, Profile
 from castfem.fem.root import shared_out
-from castfem.model.build.liquid_core import Core, core_of, front_of
+from castfem.model.build.shell_prediction import Core, core_of, front_of
 from castfem.model.build.shell_prediction import ShellAhead
 from castfem.base.tolerances import same_or_before
 from castfem.base.tables import as_function
@@ -300,7 +300,7 @@ def build_roll_support(
     model, nodes = _model(table, law, width)
     uneven, lines = None, None
     if any(pair.lost or pair.offset for pair in rolls.pairs):
-        from castfem.model.build.uneven_rolls import build_uneven_rolls
+        from castfem.model.build.shell_prediction import build_uneven_rolls
 
         uneven, lines = build_uneven_rolls(case, table, rolls, law, nodes)
     above = int(end is not None and not same_or_before(float(places[0]), end))

@@ -5,18 +5,16 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+from castfem.model.water import Supply, steel_per_length
 from bisect import bisect_right
 from dataclasses import replace
-from typing import TYPE_CHECKING
-
 import numpy as np
 import numpy.typing as npt
-
 from castfem.model.heat_law import Extent, Surroundings
 from castfem.base.errors import InputError
 from castfem.fem import reductions
 from castfem.physics.machine.time_functions import OverTime
-from castfem.model.build.water import water_supply
 from castfem.physics.thermal import flux_laws
 from castfem.physics.thermal.boundary import Cooling, Patch, Surface
 from castfem.base.tables import Table
@@ -24,10 +22,12 @@ from castfem.base.types import Array
 
 if TYPE_CHECKING:
     from castfem.model import Case
+    from castfem.fem.section import Section
+    from castfem.physics.materials import Steel
     from castfem.model.heat_law import HeatLaw
     from castfem.physics.machine import Machine
-    from castfem.physics.materials import Steel
     from castfem.model.build.secondary import SecondaryCooling
+
 
 Row = tuple[list[int], flux_laws.SurfaceLaw]
 
@@ -239,3 +239,10 @@ def wall_over_time(case: Case, machine: Machine) -> float | OverTime | None:
     """Temperature of the mould's wall as the slice passes it, K, over time; None if not given."""
     given = None if case.mould is None else case.mould.wall_temperature
     return OverTime(given, machine) if isinstance(given, Table) else given
+
+
+def water_supply(case: Case, steel: Steel, section: Section) -> Supply:
+    """Return what turns water per mass of steel, or shares, into flows (collective)."""
+    casting = case.casting
+    mass = None if section.source is None else steel_per_length(section.source, steel)
+    return Supply(section.comm.bcast(mass), casting.travel, case.water, casting.clock)

@@ -10,7 +10,7 @@ import numpy as np
 import ufl
 from dolfinx import fem, la
 
-from castfem.model.build_extraction import coupled_pairs, known_resistance
+from castfem.model.build_machine import coupled_pairs, known_resistance
 from castfem.model.machine import thickness_of
 from castfem.physics.machine.extraction.effort import CoupledResistance, Effort, Pairs, RollForces
 from castfem.physics.machine.extraction.resistance import pressed, tributary_lengths

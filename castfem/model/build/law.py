@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
+from castfem.fem.snes import Options, try_options
+from typing import TYPE_CHECKING
 from castfem.physics.constitutive.elasticity import Elasticity, Solidity
 from castfem.physics.constitutive.flow_laws import RadialReturn
 from castfem.physics.constitutive.parameters import DeltaShare, load_elasticity, load_law, problems_at
@@ -63,3 +64,24 @@ def _elasticity(table: Mechanics, steel: Steel, solidity: Solidity) -> Elasticit
     if steel.has("youngs_modulus"):
         found = replace(found, young=steel.youngs_modulus)
     return replace(found, poisson=steel.poisson_ratio) if steel.has("poisson_ratio") else found
+
+
+def try_solver(table: str, options: Options) -> None:
+    """Try the options of `thermal.solver` or `mechanics.solver`, merged over ours of one rank.
+
+    Args:
+        table: "thermal" or "mechanics".
+        options: The user's.
+
+    Raises:
+        InputError: An option is of no family PETSc knows, or PETSc refuses its value.
+    """
+    if table == "thermal":
+        from castfem.physics.thermal.options import default_options
+
+        try_options("thermal_", {**default_options(1), **options})
+        return
+    from castfem.physics.mechanics.options import split_options
+
+    nonlinear, linear = split_options(options, symmetric=False)
+    try_options("mechanical_", {**nonlinear, **linear})

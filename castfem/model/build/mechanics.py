@@ -11,7 +11,7 @@ import numpy as np
 from castfem.model import mechanics as given
 from castfem.model.bending import axis_position, places_of
 from castfem.model.build_mould import build_mould
-from castfem.model.missing_data import no_expansion
+from castfem.model.heat_law import no_expansion
 from castfem.model.machine import thickness_of
 from castfem.physics.constitutive.base import Law
 from castfem.physics.contact.settings import Contact

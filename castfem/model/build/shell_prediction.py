@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
-
 import numpy as np
-
+from castfem.physics.machine.bulging import CreepingStrip
+from castfem.physics.machine.bulging.uneven import UnevenRolls
+from castfem.physics.constitutive import ThermoElastic
+from castfem.physics.machine.defects import out_of_line
+from collections.abc import Callable
+from dataclasses import dataclass
+from scipy.optimize import brentq
 from castfem.fem.line_probes import Profile
 from castfem.base.types import Array
+import math
+from dataclasses import dataclass, replace
 
 if TYPE_CHECKING:
+    from castfem.model import Case
+    from castfem.model.bulging import Bulging
+    from castfem.physics.constitutive.base import Law
+    from castfem.physics.machine.rolls import Rolls
+    from castfem.base.types import Array
     from castfem.physics.materials import Steel
+    from castfem.physics.mechanics.ferrostatic import Ferrostatic
+
 
 CELL = 5e-4  # m: of the grid that heat is conducted on
 LEAST_CELLS = 60  # of it, however thin the slab is
@@ -80,3 +92,83 @@ class ShellAhead:
         gained = curve.at(enthalpy).temperature - start
         ahead = profile.temperature + np.interp(profile.depth, x, gained)
         return replace(profile, temperature=np.asarray(ahead))
+
+
+@dataclass(frozen=True, slots=True)
+class Core:
+    """The liquid within.
+
+    Attributes:
+        head: Its pressure over time, Pa.
+        share: Of it that is felt at temperatures (n,), K.
+    """
+
+    head: Callable[[float], float]
+    share: Callable[[Array], Array]
+
+    def share_handed_on(self, profile: Profile) -> float:
+        """Share of the pressure handed on: none through liquid, none of a solid core."""
+        surface, core = self.share(np.array([profile.temperature[0], profile.temperature.max()]))
+        return float(max(core - surface, 0.0))
+
+    def handed_on(self, profile: Profile, time: float) -> float:
+        """The pressure that it hands on, Pa."""
+        return float(self.head(time) * self.share_handed_on(profile))
+
+
+def front_of(steel: Steel, solid_fraction: float) -> float:
+    """Temperature at which the steel has a solid fraction, K."""
+    if solid_fraction >= 1.0:
+        return steel.solidus
+    if solid_fraction <= 0.0:
+        return steel.liquidus
+
+    def excess(temperature: float) -> float:
+        return float(np.asarray(steel.solid_fraction(np.array([temperature])))[0]) - solid_fraction
+
+    return float(brentq(excess, steel.solidus, steel.liquidus, xtol=1e-6))
+
+
+def core_of(liquid: Ferrostatic | None) -> Core:
+    """The pressure within; none where the case leaves it out."""
+    if liquid is None:
+        return Core(lambda time: 0.0, np.zeros_like)
+    return Core(liquid.head, lambda heat: np.asarray(liquid.share(heat)))
+
+
+def build_uneven_rolls(
+    case: Case, table: Bulging, rolls: Rolls, law: Law, count: int
+) -> tuple[UnevenRolls | None, Array]:
+    """Return the rolls near which strips go over several pitches, and all rolls' offsets.
+
+    Args:
+        case: A sound one with lost or misaligned rolls.
+        table: Its [mechanics.bulging].
+        rolls: With their defects.
+        law: Of the slice.
+        count: Nodes of a bulge.
+
+    Returns:
+        None for the thesis' plate, each of which is by itself; the offsets are those of the rolls
+        that are there, m (`out_of_line`).
+    """
+    normal = None if case.machine is None else case.machine.normal()
+    assert normal is not None, "the case was checked"
+    there, lines = rolls.there, out_of_line(normal, rolls)
+    if table.model == "thesis":
+        return None, lines
+    marks = {k for k in range(len(there) - 1) if there[k + 1] - there[k] > 1}
+    for k, i in enumerate(there):
+        if rolls.pairs[i].offset:
+            marks |= {k - 1, k} & set(range(len(there) - 1))
+    places = [pair.position for pair in normal.pairs]
+    steel = law if table.model == "creep" else ThermoElastic(law.elasticity)
+    strip = CreepingStrip(steel, shear=bool(table.shear))
+    return UnevenRolls(
+        strip,
+        np.array([rolls.pairs[i].position for i in there]),
+        lines,
+        frozenset(marks),
+        (places[1] - places[0], places[-1] - places[-2]),
+        count,
+    ), lines

@@ -13,7 +13,7 @@ import numpy as np
 
 from castfem.model.build_machine import build_machine
 from castfem.model.mechanics import Way
-from castfem.model.section_mesh import meshing
+from castfem.model.section import meshing
 from castfem.physics.coupling.staggered import ALLOWED, ORDER, StaggeredCoupling
 from castfem.physics.coupling.step_control import ALLOWED_STRAIN, Adaptive, StepControl
 from castfem.physics.coupling.subcycling import MechanicalSteps, ThermalSteps

@@ -80,7 +80,7 @@ def _even(folder: Path) -> str:
     case = case_with(folder, "flux")
     if case is None:
         return ""
-    from castfem.model.even_flux import TOLD, even_zones, mend
+    from castfem.model.shared_heat import TOLD, even_zones, mend
 
     zones = list(even_zones(case))
     if not zones:

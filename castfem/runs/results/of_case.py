@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from castfem.base.messages import choices
 from castfem.base.result_registry import AT_FRACTION, declared, find
 from castfem.base.units import in_mm, nearest
-from castfem.model.section_mesh import meshing
+from castfem.model.section import meshing
 from castfem.runs.results.needs import NEEDS
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from castfem.base.errors import InputError, RunFailure
 from castfem.base.shown_quantity import Quantity
 from castfem.base.tables import as_function
 from castfem.base.types import Array
-from castfem.model.portable import portable
+from castfem.model.load import portable
 from castfem.model.tensile import TABLE, TensileCase
 from castfem.physics.constitutive import load_elasticity, load_law
 from castfem.physics.constitutive.analytical import axial_stress

@@ -17,7 +17,7 @@ from castfem.base.errors import InputError
 from castfem.base.messages import choices
 from castfem.model import Case
 from castfem.model.mechanics import Way
-from castfem.model.section_mesh import meshing
+from castfem.model.section import meshing
 from castfem.physics.coupling.step_control import ALLOWED_STRAIN
 from castfem.studies.accuracy.levels import LEVELS
 

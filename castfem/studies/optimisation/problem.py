@@ -12,9 +12,8 @@ import numpy as np
 from castfem.base import units
 from castfem.base.errors import InputError
 from castfem.base.types import Array
-from castfem.model.load import changed, value_of
+from castfem.model.load import changed, faults_of_key, value_of
 from castfem.model.optimise import Bound, Optimise, Variable
-from castfem.model.varied_keys import faults_of_key
 from castfem.studies.optimisation.fidelity import THERMAL, at_level
 from castfem.studies.optimisation.global_search import check_installed
 from castfem.studies.optimisation.uncertain_inputs import UncertainInput

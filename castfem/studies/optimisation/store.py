@@ -21,7 +21,7 @@ from castfem.base.errors import CastfemError, InputError
 from castfem.base.messages import differences
 from castfem.base.shown_quantity import Quantity
 from castfem.model.key_names import full_key
-from castfem.model.portable import portable
+from castfem.model.load import portable
 from castfem.model.shipped_cases import CASE_NAME
 from castfem.runs.output.folder import PROPERTIES_NAME, RunRecord
 from castfem.runs.output.summary import CUT, Summary

@@ -16,7 +16,7 @@ from castfem.base import units
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.errors import InputError
 from castfem.base.messages import choices
-from castfem.model import dotted_keys, key_names
+from castfem.model import key_names
 from castfem.model.case import Case
 from castfem.model.load import changed
 
@@ -365,9 +365,9 @@ def _found(document: Mapping[str, Any], key: str) -> tuple[str, Any]:
     Raises:
         ValueError: The key leads to no entry of an array.
     """
-    if why := dotted_keys.lost(document, key):
+    if why := key_names.lost(document, key):
         raise ValueError(why)
-    value = dotted_keys.value_at(document, key)
+    value = key_names.value_at(document, key)
     if isinstance(value, Mapping) and "value" in value and not isinstance(value["value"], list):
         return f"{key}.value", value["value"]
     return key, value

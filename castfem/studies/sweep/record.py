@@ -12,7 +12,7 @@ from typing import Any
 from castfem.base.atomic_files import write_json
 from castfem.base.errors import InputError
 from castfem.base.file_lock import taken
-from castfem.model.portable import portable
+from castfem.model.load import portable
 from castfem.model.shipped_cases import CASE_NAME
 from castfem.runs import existing_run
 from castfem.runs.output.folder import PROPERTIES_NAME, OutputFolder

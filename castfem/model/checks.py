@@ -1,0 +1,121 @@
+"""The checks of a case: functions that stand beside their tables and enter themselves here.
+
+A check is given the case, a table of it and yields what is wrong, as pairs of the key within that
+table ("" for the table itself, "/a.b" for a key of the case) and a text. Of a faulty case the
+values that could not be read are `Unreadable`: a check that asks for one ends there, others go on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any, TypeVar
+
+from castfem.base.messages import Path
+from castfem.model.base import FaultyError, Unreadable
+from castfem.model.problems import Problem
+
+Faults = Iterator[tuple[str, str]]
+Check = Callable[[Any, Any], Faults]
+CheckOfTable = TypeVar("CheckOfTable", bound=Check)
+
+_EACH = "*"
+_TRIPPED = (ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError)
+
+
+class Checks:
+    """Checks of one kind, in the order of their definition; a decorator enters one."""
+
+    def __init__(self) -> None:
+        self._entered: list[tuple[tuple[str, ...], Check]] = []
+
+    def __call__(self, table: str = "") -> Callable[[CheckOfTable], CheckOfTable]:
+        """Enter a check.
+
+        Args:
+            table: Dotted key of the tables it is for, "*" for each entry of an array; it is asked
+                for those that a case has. "" for the whole case.
+        """
+
+        def enter(found: CheckOfTable) -> CheckOfTable:
+            self._entered.append((tuple(table.split(".")) if table else (), found))
+            return found
+
+        return enter
+
+    def run(self, case: Any, sound: bool = True) -> Iterator[Problem]:
+        """Yield what the checks find.
+
+        Args:
+            case: The case.
+            sound: Whether all its values could be read. Of another one, and where something was
+                found, a check that trips over it has nothing to add.
+        """
+        tripped: list[Exception] = []
+        for path, found in self._entered:
+            for place, table in _tables(case, path):
+                try:
+                    for key, text in found(case, table):
+                        sound = False
+                        yield Problem(_path(place, key), text)
+                except FaultyError:
+                    pass
+                except _TRIPPED as error:
+                    tripped.append(error)
+        if sound and tripped:
+            raise tripped[0]
+
+
+check = Checks()
+"""What keeps the case of a strand from being run."""
+check_test = Checks()
+"""The same of a tensile test."""
+caution = Checks()
+"""What a sound case has that was probably not meant."""
+own_caution = Checks()
+"""The same, of a key that the case has written itself: what it extends may need it."""
+
+
+def _tables(table: Any, path: tuple[str, ...], place: Path = ()) -> Iterator[tuple[Path, Any]]:
+    """Yield the tables at a path, each with its place."""
+    if table is None or isinstance(table, Unreadable):
+        return
+    if not path:
+        yield place, table
+    elif path[0] == _EACH:
+        for index, entry in enumerate(table):
+            yield from _tables(entry, path[1:], (*place, index))
+    else:
+        yield from _tables(getattr(table, path[0]), path[1:], (*place, path[0]))
+
+
+def _path(place: Path, key: str) -> Path:
+    if key.startswith("/"):
+        place, key = (), key[1:]
+    return (*place, *(int(part) if part.isdigit() else part for part in key.split(".") if part))
+
+
+def given(table: Any, *keys: str) -> list[str]:
+    """Return which of some keys a table has."""
+    return [key for key in keys if getattr(table, key) is not None]
+
+
+def one_of(table: Any, samples: dict[str, str]) -> Faults:
+    """Yield that none of some keys is given, or several.
+
+    Args:
+        table: Has them.
+        samples: The keys, and what each may be.
+    """
+    names, found = list(samples), given(table, *samples)
+    if not found:
+        written = ", ".join(f"{key} = {sample}" for key, sample in samples.items())
+        yield "", f"{', '.join(names[:-1])} or {names[-1]} is missing; one of {written}"
+    elif len(found) > 1:
+        yield "", f"{' and '.join(found)} exclude each other; give one of them"
+
+
+def twice(names: list[str], key: str, same: Callable[[str], str] = str) -> Faults:
+    """Yield the entries of an array whose name an earlier one has, or the `same` in writing."""
+    for index, name in enumerate(names):
+        if same(name) in map(same, names[:index]):
+            yield f"{index}.{key}", f'("{name}") is used twice'
