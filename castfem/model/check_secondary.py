@@ -244,8 +244,8 @@ def _ranges(case: Case, circuit: Circuit) -> Faults:
         )
     least = 0.0 if model.correlation is None else CORRELATIONS[model.correlation].water[0]
     if 0.0 < most < least:
-        known = f"{model.correlation} was measured from {least:g} on: below, it falls to zero"
-        yield "flow", f"at most {most:.3g} L/(m^2 s) reach the surface, {known}"
+        range_ = f"{model.correlation} was measured from {least:g} on: below, it falls to zero"
+        yield "flow", f"at most {most:.3g} L/(m^2 s) reach the surface, {range_}"
 
 
 def _about(case: Case) -> Supply:
