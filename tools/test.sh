@@ -69,8 +69,11 @@ told_by_mypy() {
   return "$status"
 }
 
-# Whether there is another environment with the DOLFINx of PyPI.
-has_other_version() { [[ $home != */.castfem/wheel && -f $PWD/.castfem/wheel/ready ]]; }
+# Whether there is an environment with the DOLFINx of PyPI, and this one has another.
+has_other_version() {
+  [[ -f $PWD/.castfem/wheel/ready ]] || return 1
+  [[ $(sed -n 's/^dolfinx=//p' "$PWD/.castfem/wheel/env.conf") != "$dolfinx"* ]]
+}
 
 pytest_on_other_version() {
   tools/enter.sh "$PWD/.castfem/wheel" python -m pytest -q -n "$(env -u OMP_NUM_THREADS nproc)" \
@@ -108,7 +111,7 @@ if [[ $what == all && $# -eq 0 && $home == */.castfem ]]; then
   if has_other_version; then
     step 'pytest, DOLFINx of PyPI' pytest_on_other_version
   else
-    summary+=("   pytest, DOLFINx of PyPI left out: there is no Python for it")
+    summary+=("   pytest, DOLFINx of PyPI left out: no Python for it, or the same version")
   fi
 fi
 printf '== summary so far\n'

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -113,11 +112,7 @@ def _prepared(options: Options, ranks: bool) -> _Sweep:
     variants = tuple(share.of(everything))
     check_own(target, (TABLE_NAME,))
     record = Record(target)
-    after: Callable[[Path], object] | None = None
-    if options.figures:
-        from castfem.post.plots.figures import draw_figures
-
-        after = draw_figures
+    after = _draw if options.figures else None
     jobs = record.unfinished(
         [Job(v.name, target / v.name, v.case, options.resume, after) for v in variants],
         overwrite=options.overwrite,
@@ -128,6 +123,13 @@ def _prepared(options: Options, ranks: bool) -> _Sweep:
     except (OSError, RunFailure) as error:
         raise InputError(folder_refused(target, error)) from None
     return _Sweep(record, variants, jobs, share.count == 1)
+
+
+def _draw(folder: Path) -> None:
+    """Draw the figures of a finished run, in the process that has run it."""
+    from castfem.post.plots.figures import draw_figures
+
+    draw_figures(folder)
 
 
 def _alone(options: Options) -> int:

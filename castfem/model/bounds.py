@@ -169,6 +169,7 @@ class Demand(NamedTuple):
         most: How many are run.
         much: How many are worth a word.
         each: What one takes, s of work.
+        share: Of the followed length, that they are taken on.
     """
 
     key: str
@@ -177,10 +178,11 @@ class Demand(NamedTuple):
     most: int
     much: int
     each: float
+    share: float = 1.0
 
     def number(self, case: Case) -> float:
         """Return how many the run takes."""
-        return case.casting.duration / self.length
+        return self.share * case.casting.duration / self.length
 
     def fault(self, count: float, rest: str) -> tuple[str, str]:
         """Return what is said of them: how many there are, and the rest."""
@@ -244,8 +246,10 @@ def _demands(case: Case) -> Iterator[Demand]:
     if math.isinf(case.casting.duration):
         return
     time, coupling, output = case.thermal.time, case.coupling, case.output
+    end = case.mechanics_end()
+    share = 1.0 if end is None else end / case.casting.length
     steps = ("thermal steps", _MOST, _MANY, _THERMAL)
-    found: list[tuple[str, Any, tuple[str, int, int, float]]] = [
+    found: list[tuple[str, Any, tuple[Any, ...]]] = [
         ("thermal.time.step", time.step, steps),
         ("thermal.time.adaptive.largest", time.adaptive and time.adaptive.largest, steps),
     ]
@@ -253,9 +257,9 @@ def _demands(case: Case) -> Iterator[Demand]:
         window = coupling.interval
         if isinstance(window, Way):
             window = window.length / case.casting.length * case.casting.duration
-        steps = ("coupling windows", _MOST, _MANY_WINDOWS, _MECHANICAL)
+        steps = ("coupling windows", _MOST, _MANY_WINDOWS, _MECHANICAL, share)
         found.append(("coupling.interval", window, steps))
-        steps = ("mechanical steps", _MOST, _MANY_WINDOWS, _MECHANICAL)
+        steps = ("mechanical steps", _MOST, _MANY_WINDOWS, _MECHANICAL, share)
         found.append(("coupling.mechanical_step", coupling.mechanical_step, steps))
     if output.fields != ():
         states = ("states of the fields", _MOST_STATES, _MANY_STATES, _WRITTEN)

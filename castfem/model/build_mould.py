@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from castfem.base.tables import Table, as_function
 from castfem.base.tolerances import ROUNDING
@@ -16,10 +15,6 @@ from castfem.model.mould import Mould
 from castfem.model.section import Mesh, Section, Strip
 from castfem.physics import mould as wall
 from castfem.physics.mould.taper import TaperProfile
-
-if TYPE_CHECKING:
-    from castfem.model.case import Case
-
 
 SIZES = ("width", "height", "diameter", "corner_radius")
 """Keys of [mould] that are sizes of its cavity."""

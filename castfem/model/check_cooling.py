@@ -8,6 +8,7 @@ from castfem.base.messages import choices
 from castfem.base.tables import Table
 from castfem.base.tolerances import ROUNDING
 from castfem.base.units import format, in_mm, nearest
+from castfem.model.base import Unreadable
 from castfem.model.case import Case
 from castfem.model.checks import Faults, check, given, one_of, twice
 from castfem.model.cooling import MOULD, Contact, Flux, PrescribedTemperature, Spray, Zone
@@ -20,13 +21,18 @@ _SHORTEST = 1e-6  # m: of a zone; less is what rounding makes of one and the sam
 _THINNEST = 1e-7  # m: a gap that halves the heat; surfaces are a hundred times as rough
 
 
+@check("cooling")
+def _zone_names(case: Case, zones: tuple[Zone, ...]) -> Faults:
+    yield from twice([zone.name for zone in zones], "name")
+
+
 @check()
 def _zones(case: Case, _: object) -> Faults:
     zones, reached = case.cooling, 0.0
-    for key, text in twice([zone.name for zone in zones], "name"):
-        yield f"cooling.{key}", text
     for index, zone in enumerate(zones):
         key = f"cooling.{index}.to"
+        if isinstance(zone, Unreadable) or isinstance(zone.to, Unreadable):
+            continue
         if zone.to is None:
             if index < len(zones) - 1:
                 yield f"cooling.{index}", "'to' is missing; only the last zone may leave it out"

@@ -10,6 +10,7 @@ import numpy as np
 
 from castfem.base.messages import choices
 from castfem.base.units import format, in_mm, nearest
+from castfem.model.base import Unreadable
 from castfem.model.checks import Faults, caution, check, given, one_of, twice
 from castfem.model.section import Rectangle
 from castfem.model.water import Supply
@@ -71,7 +72,8 @@ def _names(case: Case, table: Secondary) -> Faults:
 
 @check("secondary.circuit.*")
 def _known(case: Case, circuit: Circuit) -> Faults:
-    names = [model.name for model in case.secondary.nozzle] if case.secondary is not None else []
+    models = () if case.secondary is None else case.secondary.nozzle
+    names = [model.name for model in models if not isinstance(model.name, Unreadable)]
     if circuit.nozzle not in names:
         known = f"; there are {choices(names)}" if names else "; add [[secondary.nozzle]]"
         near = nearest(circuit.nozzle, names)

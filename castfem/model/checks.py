@@ -23,9 +23,14 @@ _TRIPPED = (ArithmeticError, AssertionError, AttributeError, LookupError, TypeEr
 
 
 class Checks:
-    """Checks of one kind, in the order of their definition; a decorator enters one."""
+    """Checks of one kind, in the order of their definition; a decorator enters one.
 
-    def __init__(self) -> None:
+    Args:
+        of_faults: Whether what they find is a fault, after which another check may trip.
+    """
+
+    def __init__(self, of_faults: bool) -> None:
+        self._of_faults = of_faults
         self._entered: list[tuple[tuple[str, ...], Check]] = []
 
     def __call__(self, table: str = "") -> Callable[[CheckOfTable], CheckOfTable]:
@@ -55,7 +60,7 @@ class Checks:
             for place, table in _tables(case, path):
                 try:
                     for key, text in found(case, table):
-                        sound = False
+                        sound = sound and not self._of_faults
                         yield Problem(_path(place, key), text)
                 except FaultyError:
                     pass
@@ -65,13 +70,13 @@ class Checks:
             raise tripped[0]
 
 
-check = Checks()
+check = Checks(of_faults=True)
 """What keeps the case of a strand from being run."""
-check_test = Checks()
+check_test = Checks(of_faults=True)
 """The same of a tensile test."""
-caution = Checks()
+caution = Checks(of_faults=False)
 """What a sound case has that was probably not meant."""
-own_caution = Checks()
+own_caution = Checks(of_faults=False)
 """The same, of a key that the case has written itself: what it extends may need it."""
 
 
@@ -116,6 +121,10 @@ def one_of(table: Any, samples: dict[str, str]) -> Faults:
 
 def twice(names: list[str], key: str, same: Callable[[str], str] = str) -> Faults:
     """Yield the entries of an array whose name an earlier one has, or the `same` in writing."""
+    earlier: set[str] = set()
     for index, name in enumerate(names):
-        if same(name) in map(same, names[:index]):
+        if isinstance(name, Unreadable):
+            continue
+        if same(name) in earlier:
             yield f"{index}.{key}", f'("{name}") is used twice'
+        earlier.add(same(name))

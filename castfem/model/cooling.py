@@ -1,7 +1,6 @@
 """The array of tables [[cooling]]: zones in casting order and the heat laws that hold in them.
 
-What the laws have in common stands in `castfem.model.heat_law`, those of a mould in
-`castfem.model.cooling`, sprays in `castfem.model.cooling`; the other laws are here.
+What the laws have in common stands in `castfem.model.heat_law`.
 """
 
 from __future__ import annotations

@@ -2,6 +2,10 @@
 
 `speed` is `casting.speed`; `cooling.mould.coefficient` is that of the heat law of the zone that has
 one, as `cooling.mould.contact.coefficient` and `cooling.mould.surface.0.coefficient` are.
+
+Single entries of an inherited array are changed by their names: `[cooling.spray] to = "6 m"`. In a
+zone the keys of its heat laws may stand beside its own, where one law alone has them, or in a table
+with the name of the law, `[cooling.spray.radiation]`, as behind `--set`.
 """
 
 from __future__ import annotations

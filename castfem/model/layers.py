@@ -1,9 +1,16 @@
-"""Name and composition of the steel from several layers: the later one decides.
+"""What a later layer of a case (a file that extends, `--set`, a script) does to earlier ones.
 
-TOML has no null: what an extended file gives cannot be taken away.  So a steel that is named in a
-later layer (a file that extends, `--set`, a script) does away with an inherited composition, unless
-it is computed from one and states none itself; and a composition that comes later does away with
-an inherited steel that is not computed from one, unless that is a file of the user's.
+TOML has no null: what an extended file gives cannot be taken away.
+
+Steel: one that is named later does away with an inherited composition, unless it is computed from
+one and states none itself; a composition that comes later does away with an inherited steel that
+is not computed from one, unless that is a file of the user's.
+
+Shape: where a later layer gives another shape of the section, keys of earlier layers that it does
+not know are left out. A key of the same layer, or a later one, was meant, and stays an error.
+
+References: one whose case was changed after it was written is marked, since its number is that of
+the unchanged case.
 """
 
 from __future__ import annotations

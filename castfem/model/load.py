@@ -13,11 +13,19 @@ from pydantic import ValidationError
 
 from castfem.base import units
 from castfem.base.errors import InputError
-from castfem.model import (
+from castfem.model import (  # noqa: F401 - each enters its checks here
+    bending,
+    bounds,
+    build_mould,
+    check_cooling,
+    check_secondary,
     document,
     key_names,
+    mechanics_end,
     plausibility,
     problems,
+    shared_heat,
+    shown_units,
     tensile,
 )
 from castfem.model.base import LENIENT

@@ -186,7 +186,7 @@ class Mechanics(TableModel):
     crystals bears it; proportional to the liquid (eq. 219); none as soon as anything is solid; off:
     no pressure at all"""
     until: Annotated[float | str, KindOr(_LENGTH, MOULD_EXIT)] | None = Field(
-        None, examples=["mould_exit", "1 m"]
+        None, examples=["1 m", "mould_exit"]
     )
     """where the mechanics end: position of the slice, or mould_exit. Below it the run goes on with
     the temperature alone, through the slice in the shape that it has there; left out: they go on to

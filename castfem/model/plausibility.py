@@ -14,16 +14,6 @@ from castfem.base import ranges
 from castfem.base.tables import Table
 from castfem.base.tolerances import ROUNDING
 from castfem.base.units import convert, format, in_mm
-from castfem.model import (  # noqa: F401 - each enters its checks
-    bending,
-    bounds,
-    build_mould,
-    check_cooling,
-    check_secondary,
-    mechanics_end,
-    shared_heat,
-    shown_units,
-)
 from castfem.model.case import Case
 from castfem.model.casting import Start
 from castfem.model.check_cooling import law_groups
@@ -37,7 +27,6 @@ from castfem.physics.thermal.sprays import CORRELATIONS
 
 if TYPE_CHECKING:
     from castfem.model.base import TableModel
-    from castfem.model.case import Case
     from castfem.physics.constitutive.base import Law
     from castfem.physics.materials import Steel
 
@@ -197,6 +186,8 @@ def _nearly_at_rolls(case: Case, zone: Zone) -> Faults:
     """Yield zones that end beside a roll: what jumps there falls into a window of no length."""
     rolls = None if case.machine is None else case.machine.pairs()
     if case.mechanics is None or rolls is None or zone.to is None:
+        return
+    if (end := case.mechanics_end()) is not None and zone.to > end:
         return
     for number, pair in enumerate(rolls.pairs, start=1):
         if ROUNDING < abs(zone.to - pair.position) < _NEARLY:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from castfem.base.tables import Table
 from castfem.base.units import convert, format
@@ -14,11 +13,6 @@ from castfem.model.check_cooling import law_groups
 from castfem.model.checks import Faults, caution
 from castfem.model.cooling import Contact, Flux
 from castfem.model.heat_law import TOTALS, HeatLaw, ScaledLaw
-
-if TYPE_CHECKING:
-    from castfem.model.case import Case
-    from castfem.model.heat_law import HeatLaw
-
 
 _ALIKE = 1e-4  # relative; speeds that differ by less are the same
 SPEED_KEY = "casting.speed"

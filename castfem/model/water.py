@@ -42,7 +42,6 @@ WaterShare = Annotated[float, Kind("1", least=0.0, most=1.0, label="share", samp
 _SAMPLES = {
     "water": '"5 L/(m^2 s)"', "flow": '"240 L/min"', "specific": '"0.3 L/kg"', "share": "0.3",
 }  # fmt: skip
-WAYS = tuple(_SAMPLES)
 _ROUNDED = 2e-3  # shares of three digits
 PER_LITRE_AND_KG = 1e3  # L/kg in a m3/kg
 

@@ -7,6 +7,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Iterator
+from fnmatch import fnmatch
 from importlib import metadata
 from pathlib import Path
 
@@ -94,3 +95,14 @@ def test_files_of_tests_are_told_apart() -> None:
     files = sorted((ROOT / "tests").rglob("test_*.py"))
     loose = [file.name for file in files if not (file.parent / "__init__.py").is_file()]
     assert sorted({name for name in loose if loose.count(name) > 1}) == []
+
+
+def test_no_folder_of_code_is_left_out_by_git_or_lint() -> None:
+    """Ruff's own list, as many a .gitignore, leaves out each folder called build."""
+    lines = (ROOT / ".gitignore").read_text(encoding="utf-8").split()
+    patterns = [line.strip("/") for line in lines if not line.startswith("/")]
+    patterns += PROJECT["tool"]["ruff"]["exclude"]
+    files = [file for folder in CODE for file in (ROOT / folder).rglob("*.py")]
+    parts = {part for file in files for part in file.relative_to(ROOT).parts}
+    assert "build" in parts
+    assert not [part for part in parts for pattern in patterns if fnmatch(part, pattern)]

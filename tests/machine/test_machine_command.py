@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from castfem.base.shown_quantity import Quantity
 from castfem.cli.machine import draw_machine
 from castfem.model import Case, load_case
 from castfem.physics.machine.extraction.effort import Passing
+from castfem.physics.machine.rolls import Pair, Rolls
 from castfem.runs.output.summary import Summary
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -175,3 +177,40 @@ def test_how_the_drives_share_a_known_resistance(
     )
     with pytest.raises(RunFailure, match="the strand would stop: its rolls resist with 9000 kN"):
         draw_machine(weak, tmp_path / "w.png", "slab")
+
+
+def test_check_tells_of_the_rolls() -> None:
+    from castfem.cli.checking import check_case
+
+    told = check_case("slab", CASES / "slab1200" / "thermal.toml", ())
+    assert "  87 pairs of rolls, 0.87 to 26.4324 m" in told.splitlines()
+
+
+def test_nozzles_with_a_defect_are_listed_and_marked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from castfem.post.plots import machine as picture
+
+    drawn: list[list[picture.Spray]] = []
+    monkeypatch.setattr(picture, "_sprays", lambda ax, side, sprays: drawn.append(sprays))
+    draw_machine(load_case(CASES / "slab1200" / "nozzles_47_52.toml"), tmp_path / "m.png", "slab")
+    told = " ".join(capsys.readouterr().out.split())
+    assert 'nozzles of "straightener" from roll 47 to 52 with 66 % of their water' in told
+    assert re.search(r"straightener wide_face [^#]* 66 % of the water from roll 47 to 52", told)
+    (sprays,) = drawn
+    assert sum(spray.defect for spray in sprays) == 2 * 5  # gaps, on both wide faces
+
+
+def test_rolls_with_a_number_are_no_neighbours() -> None:
+    """Every fifth, the drives, the first and the last; those with a defect in any case."""
+    from castfem.post.plots.machine import numbered
+
+    def of(count: int, driven: tuple[int, ...] = (), locked: tuple[int, ...] = ()) -> list[int]:
+        pairs = tuple(
+            Pair(1.0 + i, 0.2, driven=i + 1 in driven, locked=i + 1 in locked) for i in range(count)
+        )
+        return [i + 1 for i in numbered(Rolls(pairs))]
+
+    assert of(12) == [1, 5, 10, 12]
+    assert of(11, driven=(4, 8)) == [1, 4, 8, 11]
+    assert of(11, driven=(4,), locked=(5, 6)) == [1, 5, 6, 11]

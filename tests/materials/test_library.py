@@ -318,3 +318,31 @@ def test_enthalpy_excludes_what_it_replaces(write):
 def test_lever_rule_excludes_a_solidus(write):
     line = only(*write(SOUND + '[solid_fraction]\nformula = "lever_rule"\n'))
     assert "solidus: follows from solid_fraction" in line
+
+
+def test_carbon_042():
+    steel = load_steel("carbon_042")
+    assert (steel.solidus, steel.liquidus) == (1725.15, 1775.65)
+    assert steel.latent_heat == 270e3
+    for name, value in {"density": 7400, "specific_heat": 700, "conductivity": 30}.items():
+        assert float(getattr(steel, name)(1500.0)) == value
+    assert float(steel.thermal_expansion(1300.0)) == pytest.approx(13.5e-6, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "limits", "values"),
+    [
+        ("alloy_similarity", (1723.15, 1773.15), (7200, 700, 30)),
+        ("neumann_steel", (1767.55, 1767.55), (7500, 661, 33)),
+        ("weiner_boley", (1767.5, 1767.6), (7500, 661, 33)),
+        ("weiner_boley_5k", (1765.05, 1770.05), (7500, 661, 33)),
+    ],
+)
+def test_verification_sets(name, limits, values):
+    steel = load_steel(name)
+    assert (steel.solidus, steel.liquidus) == limits
+    assert steel.latent_heat == 272e3
+    got = tuple(
+        float(law(1500.0)) for law in (steel.density, steel.specific_heat, steel.conductivity)
+    )
+    assert got == values

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import json
 from collections.abc import Mapping
 
@@ -282,14 +281,41 @@ def test_asks_tells_and_comes_to_the_same():
     assert one.result() == at_once
 
 
-def test_a_study_that_is_given_up_ends_its_thread():
+def test_two_studies_are_asked_in_turn():
+    """And one is solved that was asked before: no search waits within the minimiser."""
+    one, other = study(), study()
+    for _ in range(3):
+        for each in (one, other):
+            for run in each.ask():
+                each.tell(run, bowl(run))
+
+    def obtain(requests):
+        for run in requests:
+            one.tell(run, bowl(run))
+
+    found = one.solve(obtain=obtain)
+    while wanted := other.ask():
+        for run in wanted:
+            other.tell(run, bowl(run))
+    assert other.result() == found
+
+
+def test_results_that_are_told_anew_change_the_answer():
     one = study()
-    assert one.ask() and one._thread is not None
-    thread = one._thread._thread
-    del one
-    gc.collect()
-    thread.join(timeout=60.0)
-    assert not thread.is_alive()
+    while wanted := one.ask():
+        for run in wanted:
+            one.tell(run, bowl(run))
+    before = one.result()
+
+    def doubled(run):
+        return {name: 2.0 * value for name, value in bowl(run).items()}
+
+    for run in list(one._runs.results):
+        one.tell(run, doubled(run))
+    while wanted := one.ask():
+        for run in wanted:
+            one.tell(run, doubled(run))
+    assert one.result().objective.value == pytest.approx(2.0 * before.objective.value)
 
 
 def test_an_error_of_the_search_is_that_of_ask():

@@ -250,6 +250,28 @@ def test_thermal_simulation_loads_nothing_it_does_not_ask_for(tmp_path: Path) ->
     assert "LOADED [] GONE []" in done.stdout
 
 
+def test_a_billet_loads_no_rolls_and_a_mould_no_copper(tmp_path: Path) -> None:
+    code = (
+        "import sys; from importlib.util import find_spec; from castfem.cli import execute; "
+        "assert execute(sys.argv[2:]) == 0; unwanted = sys.argv[1].split(); "
+        "print('LOADED', [n for n in unwanted if n in sys.modules], "
+        "'GONE', [n for n in unwanted if find_spec(n) is None])"
+    )
+    rolls = "castfem.physics.machine.rolls castfem.physics.machine.bulging.creep"
+    copper = "castfem.physics.mould.hot.tube castfem.studies.mould_fit.coupled dolfinx"
+    taper = ("run", "billet125/taper_1", "-q", "-o", "run", "--accuracy", "coarse", "--set")
+    taper = (*taper, "casting.length=6 mm", "--set", "output.figures=false")
+    for unwanted, command in (
+        (rolls, taper),
+        (copper, ("mould", "billet125/taper_1", "-o", "m.png")),
+    ):
+        done = subprocess.run(
+            [sys.executable, "-c", code, unwanted, *command],
+            cwd=tmp_path, capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        assert "LOADED [] GONE []" in done.stdout, done.stdout
+
+
 def test_forms_compiled_are_forms_assembled(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -20,6 +20,7 @@ from castfem.base.shown_units import ShownUnits, shown_in
 from castfem.base.table import say
 from castfem.cli.app import app
 from castfem.cli.sensitivity import head_of, remarks, table_of
+from castfem.post.plots.chosen_units import in_chosen_units
 from castfem.post.plots.tornado import draw_tornado
 from castfem.studies.sensitivity.chosen_units import ShownRow
 from castfem.studies.sensitivity.parameters import Parameter
@@ -161,3 +162,36 @@ def test_accuracy_is_that_of_the_run(tmp_path: Path) -> None:
         content = json.loads((target / "sensitivity.json").read_text())
         heat[word] = content["quantities"]["heat_removed"]["value"]
     assert heat["coarse"] != heat["default"] == pytest.approx(heat["coarse"], rel=0.2)
+
+
+def test_the_figure_in_units_that_were_chosen(tmp_path: Path, monkeypatch: Any) -> None:
+    kept: list[Figure] = []
+
+    def keep(figure: Figure, path: Path) -> None:
+        in_chosen_units(figure)
+        kept.append(figure)
+
+    monkeypatch.setattr("castfem.post.plots.tornado.save", keep)
+    with shown_in(ShownUnits.read({"temperature": "degF", "shell": "inch"})):
+        draw_tornado(FOUND, tmp_path / "none.png")
+    surface, shell = kept[0].axes[:2]
+    assert surface.get_ylim() == (-0.6, 2.6)
+    assert surface.get_xlabel() == "change of surface, mid-face [°F]"
+    assert shell.get_xlabel() == "change of shell, mid-face [inch]"
+    assert {text.get_text() for text in surface.get_yticklabels()} == {
+        "casting.speed \N{PLUS-MINUS SIGN}0.1 m/min",
+        "cooling.mould.wall \N{PLUS-MINUS SIGN}18 °F",
+        "steel.conductivity \N{PLUS-MINUS SIGN}1 %",
+    }
+
+
+def test_a_result_that_depends_on_nothing_has_no_axes(tmp_path: Path, monkeypatch: Any) -> None:
+    kept: list[Figure] = []
+    monkeypatch.setattr("castfem.post.plots.tornado.save", lambda figure, path: kept.append(figure))
+    none = [Derivative("shell_mid_face", one.name, 0.0, 0.0) for one in FOUND.parameters]
+    some = (one for one in FOUND.derivatives if one.quantity != "shell_mid_face")
+    draw_tornado(replace(FOUND, derivatives=(*some, *none)), tmp_path / "none.png")
+    surface, shell = kept[0].axes
+    assert surface.axison and not surface.texts
+    assert not shell.axison and not shell.patches
+    assert shell.texts[0].get_text() == "shell, mid-face\ndepends on none of them"

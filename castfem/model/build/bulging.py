@@ -9,6 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from castfem.base.errors import RunFailure
+from castfem.base.tables import as_function
+from castfem.base.tolerances import same_or_before
+from castfem.base.types import Array
+from castfem.fem.line_probes import LineProbes, Profile
+from castfem.fem.root import shared_out
+from castfem.model.build.shell_prediction import Core, ShellAhead, core_of, front_of
+from castfem.model.bulging import Bulging
+from castfem.physics.contact.roll_support import POINTS, Bed, RollSupport
+from castfem.physics.contact.surface_interaction import ALWAYS
 from castfem.physics.machine.bulging import (
     Bulge,
     BulgingModel,
@@ -19,25 +29,14 @@ from castfem.physics.machine.bulging import (
     ThesisPlate,
 )
 from castfem.physics.machine.bulging.result import along
-from castfem.model.bulging import Bulging
-from castfem.physics.contact.roll_support import POINTS, Bed, RollSupport
-from castfem.physics.contact.surface_interaction import ALWAYS
-from castfem.base.errors import RunFailure
-from castfem.fem.line_probes import LineProbes, Profile
-from castfem.fem.root import shared_out
-from castfem.model.build.shell_prediction import Core, core_of, front_of
-from castfem.model.build.shell_prediction import ShellAhead
-from castfem.base.tolerances import same_or_before
-from castfem.base.tables import as_function
-from castfem.base.types import Array
 
 if TYPE_CHECKING:
-    from castfem.physics.machine.bulging.uneven import UnevenRolls
+    from castfem.fem.section import Section
     from castfem.model import Case
     from castfem.physics.constitutive.base import Law
     from castfem.physics.contact.settings import Contact
-    from castfem.fem.section import Section
     from castfem.physics.machine import Machine
+    from castfem.physics.machine.bulging.uneven import UnevenRolls
     from castfem.physics.materials import Steel
     from castfem.physics.mechanics.ferrostatic import Ferrostatic
 

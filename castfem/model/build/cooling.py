@@ -5,28 +5,30 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-from castfem.model.water import Supply, steel_per_length
 from bisect import bisect_right
 from dataclasses import replace
+from typing import TYPE_CHECKING
+
 import numpy as np
 import numpy.typing as npt
-from castfem.model.heat_law import Extent, Surroundings
+
 from castfem.base.errors import InputError
+from castfem.base.tables import Table
+from castfem.base.types import Array
 from castfem.fem import reductions
+from castfem.model.heat_law import Extent, Surroundings
+from castfem.model.water import Supply, steel_per_length
 from castfem.physics.machine.time_functions import OverTime
 from castfem.physics.thermal import flux_laws
 from castfem.physics.thermal.boundary import Cooling, Patch, Surface
-from castfem.base.tables import Table
-from castfem.base.types import Array
 
 if TYPE_CHECKING:
-    from castfem.model import Case
     from castfem.fem.section import Section
-    from castfem.physics.materials import Steel
+    from castfem.model import Case
+    from castfem.model.build.secondary import SecondaryCooling
     from castfem.model.heat_law import HeatLaw
     from castfem.physics.machine import Machine
-    from castfem.model.build.secondary import SecondaryCooling
+    from castfem.physics.materials import Steel
 
 
 Row = tuple[list[int], flux_laws.SurfaceLaw]

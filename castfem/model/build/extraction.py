@@ -10,14 +10,14 @@ import numpy as np
 import ufl
 from dolfinx import fem, la
 
+from castfem.base.types import Array
+from castfem.fem import reductions
+from castfem.fem.section import Section
 from castfem.model.build_machine import coupled_pairs, known_resistance
 from castfem.model.machine import thickness_of
 from castfem.physics.machine.extraction.effort import CoupledResistance, Effort, Pairs, RollForces
 from castfem.physics.machine.extraction.resistance import pressed, tributary_lengths
-from castfem.fem import reductions
-from castfem.fem.section import Section
 from castfem.physics.machine.machine import GRAVITY
-from castfem.base.types import Array
 
 if TYPE_CHECKING:
     from castfem.model import Case

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-
-from castfem.fem.snes import Options, try_options
 from typing import TYPE_CHECKING
+
+from castfem.base.errors import InputError
+from castfem.fem.snes import Options, try_options
 from castfem.physics.constitutive.elasticity import Elasticity, Solidity
 from castfem.physics.constitutive.flow_laws import RadialReturn
-from castfem.physics.constitutive.parameters import DeltaShare, load_elasticity, load_law, problems_at
-from castfem.base.errors import InputError
+from castfem.physics.constitutive.parameters import (
+    DeltaShare,
+    load_elasticity,
+    load_law,
+    problems_at,
+)
 
 if TYPE_CHECKING:
     from castfem.model.mechanics import Mechanics

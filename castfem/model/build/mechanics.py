@@ -8,17 +8,21 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from castfem.base.errors import CaseError, InputError
+from castfem.base.stopwatch import Stopwatch
+from castfem.base.tables import Table, as_function
+from castfem.base.types import Array
+from castfem.fem.line_probes import LineProbes
+from castfem.fem.section import Section
 from castfem.model import mechanics as given
 from castfem.model.bending import axis_position, places_of
+from castfem.model.build.law import build_law
 from castfem.model.build_mould import build_mould
 from castfem.model.heat_law import no_expansion
 from castfem.model.machine import thickness_of
 from castfem.physics.constitutive.base import Law
 from castfem.physics.contact.settings import Contact
 from castfem.physics.contact.surface_interaction import SurfaceInteraction
-from castfem.base.errors import CaseError, InputError
-from castfem.fem.line_probes import LineProbes
-from castfem.fem.section import Section
 from castfem.physics.machine.time_functions import over_time
 from castfem.physics.mechanics.bent_planes import BentPlanes
 from castfem.physics.mechanics.definition import Slice
@@ -28,17 +32,13 @@ from castfem.physics.mechanics.planes import PlainPlanes, Planes, TimeHistory, a
 from castfem.physics.mechanics.problem import MechanicalProblem
 from castfem.physics.mechanics.stepper import MechanicalStepper
 from castfem.physics.mechanics.supports import PrescribedDisplacement
-from castfem.model.build.law import build_law
-from castfem.base.stopwatch import Stopwatch
-from castfem.base.tables import Table, as_function
-from castfem.base.types import Array
 
 if TYPE_CHECKING:
     from castfem.model import Case
     from castfem.model.mould import Mould
     from castfem.model.section import Section as Strand
-    from castfem.physics.machine.extraction.effort import Effort
     from castfem.physics.machine import Machine
+    from castfem.physics.machine.extraction.effort import Effort
     from castfem.physics.materials import Steel
 
 

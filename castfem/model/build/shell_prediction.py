@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
+
 import numpy as np
+from scipy.optimize import brentq
+
+from castfem.base.types import Array
+from castfem.fem.line_probes import Profile
+from castfem.physics.constitutive import ThermoElastic
 from castfem.physics.machine.bulging import CreepingStrip
 from castfem.physics.machine.bulging.uneven import UnevenRolls
-from castfem.physics.constitutive import ThermoElastic
 from castfem.physics.machine.defects import out_of_line
-from collections.abc import Callable
-from dataclasses import dataclass
-from scipy.optimize import brentq
-from castfem.fem.line_probes import Profile
-from castfem.base.types import Array
-import math
-from dataclasses import dataclass, replace
 
 if TYPE_CHECKING:
+    from castfem.base.types import Array
     from castfem.model import Case
     from castfem.model.bulging import Bulging
     from castfem.physics.constitutive.base import Law
     from castfem.physics.machine.rolls import Rolls
-    from castfem.base.types import Array
     from castfem.physics.materials import Steel
     from castfem.physics.mechanics.ferrostatic import Ferrostatic
 

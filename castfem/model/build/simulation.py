@@ -11,34 +11,34 @@ from mpi4py import MPI
 
 import numpy as np
 
+from castfem.base.stopwatch import Stopwatch
+from castfem.fem import reductions
+from castfem.fem.line_probes import LineProbes
+from castfem.fem.root import on_root
+from castfem.fem.section import Section
+from castfem.model.build.cooling import Zones
+from castfem.model.build.start import given_profile
 from castfem.model.build_machine import build_machine
 from castfem.model.mechanics import Way
 from castfem.model.section import meshing
 from castfem.physics.coupling.staggered import ALLOWED, ORDER, StaggeredCoupling
 from castfem.physics.coupling.step_control import ALLOWED_STRAIN, Adaptive, StepControl
 from castfem.physics.coupling.subcycling import MechanicalSteps, ThermalSteps
-from castfem.fem import reductions
-from castfem.fem.line_probes import LineProbes
-from castfem.fem.root import on_root
-from castfem.fem.section import Section
 from castfem.physics.machine.machine import STANDING
 from castfem.physics.materials.curve import ThermalCurve
-from castfem.model.build.cooling import Zones
-from castfem.model.build.start import given_profile
-from castfem.base.stopwatch import Stopwatch
 from castfem.physics.thermal.boundary import Surface
 from castfem.physics.thermal.deformed_section import Shape
 from castfem.physics.thermal.problem import ThermalProblem
 from castfem.physics.thermal.stepper import ThermalStepper
 
 if TYPE_CHECKING:
+    from castfem.base.types import Array
+    from castfem.meshes import SectionMesh
     from castfem.model import Case
+    from castfem.physics.closed_forms import ClosedForm
     from castfem.physics.machine import Machine
     from castfem.physics.materials import Steel
     from castfem.physics.mechanics.stepper import MechanicalStepper
-    from castfem.meshes import SectionMesh
-    from castfem.base.types import Array
-    from castfem.physics.closed_forms import ClosedForm
 
 # T(H) is tabulated from the coldest surroundings to the start; beyond, the end values hold.
 ROOM, MARGIN = 280.0, 2.0  # K

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from castfem.physics.coupling.subcycling import ThermalSteps
-from castfem.fem.section import Section
 from castfem.base.tables import Table
 from castfem.base.types import Array
+from castfem.fem.section import Section
+from castfem.physics.coupling.subcycling import ThermalSteps
 
 if TYPE_CHECKING:
     from castfem.model import Case

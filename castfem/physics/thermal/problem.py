@@ -317,10 +317,6 @@ class ThermalProblem:
             if self.cooling.prescribed:
                 out.zeroRows(self._fixed_rows, diag=1.0)
 
-    def assemble_conduction(self, out: PETSc.Mat) -> None:
-        """Put L of the shape as it is now into a matrix of `new_matrix` (collective)."""
-        assemble_into(out, self._conduction, [])
-
     def new_matrix(self) -> PETSc.Mat:
         """A matrix of the Laplacian's pattern, the caller's to destroy."""
         matrix = self._laplacian.copy()

@@ -9,12 +9,9 @@ print(study.result().changes())
 
 from __future__ import annotations
 
-import weakref
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from queue import SimpleQueue
-from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -69,6 +66,8 @@ class Study:
     ) -> None:
         loaded = check.check_case(case, "Study")
         self.problem = DesignProblem(loaded, origin or check.origin_of(case))
+        if evaluator is not None and not isinstance(evaluator, Evaluator):
+            raise InputError(f"Study: evaluator must be an Evaluator, got {evaluator!r}")
         self.evaluator = evaluator
         if folder is not None and evaluator is None:
             self.evaluator = Evaluator(loaded, check.check_folder(folder, "Study"))
@@ -76,8 +75,6 @@ class Study:
             self.problem.check_results()
         self._runs = _KnownRuns(self.problem, self.evaluator)
         self._kept: list[RunResult] = []
-        self._asked: Requests = ()
-        self._thread: _WorkflowThread | None = None
         self._result: Optimum | None = None
         if self.problem.table.method == "slsqp":
             self._check_derivatives()
@@ -90,24 +87,21 @@ class Study:
         """
         if self._result is not None:
             return ()
-        if self._thread is None:
-            if self.problem.inputs and self.evaluator is not None:
-                import castfem.studies.sensitivity.run  # noqa: F401 - starts MPI, in this thread, not in that
-            self._thread = _WorkflowThread(self._workflow(self.evaluator is not None))
-            weakref.finalize(self, self._thread.stop)
-        while True:
-            self._asked = tuple(one for one in self._asked if self._runs.find(one) is None)
-            if self._asked:
-                return self._asked
-            try:
-                asked = self._thread.next_requests()
-            except BaseException:
-                self._thread = None
-                raise
-            if isinstance(asked, Optimum):
-                self._result = asked
-                return ()
-            self._asked = asked
+        try:
+            self._result = self._workflow(self.evaluator is not None).run(self._expect)
+        except _RunsMissing as missing:
+            return missing.requests
+        return ()
+
+    def _expect(self, requests: Sequence[RunRequest]) -> None:
+        """Leave the workflow where runs have not been made.
+
+        It is followed from its beginning at each `ask`: it has no state but the results, and no
+        minimiser is left waiting (SciPy allows one COBYQA at a time in a process).
+        """
+        lost = tuple(one for one in requests if self._runs.find(one) is None)
+        if lost:
+            raise _RunsMissing(lost)
 
     def solve(
         self,
@@ -200,6 +194,7 @@ class Study:
                 f'{{"heat_removed": 9.1e6}}, got {results!r}'
             )
         self._runs.note(request, results)
+        self._result = None
 
     def run(
         self,
@@ -251,8 +246,22 @@ class Study:
         return self._result
 
     def case_of(self, optimum: Optimum) -> Case:
-        """Return the user's case with the values of an optimum."""
+        """Return the user's case with the values of an optimum.
+
+        Raises:
+            InputError: It is none.
+        """
+        if not isinstance(optimum, Optimum):
+            raise InputError(f"case_of: must be what result() returns, got {optimum!r}")
         return self.problem.case.with_(optimum.changes())
+
+
+class _RunsMissing(Exception):
+    """The workflow needs runs that have not been made."""
+
+    def __init__(self, requests: Requests) -> None:
+        super().__init__(requests)
+        self.requests = requests
 
 
 class _KnownRuns:
@@ -290,44 +299,6 @@ class _KnownRuns:
         self.results[request] = results
         if request.derivatives:
             self._differentiated.add(request)
-
-
-class _WorkflowThread:
-    """Runs a workflow, which waits for its runs, in a thread of its own.
-
-    Either the thread works or the caller of `next_requests`, never both.
-    """
-
-    def __init__(self, workflow: Workflow) -> None:
-        self._asked: SimpleQueue[Requests | Optimum | BaseException] = SimpleQueue()
-        self._answered: SimpleQueue[bool] = SimpleQueue()
-        self._thread = Thread(target=self._work, args=(workflow,), daemon=True)
-
-    def next_requests(self) -> Requests | Optimum:
-        """Let the workflow go on; return the runs that it needs next, or at its end the answer."""
-        if self._thread.ident is None:
-            self._thread.start()
-        else:
-            self._answered.put(True)
-        asked = self._asked.get()
-        if isinstance(asked, BaseException):
-            raise asked
-        return asked
-
-    def stop(self) -> None:
-        """End the thread."""
-        self._answered.put(False)
-
-    def _work(self, workflow: Workflow) -> None:
-        try:
-            self._asked.put(workflow.run(self._obtain))
-        except BaseException as error:
-            self._asked.put(error)
-
-    def _obtain(self, requests: Sequence[RunRequest]) -> None:
-        self._asked.put(tuple(requests))
-        if not self._answered.get():
-            raise SystemExit
 
 
 def _evaluation(result: RunResult, length: float) -> Evaluation:
