@@ -248,7 +248,7 @@ def _demands(case: Case) -> Iterator[Demand]:
     time, coupling, output = case.thermal.time, case.coupling, case.output
     end = case.mechanics_end()
     share = 1.0 if end is None else end / case.casting.length
-    steps = ("thermal steps", _MOST, _MANY, _THERMAL)
+    steps: tuple[Any, ...] = ("thermal steps", _MOST, _MANY, _THERMAL)
     found: list[tuple[str, Any, tuple[Any, ...]]] = [
         ("thermal.time.step", time.step, steps),
         ("thermal.time.adaptive.largest", time.adaptive and time.adaptive.largest, steps),
