@@ -118,7 +118,7 @@ def stiffness(tangent: Expr, change: Expr, virtual: Expr, dx_deviator: ufl.Measu
 
 
 def following(u: Expr, v: Expr) -> ufl.Form:
-    """Int eps(u) : eps(v): liquid that follows its shell as an elastic body of no consequence.
+    """Int eps(u) : eps(v): fictitious elastic liquid that follows the shell, without its stress.
 
     Args:
         u: Displacement.

@@ -70,7 +70,7 @@ def bed_pressure(pressure: Expr, stiffness: Expr, rest: Expr, moved: Expr) -> Ex
 def pushed(pressure: Expr, stiffness: Expr, most: Expr) -> tuple[Expr, Expr]:
     """F and its stiffness where rolls cannot pull: a face that has left them is free.
 
-    A thousandth of K is left, so that a face that touches nowhere has a place.
+    K / 1000 is left, so that a face without contact is not free to drift.
 
     Args:
         pressure: Of `bed_pressure`, Pa.

@@ -1,7 +1,7 @@
 """CSV files whose header names each column and its unit: `temperature [degC], value [MPa]`.
 
 Blank lines, rows without a filled cell and lines that begin with # are passed over, and so are
-empty columns at the right. Columns are parted by commas or, if the header is, by semicolons or
+empty columns at the right. Columns are separated by commas or, if the header is, by semicolons or
 tabs; a first line `sep=;`, as Excel writes it, names another separator. A cell in quotes may hold
 any.
 

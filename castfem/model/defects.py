@@ -110,7 +110,7 @@ class Locked(RollDefect):
             yield "kind", f'("locked") has no effect without [machine.extraction]; {fix}'
 
     def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:
-        """Return the steps with that of the pair as many times as high (328)."""
+        """Return the steps of resistance, that of this pair times the factor (328)."""
         found = steps.copy()
         found[self.roll - 1] *= sliding
         return found

@@ -153,14 +153,14 @@ def test_from_python(case):
 def test_ranks_that_cannot_be(case):
     words = ("-m", "castfem.cli", "optimise", "small", "-o", "out", "--ranks", "2")
     for more, message in (
-        ((), "castfem: --ranks 2: 3 ranks cannot be parted so; start it with"),
+        ((), "castfem: --ranks 2: 3 ranks cannot be divided so; start it with"),
         (("-j", "2"), "castfem: -j is for one machine"),
     ):
         refused = python_on(3, *words, *more, folder=case)
         assert refused.returncode == 1
         assert refused.stderr.count(message) == 1
         assert not (case / "out").exists()
-    with pytest.raises(InputError, match="--ranks 2: 1 rank cannot be parted so"):
+    with pytest.raises(InputError, match="--ranks 2: 1 rank cannot be divided so"):
         status_of(*words[2:])
 
 

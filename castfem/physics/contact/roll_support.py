@@ -302,7 +302,7 @@ class WinklerFoundation(Interaction):
             told = old.memory, start, end, before, after
             self._beds, self._memory = self.given.foundation.beds(*told)
             if missing := [name for name in self._faces if name not in self._beds]:
-                raise InputError(f"{', '.join(missing)}: rolls are to bear it, and it has no bed")
+                raise InputError(f"{', '.join(missing)}: rolls are to bear it, but it has no bed")
         self._take(self._beds)
 
     def axial_strain(self, places: Array) -> Array | None:

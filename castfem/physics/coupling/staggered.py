@@ -382,8 +382,8 @@ def take_window(
 ) -> tuple[CouplingWindow, int]:
     """A window that succeeds, cut back as often as it takes, and how often that was for a failure.
 
-    A gap that does not converge is one, but ends no run.  A gap that changes too much for the
-    window's error cuts it back as well.
+    A window whose gap does not converge counts as a failure, but does not end the run.  A gap that
+    changes too much for the window's error cuts it back as well.
 
     Raises:
         RunFailure: At the smallest window, where the model ends (`mechanics.validity`), or where

@@ -1,4 +1,4 @@
-"""What a run that has come to its end cannot be trusted in: balances, and heat from nowhere."""
+"""Warnings on a finished run: balances of heat and force, and heat without a source."""
 
 from __future__ import annotations
 

@@ -129,8 +129,8 @@ class Study:
             lost = sum(self._runs.find(one) is None for one in requests)
             if lost:
                 raise InputError(
-                    f"solve: obtain has told nothing of {lost} of the {len(requests)} runs that it "
-                    "was given; tell(run, results) each"
+                    f"solve: obtain gave no results of {lost} of {len(requests)} runs; call "
+                    "tell(run, results) for each"
                 )
 
         self._result = self._workflow(obtain is None, stage).run(run)

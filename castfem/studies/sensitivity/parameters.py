@@ -106,9 +106,9 @@ class Parameter:
             return changed(case, {self.key: written}, self.name)
         except InputError as error:
             raise InputError(
-                f"--to {self.name}: a derivative needs the case a little to either side of it, and "
+                f"--to {self.name}: a derivative needs valid cases on both sides of the value; "
                 f"with {value:.8g} {self.unit}".rstrip()
-                + f" it is none; compare runs (castfem sweep) instead. {error.problems[0]}"
+                + f" it is invalid: compare runs (castfem sweep) instead. {error.problems[0]}"
             ) from None
 
     @property

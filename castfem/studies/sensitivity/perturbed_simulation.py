@@ -146,8 +146,8 @@ def vary(simulation: Simulation, parameter: Parameter) -> Variation:
             alike = below.same_curve and above.same_curve
             return Variation(tried, below, above, None if alike else CurveDifference(*curves))
     raise InputError(
-        f"{parameter.name}: the tables of the steel are divided otherwise on both sides of it; "
-        "change it a little"
+        f"{parameter.name}: a small change of it changes how the tables of the steel are "
+        "subdivided, so that no derivative can be taken; use a slightly different value"
     )
 
 
@@ -205,8 +205,8 @@ def _instants(simulation: Simulation, other: Simulation, parameter: Parameter) -
     end = run[1]
     if len(run) != len(own) or len(simulation.zones.starts) != len(other.zones.starts):
         raise InputError(
-            f"{parameter.name}: the least change of it adds or takes away a change of the cooling; "
-            "the run has no derivative there: move it, or the end of the run"
+            f"{parameter.name}: a change of the cooling lies exactly at the end of the run, where "
+            "a small change of it adds or removes that; move it, or the end of the run, slightly"
         )
     kept: list[tuple[float, float]] = []
     for one, its in sorted(zip(run, own, strict=True)):

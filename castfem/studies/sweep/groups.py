@@ -33,7 +33,7 @@ def check(ranks: int, size: int, name: str = "--ranks ") -> None:
         raise InputError(f"{name}{ranks}: a run needs at least one")
     if size % ranks:
         raise InputError(
-            f"{name}{ranks}: {size} rank{'s' if size > 1 else ''} cannot be parted so; start it "
+            f"{name}{ranks}: {size} rank{'s' if size > 1 else ''} cannot be divided so; start it "
             f"with mpirun -n {ranks} for one run at a time, mpirun -n {2 * ranks} for two"
         )
 
