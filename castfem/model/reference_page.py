@@ -58,8 +58,8 @@ unit = "W/(m^2 K)"
 or a CSV file, `coefficient = { file = "spray.csv" }`, its path relative to the case file, that
 begins with a line such as `temperature [degC], value [W/(m^2 K)]`
 (the second column may have any name); lines that begin with `#` are
-skipped, and so are empty rows and columns and a first line `sep=;`. Columns are separated by commas,
-semicolons or tabs; between the latter two numbers may have decimal commas. All numbers of a file
+skipped, and so are empty rows and columns and a first line `sep=;`. Commas, semicolons or tabs
+separate columns; between the latter two numbers may have decimal commas. All numbers of a file
 have the same decimal mark and no thousands separators; a file in which `1,200` may be 1200 or 1.2
 is refused, with the line. A table has at least two rows in increasing order; it is linear between
 them and constant beyond.
