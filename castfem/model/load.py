@@ -71,6 +71,11 @@ class Reading:
     line: Callable[[Problem], str] = str
     origin: Callable[[document.Keys], str] = str
 
+    @property
+    def sound(self) -> AnyCase | None:
+        """The case, None if anything of it is faulty."""
+        return None if self.problems else self.case
+
 
 def load_case(path: str | Path, overrides: Iterable[str] = ()) -> Case:
     """Read and validate the case file of a strand.
@@ -89,9 +94,9 @@ def load_case(path: str | Path, overrides: Iterable[str] = ()) -> Case:
 def load_any(path: str | Path, overrides: Iterable[str] = ()) -> AnyCase:
     """Read and validate a case file of either kind; as `load_case`."""
     reading = read_case(path, overrides)
-    if reading.problems or reading.case is None:
+    if reading.sound is None:
         raise InputError(reading.problems)
-    return reading.case
+    return reading.sound
 
 
 def read_case(path: str | Path, overrides: Iterable[str] = ()) -> Reading:

@@ -63,11 +63,11 @@ def check(
     if overwrite or not file.is_file():
         return
     mend = fresh if resume else replace
-    existing = read_case(file)
-    if existing.problems or existing.case is None:
+    existing = read_case(file).sound
+    if existing is None:
         raise InputError(f"{file}: is not a case of this version of castfem; {mend}")
-    if existing.case.physics_hash() != case.physics_hash():
-        changes = _changes(existing.case, case)
+    if existing.physics_hash() != case.physics_hash():
+        changes = _changes(existing, case)
         raise InputError(f"{folder}: holds a run of another case ({changes}); {mend}")
     if isinstance(case, Case) and (folder / RUN_NAME).is_file():
         _check_length(folder, case, resume, mend, goes_on)

@@ -189,7 +189,8 @@ def test_bad_input_runs_nothing(castfem, tmp_path, words, message) -> None:
 def test_accuracy_is_that_of_all_runs(castfem, tmp_path):
     """As the command of one run has it; a script for SLURM hands it on."""
     path = write_small(tmp_path)
-    coarse, as_written = sweeping._base(path, "coarse"), sweeping._base(path, "default")
+    asked = (sweeping.Options(str(path), None, accuracy=word) for word in ("coarse", "default"))
+    coarse, as_written = (one.case(path) for one in asked)
     factor = factors_of("coarse")[MESH]
     assert factor > 1.0
     assert coarse.mesh.surface_size == pytest.approx(factor * as_written.mesh.surface_size)

@@ -109,7 +109,7 @@ class WallLine:
         from castfem.model.build_mould import build_mould
 
         file, position = fields.folder / CASE_NAME, float(fields.positions[index])
-        case = read_case(file).case if file.is_file() else None
+        case = read_case(file).sound if file.is_file() else None
         if not isinstance(case, Case) or case.mould is None:
             return None
         mould = build_mould(case.mould, case.section)

@@ -126,8 +126,7 @@ class Watcher:
         """Take in the case of a run that is seen for the first time, or was taken up again."""
         self._started = record.started + str(record.resumed)
         self._way.clear()
-        reading = read_case(self.folder / CASE_NAME)
-        case = None if reading.problems else reading.case  # of another version, say
+        case = read_case(self.folder / CASE_NAME).sound  # none of another version, say
         self._title = "" if case is None else case.title
         self._length = case.casting.length if isinstance(case, Case) else math.nan
 

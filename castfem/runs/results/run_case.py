@@ -42,7 +42,7 @@ def error_page(folder: Path) -> str:
     been measured, it is empty.
     """
     file = folder / CASE_NAME
-    case = read_case(file).case if file.is_file() else None
+    case = read_case(file).sound if file.is_file() else None
     if not isinstance(case, Case):
         return ""
     for name, path in shipped_cases.shipped().items():

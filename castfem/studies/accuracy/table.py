@@ -334,7 +334,7 @@ def attach(table: ErrorTable, folder: Path) -> bool:
     path = folder / SUMMARY_NAME
     if not path.is_file() or RunRecord.load(folder).status != "finished":
         return False
-    case = read_case(folder / CASE_NAME).case
+    case = read_case(folder / CASE_NAME).sound
     errors = table.errors_of(case) if isinstance(case, Case) else None
     if errors is None:
         return False
