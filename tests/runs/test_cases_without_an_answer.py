@@ -74,7 +74,7 @@ def test_zones_that_rounding_has_made(tmp_path: Path) -> None:
     )
     path = tmp_path / "case.toml"
     path.write_text(f'extends="{CASES / "thermal.toml"}"\n{zones}')
-    with pytest.raises(InputError, match=r"lies 0\.01 nm below the end of the zone before"):
+    with pytest.raises(InputError, match=r"cooling.1.to .*lies 0\.01 nm below"):
         load_case(path)
 
 
