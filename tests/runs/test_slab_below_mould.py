@@ -134,7 +134,7 @@ def test_it_resumes_byte_for_byte(tmp_path: Path) -> None:
         ({"machine__rolls__position": ["0.29 m", "0.5 m", "0.66 m"]},
          r"position \(0\.29 m\) lies within the mould, which ends at 0\.3 m"),
         ({"casting__start": {"at": "mould_exit"}},
-         r"casting\.start\.at: .* begins below the mould, which \[mould\] takes the strained"),
+         r"casting\.start\.at: .* begins below the mould"),
         ({"mechanics__bulging": {"model": "none", "pull": True}},
          r'bulging\.pull: has no effect with model = "none"'),
     ],
