@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from castfem.base.errors import InputError
-from castfem.fem.snes import Options, try_options
 from castfem.physics.constitutive.elasticity import Elasticity, Solidity
 from castfem.physics.constitutive.flow_laws import RadialReturn
 from castfem.physics.constitutive.parameters import (
@@ -17,6 +16,7 @@ from castfem.physics.constitutive.parameters import (
 )
 
 if TYPE_CHECKING:
+    from castfem.fem.snes import Options
     from castfem.model.mechanics import Mechanics
     from castfem.physics.materials import Steel
 
@@ -81,6 +81,8 @@ def try_solver(table: str, options: Options) -> None:
     Raises:
         InputError: An option is of no family PETSc knows, or PETSc refuses its value.
     """
+    from castfem.fem.snes import try_options
+
     if table == "thermal":
         from castfem.physics.thermal.options import default_options
 
