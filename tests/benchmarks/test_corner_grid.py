@@ -59,12 +59,12 @@ def test_an_error_is_three_times_the_difference_of_coarse_and_default() -> None:
     assert not within(found[0] | {FINE: 1.51}) and FINE not in errors(rows[:2])[0]
 
 
-def test_no_published_billet_fails_and_errors_of_shell_heat_and_gap_hold() -> None:
-    """Of shells, temperatures and gaps of the corner at least 95 % are within the error."""
+def test_no_published_billet_fails_and_errors_hold_for_nine_of_ten_corners() -> None:
+    """Of all 14 billets, on all cells; the page lists the results that are not within."""
     rows = Output().rows("billet_grid")
     assert not any(row["failure"] for row in rows)
     found = errors(rows)
     assert len(found) == len([*grid()]) * len(RESULTS)
-    finer = [row for row in found if FINE in row and row["result"] in CORNER[:-1]]
-    assert len(finer) >= 4 * len(CORNER[:-1])
-    assert sum(map(within, finer)) >= 0.95 * len(finer)
+    finer = [row for row in found if row["result"] in CORNER]
+    assert all(FINE in row for row in finer)
+    assert sum(map(within, finer)) >= 0.9 * len(finer)
