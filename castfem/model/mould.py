@@ -341,5 +341,5 @@ def _stable(case: Any, contact: ContactSettings) -> Faults:
     from castfem.physics.contact.settings import FACTOR, LEAST_NITSCHE
 
     if contact.factor < LEAST_NITSCHE:
-        text = "too small for Nitsche's method to be stable; allowed: at least"
+        text = f"({contact.factor:g}) is too small for Nitsche's method; allowed: at least"
         yield "factor", f"{text} {LEAST_NITSCHE:g}, or leave it out for {FACTOR:g}"
