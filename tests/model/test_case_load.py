@@ -256,7 +256,7 @@ def test_keys_join_the_method_of_contact_that_one_word_gave(write, tmp_path):
         touch = load_case(inherits).mould.contact
         assert (touch.method, touch.factor) == (method, 9.0)
     inherits.write_text('extends = "word.toml"\n[mould.contact]\nfactor = 2\n')
-    with pytest.raises(InputError, match="factor: too small for Nitsche"):
+    with pytest.raises(InputError, match=r"factor: .* too small for Nitsche"):
         load_case(inherits)
 
 

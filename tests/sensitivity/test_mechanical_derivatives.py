@@ -171,7 +171,7 @@ def test_what_is_not_differentiated_is_refused_by_name() -> None:
     with pytest.raises(InputError, match=r"law kozlowski_zhu has no number that is given over t"):
         castfem.sensitivities(zhu, "law.strength")
     with pytest.raises(
-        InputError, match=r"--to mould.length: .*with 599.9\d+ mm it is none; compare"
+        InputError, match=r"--to mould.length: .*with 599.9\d+ mm it is invalid: compare"
     ):
         castfem.sensitivities("billet125/taper_1", "mould.length")
     with pytest.raises(InputError, match=r"no number there; did you mean mould.taper\?"):
