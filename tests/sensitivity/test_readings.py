@@ -258,7 +258,7 @@ def test_what_is_no_result_is_refused_by_name() -> None:
 def test_runs_with_parts_that_are_not_differentiated_are_refused() -> None:
     with pytest.raises(InputError, match=r"casting.length: .* at the end of the run"):
         castfem.sensitivities("billet125/thermal", "casting.length")
-    with pytest.raises(InputError, match=r"cooling.mould.to: the least change of it adds or takes"):
+    with pytest.raises(InputError, match=r"cooling.mould.to: .* at the end of the run"):
         castfem.sensitivities("billet125/thermal", "cooling.mould.to")
 
 
