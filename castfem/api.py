@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 from castfem.base.errors import InputError
 from castfem.base.one_at_a_time import one_at_a_time
-from castfem.model.shipped_cases import load
+from castfem.model.shipped_cases import as_case, load
 from castfem.runs.result import RunResult, Snapshot, nearest_index
 
 if TYPE_CHECKING:
@@ -70,15 +70,10 @@ def run(
     from castfem.base import log
     from castfem.base.progress import Progress
     from castfem.fem.root import on_root
-    from castfem.model import Case
     from castfem.runs import loop
 
     comm = MPI.COMM_WORLD if comm is None else comm
-    sound = load(case) if isinstance(case, str | Path) else case
-    if not isinstance(sound, Case):
-        raise InputError(
-            f"castfem.run: a case is needed, its path or the name of a shipped one, not {sound!r}"
-        )
+    sound = as_case(case, "castfem.run")
     made = None if folder is not None else on_root(comm, tempfile.mkdtemp)
     # Only rank 0 looks at files; the name of a temporary folder is no concern of the others.
     target = Path(made or folder or ".")
@@ -136,7 +131,7 @@ def sensitivities(
     from castfem.studies.sensitivity.run import sensitivity
 
     comm = MPI.COMM_WORLD if comm is None else comm
-    sound = load(case) if isinstance(case, str | Path) else case
+    sound = as_case(case, "sensitivities")
     bar = Progress(0 if progress else -1) if comm.rank == 0 else None
     names, keys = ([one] if isinstance(one, str) else list(one) for one in (of, to))
     target = None if folder is None else Path(folder)

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from castfem.base.errors import InputError
-from castfem.model.shipped_cases import load
+from castfem.model.shipped_cases import as_case
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -37,22 +37,6 @@ if TYPE_CHECKING:
     from castfem.studies.mould_fit.coupled import Turn
     from castfem.studies.mould_fit.section import Attempt, Outline
     from castfem.studies.optimisation import Optimum
-
-
-def _case(given: Case | str | Path, asked: str) -> Case:
-    """Return a case, or the one that `load` takes.
-
-    Raises:
-        InputError: It is neither.
-    """
-    from castfem.model import Case
-
-    sound = load(given) if isinstance(given, str | Path) else given
-    if not isinstance(sound, Case):
-        raise InputError(
-            f"{asked}: a case is needed, its path or the name of a shipped one, not {sound!r}"
-        )
-    return sound
 
 
 _COLUMNS = "name", "at", "label", "unit"
@@ -171,7 +155,7 @@ def error_table(
 
     if MPI.COMM_WORLD.size > 1:
         raise InputError("error_table: runs on one rank; under mpirun use castfem error")
-    sound = _case(case, "error_table")
+    sound = as_case(case, "error_table")
     if folder is None:
         with tempfile.TemporaryDirectory() as made:
             return error_table(sound, made, processes=processes)
@@ -230,7 +214,7 @@ def optimise(
     else:
         with ExitStack() as held:
             try:
-                sound = _case(case, "optimise")
+                sound = as_case(case, "optimise")
                 if comm.size > 1 and processes:
                     raise InputError("optimise: processes: under mpirun the ranks do the work")
                 target = folder or held.enter_context(tempfile.TemporaryDirectory())
@@ -335,7 +319,7 @@ def find_section(
     from castfem.runs.results.places import read_number
     from castfem.studies.mould_fit import section
 
-    sound = _case(case, "find_section")
+    sound = as_case(case, "find_section")
     place = read_number("at", at, "m")
     comm = MPI.COMM_WORLD if comm is None else comm
     attempts = section.find_section(sound, comm, "find_section", place)
@@ -390,7 +374,7 @@ def mould_at_work(
     from castfem.model.build_mould import nominal_mould
     from castfem.studies.mould_fit.coupled import MOST, drawing, hot_mould_of, table_of
 
-    sound = _case(case, "mould_at_work")
+    sound = as_case(case, "mould_at_work")
     table = table_of(sound, "mould_at_work")
     comm = MPI.COMM_WORLD if comm is None else comm
     turns = hot_mould_of(sound, comm, "mould_at_work", MOST if coupled else 1)

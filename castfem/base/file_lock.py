@@ -34,7 +34,7 @@ def taken(lock: FileLock) -> bool:
     while True:
         try:
             lock.acquire(timeout=0)
-        except NotImplementedError:  # filelock's answer to ENOSYS: the file system has no locks
+        except NotImplementedError:  # reason: filelock raises it for ENOSYS, no locks on this disk
             return False
         except Timeout:
             if not _has_locks(Path(lock.lock_file)):

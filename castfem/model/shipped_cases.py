@@ -73,6 +73,26 @@ def load(name: str | Path) -> Case:
     return load_case(find(str(name)))
 
 
+def as_case(given: Case | str | Path, caller: str) -> Case:
+    """Return a case, or the one that `load` takes.
+
+    Args:
+        given: One of both.
+        caller: Function that asks, for its message.
+
+    Raises:
+        InputError: It is neither, there is no such case, or it is wrong.
+    """
+    from castfem.model.case import Case
+
+    found = load(given) if isinstance(given, str | Path) else given
+    if not isinstance(found, Case):
+        raise InputError(
+            f"{caller}: a case is needed, its path or the name of a shipped one, not {found!r}"
+        )
+    return found
+
+
 def title_of(path: Path) -> str:
     """Return the title of a case file, empty if it has none of its own."""
     with path.open("rb") as file:

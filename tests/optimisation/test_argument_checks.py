@@ -47,7 +47,7 @@ def test_a_case_is_taken_by_its_name_and_path(tmp_path, monkeypatch):
 @pytest.mark.parametrize("given", [3, None, {"casting": {}}])
 def test_what_is_no_case(tmp_path, given):
     for asked in (Study, lambda case: Evaluator(case, tmp_path)):
-        assert "case must be a case, its path or the name of a" in said(lambda a=asked: a(given))
+        assert "a case is needed, its path or the name of a" in said(lambda a=asked: a(given))
 
 
 def test_folders_and_counts(tmp_path):

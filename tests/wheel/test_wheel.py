@@ -23,7 +23,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = {"castfem": "castfem", "forms": "castfem/forms", "meshes": "castfem/meshes"}
-SHIPPED["cases"] = "castfem/models"
+SHIPPED["cases"] = "castfem/cases"
 SHORT_SLAB = ("--set", "casting.length=0.9 m")
 
 

@@ -14,25 +14,12 @@ from castfem.base.errors import InputError
 from castfem.base.result_registry import unit_of
 from castfem.base.shown_quantity import Quantity
 from castfem.model.key_names import full_key
-from castfem.model.shipped_cases import load
 from castfem.runs.output.run_record import RUN_NAME
 from castfem.studies.optimisation.fidelity import check_word
 from castfem.studies.optimisation.problem import DesignProblem, DesignVariable, RunRequest
 
 if TYPE_CHECKING:
     from castfem.model import Case
-
-
-def check_case(case: Case | str | Path, caller: str) -> Case:
-    """Return a case, or the one that `castfem.load` takes."""
-    from castfem.model import Case
-
-    loaded = load(case) if isinstance(case, str | Path) else case
-    if not isinstance(loaded, Case):
-        raise InputError(
-            f"{caller}: case must be a case, its path or the name of a shipped one, got {loaded!r}"
-        )
-    return loaded
 
 
 def origin_of(case: Case | str | Path) -> str:

@@ -13,6 +13,7 @@ from castfem.base.errors import InputError, RunFailure
 from castfem.base.messages import shown
 from castfem.base.result_registry import smooth_twins
 from castfem.model.load import changed, from_document
+from castfem.model.shipped_cases import as_case
 from castfem.studies.accuracy.levels import DEFAULT
 from castfem.studies.optimisation import argument_checks as check
 from castfem.studies.optimisation.fidelity import at_level, idealised
@@ -87,7 +88,7 @@ class Evaluator(Closing):
         comm: MPI.Intracomm | None = None,
         ranks: int = 1,
     ) -> None:
-        self.case = lean(check.check_case(case, "Evaluator"))
+        self.case = lean(as_case(case, "Evaluator"))
         target = check.check_folder(folder, "Evaluator")
         self._processes = check.check_integer(processes, 0, "Evaluator: processes")
         self._ranks = check.check_integer(ranks, 1, "Evaluator: ranks")

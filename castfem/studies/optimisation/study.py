@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from castfem.base.errors import InputError
+from castfem.model.shipped_cases import as_case
 from castfem.runs.output.run_record import RunRecord
 from castfem.runs.result import RunResult
 from castfem.studies.accuracy.levels import DEFAULT
@@ -64,7 +65,7 @@ class Study:
         origin: str = "",
         evaluator: Evaluator | None = None,
     ) -> None:
-        loaded = check.check_case(case, "Study")
+        loaded = as_case(case, "Study")
         self.problem = DesignProblem(loaded, origin or check.origin_of(case))
         if evaluator is not None and not isinstance(evaluator, Evaluator):
             raise InputError(f"Study: evaluator must be an Evaluator, got {evaluator!r}")

@@ -1,0 +1,120 @@
+"""A study asks for runs and is told their results: in any order, by parts, again, wrongly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+from known_results import HEAT, STRESS, bowl, solve, study
+
+from castfem.base.errors import InputError
+from castfem.base.shown_quantity import Quantity
+from castfem.studies.optimisation import Evaluation, RunRequest
+
+
+def test_asks_tells_and_comes_to_the_same():
+    """Asked run by run, in any order, by objects that know nothing of one another."""
+    at_once = solve(study(constraints=["heat_removed >= 2 MJ/m"]), bowl)
+    told_so_far: dict[RunRequest, Mapping[str, float]] = {}
+    for _ in range(100):
+        one = study(constraints=["heat_removed >= 2 MJ/m"])
+        for run, values in told_so_far.items():
+            one.tell(run, values)
+        wanted = one.ask()
+        if not wanted:
+            break
+        with pytest.raises(InputError, match="has not come to its end"):
+            one.result()
+        told_so_far.update({run: bowl(run) for run in reversed(wanted)})
+    assert one.result() == at_once
+
+
+def test_two_studies_are_asked_in_turn():
+    """And one is solved that was asked before: no search waits within the minimiser."""
+    one, other = study(), study()
+    for _ in range(3):
+        for each in (one, other):
+            for run in each.ask():
+                each.tell(run, bowl(run))
+
+    def obtain(requests):
+        for run in requests:
+            one.tell(run, bowl(run))
+
+    found = one.solve(obtain=obtain)
+    while wanted := other.ask():
+        for run in wanted:
+            other.tell(run, bowl(run))
+    assert other.result() == found
+
+
+def test_results_that_are_told_anew_change_the_answer():
+    one = study()
+    while wanted := one.ask():
+        for run in wanted:
+            one.tell(run, bowl(run))
+    before = one.result()
+
+    def doubled(run):
+        return {name: 2.0 * value for name, value in bowl(run).items()}
+
+    for run in list(one._runs.results):
+        one.tell(run, doubled(run))
+    while wanted := one.ask():
+        for run in wanted:
+            one.tell(run, doubled(run))
+    assert one.result().objective.value == pytest.approx(2.0 * before.objective.value)
+
+
+def test_an_error_of_the_search_is_that_of_ask():
+    """Results that lack the objective: ask says so, each time."""
+    one = study()
+    for run in one.ask():
+        one.tell(run, Evaluation({HEAT: Quantity(1.0, "J/m", "heat")}))
+    for _ in range(2):
+        with pytest.raises(InputError, match="is no result of this case"):
+            one.ask()
+
+
+def test_what_was_asked_is_asked_again_until_it_is_told():
+    one = study()
+    first = one.ask()
+    assert len(first) > 1 and one.ask() == first
+    one.tell(first[0], bowl(first[0]))
+    assert one.ask() == first[1:]
+
+
+def test_a_result_that_is_not_there():
+    found = Evaluation({HEAT: Quantity(1.0, "J/m", "heat")})
+    with pytest.raises(
+        InputError, match=r'objective \("von_mises_max"\) is no result of this case'
+    ):
+        solve(study(), lambda w: found)
+    with pytest.raises(InputError, match=r"results must be an Evaluation, a Result or .*, got 3"):
+        study().tell(study().ask()[0], 3)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="without a folder runs nothing"):
+        one = study()
+        one.run(one.ask())
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ((5.01,), r"casting.speed = 5.01 m/min lies outside of it, 2 to 5 m/min; widen the range"),
+        ((np.nan,), r"casting.speed = nan m/min lies outside of it"),
+        (
+            (3.0, 20.0),
+            r"a run has 2 values and 0 inputs; it needs a value for each of",
+        ),
+    ],
+)
+def test_a_run_outside_of_the_ranges_is_refused(values: tuple[float, ...], said: str) -> None:
+    """In a line; nothing is kept of it. The ends of a range belong to it."""
+    one = study()
+    with pytest.raises(InputError, match=said) as caught:
+        one.tell(RunRequest(values, "default"), {STRESS: 1.0})
+    assert len(caught.value.problems) == 1 and not one._runs.results
+    for end in (2.0, 5.0):
+        one.tell(RunRequest((end,), "default"), {STRESS: 1.0})
+    assert len(one._runs.results) == 2
