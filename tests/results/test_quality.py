@@ -29,6 +29,7 @@ from castfem.runs.results import crack_index as registry
 from castfem.runs.results.crack_index import SliceStep, crack_index
 from castfem.runs.results.quality import QualitySampler
 
+ROOT = Path(__file__).parents[2]
 WIDE = {"band": ["1000 degC", "1300 degC"]}  # all of the strand lies within
 CUT = {"band": ["1185 degC", "1190 degC"]}  # each place of the surface passes through
 
@@ -349,6 +350,17 @@ def test_a_new_index_is_one_function(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert summary.quantities["way_swing_max"].value == pytest.approx(change.max(), abs=1e-3)
     assert "corner, 0.0" in summary.quantities["way_swing_max"].label
     assert_named_everywhere("way_swing_max", "2 K")
+
+
+def test_the_index_of_the_manual_is_known_everywhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`tension` of docs/output.md, its code as it stands there."""
+    quantities.declared()
+    monkeypatch.setattr(quantities, "_declared", dict(quantities._declared))
+    monkeypatch.setattr(registry, "_declared", dict(registry._declared))
+    page = (ROOT / "docs" / "output.md").read_text(encoding="utf-8")
+    exec(page.partition("### An index of your own")[2].split("```")[1].removeprefix("python\n"), {})
+    for name in ("way_tension_max", "bending_tension_max", "straightening_tension_max"):
+        assert_named_everywhere(name, "2 MPa")
 
 
 def test_a_case_without_it_writes_nothing_of_it(tmp_path: Path) -> None:
