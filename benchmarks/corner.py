@@ -32,14 +32,14 @@ AS_SHIPPED = "as shipped"
 WINDOWS = ("0.2", "0.05", "0.025")
 MIDDLE = 0.2
 """A place on the way at which results are read besides the mould's exit, m."""
-SHORT = (f"casting.length={MIDDLE} m",)
 KINDS: dict[str, dict[str, tuple[str, ...]]] = {
     "skeleton": {
-        **{f"cells {size} mm": SHORT if size == "0.35" else () for size in CELLS},
+        **{f"cells {size} mm": () for size in CELLS},
         AS_SHIPPED: (),
-        **{f"windows {w} s": (*SHORT, f"coupling.interval={w} s") for w in WINDOWS},
-        "triangles": (*SHORT, "mesh.cell=triangle"),
-        "Nitsche": (*SHORT, "mould.contact=nitsche"),
+        **{f"windows {w} s": (f"coupling.interval={w} s",) for w in WINDOWS},
+        "order 1": ("mesh.order=1",),
+        "triangles": ("mesh.cell=triangle",),
+        "Nitsche": ("mould.contact=nitsche",),
     },
     "none": {f"cells {size} mm": () for size in (*CELLS,)[:3]},
 }

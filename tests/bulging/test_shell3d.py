@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from benchmarks.shell3d import Box, row_of, solid_of
+from benchmarks.shell3d import Box, row_of, slice_of, solid_of
 
 
 def test_a_wide_slab_bulges_as_strip_and_shear() -> None:
@@ -25,3 +26,11 @@ def test_the_slice_knows_of_the_edges_what_the_strip_does_not() -> None:
     assert row["slice"] == pytest.approx(row["solid"], rel=4e-2)
     assert row["off"] < 3.0
     assert row["half_slice"] == pytest.approx(row["half_solid"], abs=3.0)
+
+
+def test_cells_are_enough() -> None:
+    box = Box(0.32, 0.03, 0.25)
+    coarse, fine = (solid_of(box, k)[1] for k in (2, 3))
+    assert coarse == pytest.approx(fine, rel=5e-3)
+    faces = [slice_of(box, k) for k in (2, 3)]
+    assert np.interp(0.0, faces[0].x, faces[0].moved) == pytest.approx(faces[1].moved[0], rel=5e-3)

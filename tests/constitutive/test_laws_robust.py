@@ -20,9 +20,9 @@ ACCUMULATING = pytest.mark.parametrize("law", PLAIN.values(), ids=PLAIN.keys())
 
 
 @ALL
-def test_random_states(law: RadialReturn) -> None:
+def test_a_hundred_thousand_random_states(law: RadialReturn) -> None:
     flowing = 0
-    for step, stress, state in random_states(law, 20_000, 60, seed=1).parts():
+    for step, stress, state in random_states(law, 100_000, 300, seed=1).parts():
         found = law.integrate(step, stress, state)
         for part in (found.stress, found.tangent, found.state, found.dissipation):
             assert np.isfinite(part).all()
@@ -31,14 +31,14 @@ def test_random_states(law: RadialReturn) -> None:
         if law.symmetric:
             assert (np.abs(found.tangent - found.tangent.transpose(0, 2, 1)) <= 1e-13 * size).all()
         flowing += found.flows.sum()
-    assert flowing == 0 or flowing > 4_000  # the sample tries both
+    assert flowing == 0 or flowing > 20_000  # the sample tries both
 
 
 @ACCUMULATING
 def test_flow_returns_radially_and_by_as_much_as_strain_says(law: RadialReturn) -> None:
     """Q = trial - 3G dp with the trial stress of Hooke's law, and the direction is kept."""
     elastic = ThermoElastic(law.elasticity)
-    for step, stress, state in random_states(law, 5_000, 25, seed=2).parts():
+    for step, stress, state in random_states(law, 20_000, 100, seed=2).parts():
         found = law.integrate(step, stress, state)
         trial = elastic.integrate(step, stress, np.empty((len(stress), 0)))
         c = law.coefficients(step.temperature_old, step.temperature)
@@ -73,11 +73,11 @@ def test_the_tangent_is_the_derivative(law: RadialReturn) -> None:
     to unloading they do not).
     """
     trusted = 0
-    for step, stress, state in random_states(law, 1000, 10, seed=3).parts():
+    for step, stress, state in random_states(law, 3000, 30, seed=3).parts():
         error, fine = _tangent_error(law, step, stress, state)
         trusted += fine.sum()
         assert (error[fine] < 1e-5).all(), error[fine].max()
-    assert trusted > 0.8 * 1000
+    assert trusted > 0.8 * 3000
 
 
 def _tangent_error(

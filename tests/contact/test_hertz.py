@@ -78,7 +78,8 @@ def mean_errors(cells: int, method: str, cell: str) -> Array:
 
 
 @pytest.mark.parametrize(
-    ("method", "cell"), [("penalty", "quadrilateral"), ("nitsche", "triangle")]
+    ("method", "cell"),
+    [(m, c) for m in ("penalty", "nitsche") for c in ("quadrilateral", "triangle")],
 )
 def test_cylinder_on_a_flat(method: str, cell: str) -> None:
     errors = np.array([mean_errors(cells, method, cell) for cells in (12, 48)])
@@ -89,11 +90,12 @@ def test_cylinder_on_a_flat(method: str, cell: str) -> None:
     assert errors[1, 1] < (6e-3 if method == "penalty" else 1e-3)
 
 
-def test_one_load_in_numbers() -> None:
+@pytest.mark.parametrize("method", ["penalty", "nitsche"])
+def test_one_load_in_numbers(method: str) -> None:
     """1000 N/mm: 0.761 mm of half width and 836.4 MPa in the middle."""
     load, half, peak = 1e6, 0.761133e-3, 836.410e6
     depths, forces = [0.0, 11.4e-6], [0.0]
-    setup = cylinder(48, "nitsche", "quadrilateral", lambda t: depths[-1])
+    setup = cylinder(48, method, "quadrilateral", lambda t: depths[-1])
     while abs(forces[-1] / load - 1.0) > 1e-6:  # the depth at this load, by secants
         assert len(depths) < 8
         setup.step(float(len(forces)))
@@ -106,4 +108,4 @@ def test_one_load_in_numbers() -> None:
     assert state.weight[state.pressure > 0.0].sum() == pytest.approx(half, rel=0.02)
     assert state.pressure.max() == pytest.approx(peak, rel=5e-3)
     # The peak of a parabola through the middle, as above.
-    assert abs(against_hertz(state, load)[1]) < 1e-3
+    assert abs(against_hertz(state, load)[1]) < (6e-3 if method == "penalty" else 1e-3)

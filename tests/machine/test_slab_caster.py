@@ -152,6 +152,37 @@ def test_resistance(rolls: Rolls) -> None:
     assert 2.8 < steps[51] / steps[47] < 3.0  # that of #52 is almost three times that of #48
 
 
+def effort(extra: float = 0.0) -> list[float]:
+    """Load of each drive, t, if every drive takes what came before it, as far as it can."""
+    case = load_case(FOLDER / "thermal.toml")
+    assert case.machine is not None
+    steps = np.diff(resistance()[1], prepend=0.0)
+    steps[47] += extra
+    left, loads = 0.0, []
+    for pair, step in zip(case.machine.pairs().pairs, steps, strict=True):
+        left += step
+        if pair.driven:
+            loads.append(min(left, pair.capacity / TONNE))
+            left -= loads[-1]
+    return loads
+
+
+def test_drives(rolls: Rolls) -> None:
+    """175 t in all; about 5 t before each above, 5 to 15 t below; a locked #48 fills #50."""
+    driven = [i for i, pair in enumerate(rolls.pairs, 1) if pair.driven]
+    assert {26, 44, 50, 55} < set(driven)
+    forces = [pair.capacity for pair in rolls.pairs if pair.driven]
+    assert sum(f / TONNE for f in forces if f is not None) == pytest.approx(175.0, abs=1e-3)
+    loads = dict(zip(driven, effort(), strict=True))
+    assert all(3.5 < loads[i] < 6.5 for i in driven if i <= 50)
+    assert 11.0 < loads[55] < 15.0
+    assert sum(loads.values()) == pytest.approx(70.0, abs=1e-3)
+    locked = dict(zip(driven, effort(15.0), strict=True))
+    assert locked[50] - loads[50] == pytest.approx(7.38, abs=1e-3)
+    assert locked[55] - loads[55] == pytest.approx(15.0 - 7.38, abs=1e-3)
+    assert locked[60] == pytest.approx(loads[60], abs=1e-9)
+
+
 def test_the_head_down_the_machine(line: Bent) -> None:
     """Not that of a vertical machine, and at the end that of the bend."""
     heights = [line.height(s) for s in np.linspace(0.0, 26.0, 131)]

@@ -115,8 +115,9 @@ def test_one_cell_of_shell() -> None:
     assert np.abs(setup.moved).max() < 1e-3
 
 
-def test_the_softest_liquid_costs_no_iterations() -> None:
-    setup = CastSetup(billet_mesh(), ratio=1e-6, ferrostatic=None).advance(2.0, 0.1)
+@pytest.mark.parametrize("ratio", [1e-3, 1e-6])
+def test_iterations_do_not_depend_on_the_softness(ratio: float) -> None:
+    setup = CastSetup(billet_mesh(), ratio=ratio, ferrostatic=None).advance(2.0, 0.1)
     assert np.mean([r.newton for r in setup.results]) < 8
     # The shell shrinks and its corner is colder, so that it is pulled in most.
     corner = np.argmax(setup.vertices.sum(axis=1))
@@ -143,12 +144,15 @@ HARSH = {
     ),
     "p3 = 0.02": NortonHoff(BASE, **(HOFF | {"p3": Constant(0.02)})),
     "p3 = 1": NortonHoff(BASE, **(HOFF | {"p3": Constant(1.0), "strength": Constant(1e10)})),
+    "p4 = 0": NortonHoff(BASE, **(HOFF | {"p4": Constant(0.0)})),
     "p4 = 0.6": NortonHoff(BASE, **(HOFF | {"p4": Constant(0.6)})),
+    "p1 = -20": NortonHoff(BASE, **(HOFF | {"p1": Constant(-20.0)})),
     "p1 = 50": NortonHoff(BASE, **(HOFF | {"p1": Constant(50.0)})),
 }
 
 
-@pytest.mark.parametrize(("name", "step"), zip(HARSH, (0.05, 5.0) * 3, strict=True))
+@pytest.mark.parametrize("step", [0.05, 5.0])
+@pytest.mark.parametrize("name", list(HARSH))
 def test_harsh_materials(name: str, step: float) -> None:
     """A freezing quarter in steps of 0.05 s and of 5 s: it ends right, or says why."""
     setup = CastSetup(billet_mesh(), law=HARSH[name], cooling=8000.0, ferrostatic=None)

@@ -7,17 +7,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from castfem.base.tables import Constant
 from castfem.base.types import Array
 from castfem.physics.constitutive.base import rotation
 from castfem.physics.constitutive.curves import norton_relaxation
 from castfem.physics.constitutive.elasticity import Elasticity
-from castfem.physics.constitutive.flow_laws import NortonCreep
+from castfem.physics.constitutive.flow_laws import NortonCreep, PerfectlyPlastic
 from castfem.physics.constitutive.hardening_laws import UnifiedSteel
 from castfem.physics.mechanics.planes import PlainPlanes
-from castfem.physics.mechanics.supports import PrescribedDisplacement
-from mechanics.setups import SliceSetup, box, elastic, mapped, skewed
+from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
+from mechanics.setups import RING_GROUPS, SliceSetup, box, elastic, mapped, ring, skewed
 
 FREE = ("left", "bottom", "right", "top")
+CELLS = ["quadrilateral", "triangle"]
 YOUNG = 20e9
 
 
@@ -44,13 +46,14 @@ def test_relaxation_of_a_held_slice() -> None:
     assert heat == pytest.approx(lost, rel=0.01)
 
 
-def test_energy_of_a_slice_that_is_pressed() -> None:
+@pytest.mark.parametrize("cell", CELLS)
+def test_energy_of_a_slice_that_is_pressed(cell: str) -> None:
     """Work of the supports = elastic energy + dissipation, to first order in the step."""
     stiff = Elasticity.constant(YOUNG, 0.3)
     gaps = []
     for steps in (10, 20, 40):
         setup = SliceSetup(
-            mapped(4, 4, box(0.02, 0.02), groups=FREE),
+            mapped(4, 4, box(0.02, 0.02), cell, groups=FREE),
             NortonCreep.constant(stiff, 1e-4, 2e7, 4.0),
             given={
                 "planes": PlainPlanes(()),
@@ -87,6 +90,31 @@ def test_energy_of_a_slice_that_is_pressed() -> None:
     assert gaps[1] / gaps[2] == pytest.approx(2.0, abs=0.2)
 
 
+@pytest.mark.parametrize("cell", CELLS)
+def test_nearly_incompressible_tube_does_not_lock(cell: str) -> None:
+    """Lame's tube of few cells: the error of the bore's widening does not grow with nu."""
+    a, b, pressure = 0.02, 0.04, 1e7
+    errors = {}
+    for poisson in (0.3, 0.49, 0.4999):
+        setup = SliceSetup(
+            mapped(3, 4, ring(a, b), cell, 2, RING_GROUPS),
+            elastic(YOUNG, poisson),
+            given={
+                "planes": PlainPlanes(()),
+                "loads": (SurfacePressure(("inner",), lambda t: pressure),),
+            },
+        )
+        setup.step(1.0)
+        level = pressure * a**2 / (b**2 - a**2)
+        exact = (1 + poisson) / YOUNG * level * ((1 - 2 * poisson) * a + b**2 / a)
+        found = setup.displacement(lambda x, y: np.isclose(x, a) & np.isclose(y, 0.0))[0, 0]
+        errors[poisson] = abs(found / exact - 1)
+        # Neither does the pressure inside oscillate from point to point.
+        mean = setup.stress[:, :3].mean(axis=1)
+        assert mean == pytest.approx(2 * (1 + poisson) / 3 * level, rel=0.2)
+    assert errors[0.4999] < 3 * errors[0.3] + 2e-3
+
+
 def held_by(gradient: Any) -> tuple[PrescribedDisplacement, ...]:
     """The whole boundary follows a deformation gradient over time."""
     return tuple(
@@ -95,12 +123,14 @@ def held_by(gradient: Any) -> tuple[PrescribedDisplacement, ...]:
     )
 
 
-@pytest.mark.parametrize("flows", ["creep", "signed"])
+@pytest.mark.parametrize("flows", ["creep", "plastic", "signed"])
 def test_a_block_that_turns_flows_as_one_at_rest(flows: str) -> None:
     """Stretched, then turned by 120 degrees while it goes on being stretched along its own axes."""
     stiff = Elasticity.constant(YOUNG, 0.3)
     law: Any = NortonCreep.constant(stiff, 1e-3, 2e7, 5.0)
-    if flows == "signed":  # its back stress must turn with the block
+    if flows == "plastic":
+        law = PerfectlyPlastic(stiff, Constant(2e7))
+    elif flows == "signed":  # its back stress must turn with the block
         law = UnifiedSteel(stiff, 0.1, np.zeros_like, hardening="signed")
     final = np.radians(120.0)
 
@@ -171,6 +201,38 @@ def test_elongation_imposed_over_time_and_fixed() -> None:
     assert balance is not None
     assert balance.axial[0] == pytest.approx(-YOUNG * alpha * 100.0 * area, rel=1e-10)
     assert not fixed.state.generalized_strains.any()
+
+
+GETTERS: dict[str, tuple[Any, Any]] = {
+    "snes_max_it": (17, lambda s, k: s.getTolerances()[3]),
+    "snes_stol": (1e-3, lambda s, k: s.getTolerances()[2]),
+    "snes_max_funcs": (1234, lambda s, k: s.max_funcs),
+    "snes_type": ("newtonls", lambda s, k: s.getType()),
+    "ksp_type": ("cg", lambda s, k: k.getType()),
+    "ksp_rtol": (1e-9, lambda s, k: k.getTolerances()[0]),
+    "ksp_atol": (1e-30, lambda s, k: k.getTolerances()[1]),
+    "ksp_max_it": (77, lambda s, k: k.getTolerances()[3]),
+    "pc_type": ("lu", lambda s, k: k.getPC().getType()),
+}
+
+
+@pytest.mark.parametrize("free", [True, False])
+@pytest.mark.parametrize("name", list(GETTERS))
+def test_each_option_arrives(name: str, free: bool) -> None:
+    """At SNES or at the solver of the displacement block, with and without free motions."""
+    value, getter = GETTERS[name]
+    options: dict[str, Any] = {name: value}
+    if name.startswith("ksp_"):
+        options = {"ksp_type": "cg", "pc_type": "jacobi", name: value}
+    planes = PlainPlanes(("a0",) if free else ())
+    setup = SliceSetup(
+        mapped(2, 2, box(0.1, 0.1)), thermal=lambda T: 1e-5 * T, options=options,
+        given={"planes": planes},
+    )  # fmt: skip
+    setup.step(1.0, lambda x, y: 100 * x)
+    bordered, snes = setup.problem.bordered, setup.problem.solver.snes
+    found = getter(snes, bordered.ksp)
+    assert found == value
 
 
 def test_direct_solver_of_mumps_by_default() -> None:

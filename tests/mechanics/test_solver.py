@@ -46,12 +46,14 @@ def test_options_reach_snes() -> None:
     assert "forces" in result.reason and "axial" in result.reason
 
 
+@pytest.mark.parametrize("free", [True, False])
 @pytest.mark.parametrize(
-    ("options", "kind", "free"),
+    ("options", "kind"),
     [
-        ({"ksp_type": "gmres", "pc_type": "gamg", "ksp_rtol": 1e-10}, "gmres", True),
-        ({"pc_factor_mat_solver_type": "mumps", "mat_mumps_icntl_14": 80}, "preonly", True),
-        ({"pc_type": "lu", "pc_factor_mat_solver_type": "superlu_dist"}, "preonly", False),
+        ({"ksp_type": "gmres", "pc_type": "gamg", "ksp_rtol": 1e-10}, "gmres"),
+        ({"pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}, "preonly"),
+        ({"pc_factor_mat_solver_type": "mumps", "mat_mumps_icntl_14": 80}, "preonly"),
+        ({"pc_type": "lu", "pc_factor_mat_solver_type": "superlu_dist"}, "preonly"),
     ],
 )
 def test_options_reach_the_linear_solver(options: dict[str, Any], kind: str, free: bool) -> None:
@@ -72,12 +74,14 @@ def test_options_reach_the_linear_solver(options: dict[str, Any], kind: str, fre
     assert np.abs(setup.state.displacement - reference.state.displacement).max() < 1e-7 * size
 
 
-def test_options_of_one_problem_do_not_reach_the_next() -> None:
+@pytest.mark.parametrize("free", [True, False])
+def test_options_of_one_problem_do_not_reach_the_next(free: bool) -> None:
     """With both alive at once, each has its own where it factors."""
+    planes = PlainPlanes(("a0",) if free else ())
     setups = {
         share: cooled(
             options={"pc_factor_mat_solver_type": "mumps", "mat_mumps_icntl_14": share},
-            given={"planes": PlainPlanes(("a0",))},
+            given={"planes": planes},
         )
         for share in (77, 33)
     }
@@ -88,17 +92,19 @@ def test_options_of_one_problem_do_not_reach_the_next() -> None:
     assert not any(name.startswith("mechanical_") for name in PETSc.Options().getAll())
 
 
-def test_options_that_are_refused_leave_nothing_behind() -> None:
-    planes = PlainPlanes(("a0",))
+@pytest.mark.parametrize("free", [True, False])
+def test_options_that_are_refused_leave_nothing_behind(free: bool) -> None:
+    planes = PlainPlanes(("a0",) if free else ())
     for wrong in ("snes_type", "ksp_type"):
         with pytest.raises(InputError, match=f'mechanical solver, {wrong} = "bogus"'):
             cooled(options={"mat_mumps_icntl_14": 77, wrong: "bogus"}, given={"planes": planes})
         assert not any(name.startswith("mechanical_") for name in PETSc.Options().getAll())
 
 
-def test_misspelt_options_are_told(told: pytest.LogCaptureFixture) -> None:
+@pytest.mark.parametrize("free", [True, False])
+def test_misspelt_options_are_told(free: bool, told: pytest.LogCaptureFixture) -> None:
     options = {"snes_maxit": 1, "pc_typ": "lu", "snes_max_it": 20}
-    setup = cooled(options=options, given={"planes": PlainPlanes(("a0",))})
+    setup = cooled(options=options, given={"planes": PlainPlanes(("a0",) if free else ())})
     setup.step(1.0, uneven)
     setup.step(2.0, lambda x, y: 2 * uneven(x, y))
     first, second = sorted(record.getMessage() for record in told.records)
@@ -117,7 +123,9 @@ def test_unknown_options_are_refused() -> None:
         cooled(options={"linear_solver": "mumps"})
 
 
-@pytest.mark.parametrize(("length", "stress"), [(1e3, 1e-6), (1.0, 1e-9)], ids=["mm MPa", "m GPa"])
+@pytest.mark.parametrize(
+    ("length", "stress"), [(1e3, 1e-6), (1.0, 1e-9), (1e3, 1.0)], ids=["mm MPa", "m GPa", "mm Pa"]
+)
 def test_units_do_not_matter(length: float, stress: float) -> None:
     """The same block in other units takes the same iterations to the same relative residuals."""
 
@@ -294,7 +302,8 @@ def test_line_search_finds_the_turn(root: float) -> None:
     assert len(asked) < 25
 
 
-@pytest.mark.parametrize(("reach", "beyond"), [(0.9, np.nan), (0.09, np.inf), (1e-3, -np.inf)])
+@pytest.mark.parametrize("reach", [0.9, 0.09, 1e-3])
+@pytest.mark.parametrize("beyond", [np.nan, np.inf, -np.inf])
 def test_line_search_comes_back_from_where_nothing_can_be_told(reach: float, beyond: float) -> None:
     """Work falls to zero at half of what can be evaluated: a step that overflows is too long."""
     root = 0.5 * reach

@@ -54,6 +54,21 @@ def test_coarse_strip(cell: str) -> None:
     assert np.abs(stress[:, 0]).max() < 0.05 * 20e6
 
 
+def test_fine_strip() -> None:
+    """Cells of 0.1 mm: 1 % at 5 s, peak tension and zero where they belong."""
+    strip = Strip(0.1e-3).advance(5.0, 0.04)
+    assert strip.error(EXACT) < 0.01
+    peak = int(np.argmax(strip.stress[:, 2]))
+    assert strip.stress[peak, 2] == pytest.approx(11.2711e6, rel=0.02)
+    assert strip.depth[peak] == pytest.approx(2.921e-3, abs=0.15e-3)
+    # Strain rate in the plane, K / 2t, over the last second.
+    rate = (
+        strip.state.generalized_strains[0] - strip.results[-26].state.generalized_strains[0]
+    ) / 1.0
+    mean = EXACT.rate / 2 * np.log(5.0 / 4.0)
+    assert rate == pytest.approx(mean, rel=0.01)
+
+
 def test_error_falls_with_the_cells() -> None:
     coarse, fine = (Strip(size).advance(5.0, 0.05).error(EXACT) for size in (1e-3, 0.25e-3))
     assert np.log2(coarse / fine) / 2 > 0.9

@@ -21,7 +21,7 @@ BILLETS = [
         [*LAWS][(number // 2) % len(LAWS)],
         TAPERS[(2 * number) % len(TAPERS)],
     )
-    for number in (0, 3, 5, 7)
+    for number in range(10)
 ]
 
 

@@ -1,4 +1,4 @@
-"""The coarse slab on rolls with the pressure on."""
+"""The coarse slab on rolls with the pressure on, and a run of it that is stopped and goes on."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
+import pandas as pd
 import pytest
+from interrupted import Interrupted
 
 from castfem.base.types import Array
 from castfem.fem import reductions
@@ -71,10 +73,20 @@ def case(monkeypatch: pytest.MonkeyPatch) -> Case:
     return from_document(document)
 
 
+def history(folder: Path) -> pd.DataFrame:
+    return read_history(folder / "history.csv")
+
+
 def test_a_slab_on_rolls(case: Case, tmp_path: Path) -> None:
-    """Held by its rolls, through bulge and pressure."""
-    loop.run(case, tmp_path, comm=MPI.COMM_SELF)
-    found = read_history(tmp_path / "history.csv")
+    """Held by its rolls, through bulge and pressure; resumed to the bit."""
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    loop.run(case, whole, comm=MPI.COMM_SELF)
+    with pytest.raises(KeyboardInterrupt):
+        loop.run(case, parts, comm=MPI.COMM_SELF, progress=Interrupted(3))
+    assert len(history(parts)) < len(history(whole)) - 1
+    loop.run(case, parts, comm=MPI.COMM_SELF, resume=True)
+    assert (parts / "history.csv").read_bytes() == (whole / "history.csv").read_bytes()
+    found = history(whole)
     positions = found["position"].to_numpy()
     assert np.abs(positions - 0.93).min() < 1e-6  # where the rolls ask for it
     moved = [found[f"displacement_mid_face_{face}"].to_numpy() for face in ("intrados", "extrados")]

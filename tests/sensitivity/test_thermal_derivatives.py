@@ -16,6 +16,7 @@ from sensitivity.replay import (
     differences,
     enthalpy,
     followed,
+    replayed,
 )
 
 from castfem.model.build.start import starting_state
@@ -127,6 +128,23 @@ def test_isothermal_freezing_where_temperatures_stand_still() -> None:
 def test_damped_steps_are_differentiated_as_they_are_taken() -> None:
     run = check(LONG, ("cooling.mould.coefficient", "casting.superheat", "casting.speed"))
     assert {stages for _, stages in run.ends} == {2, 4}
+
+
+def test_heat_removed_is_what_runs_remove() -> None:
+    """The heat through the surface, which the derivative takes from the enthalpies."""
+    run = followed(bare(SPRAYED), "cooling.foot.water", "casting.speed")
+    for number, by in enumerate((0.01, 1e-3)):
+        above, below = (replayed(run, number, sign * by)[0].removed for sign in (1.0, -1.0))
+        slope = (above - below) / (2.0 * by)
+        assert run.derivatives.removed[number] == pytest.approx(slope, rel=1e-6)
+
+
+def test_errors_fall_as_a_v() -> None:
+    """Truncation falls as the square of the step, rounding grows as it is divided."""
+    run = followed(bare({"casting.length": "15 mm"}), "steel.conductivity")
+    errors = [off(run, 0, share) for share in (4e-3, 4e-4, 4e-5, 4e-11)]
+    assert errors[0] / errors[1] == pytest.approx(100.0, rel=0.05)
+    assert errors[2] < 1e-8 < errors[3]
 
 
 def test_a_step_that_is_taken_again_begins_with_what_was_marked() -> None:

@@ -1,0 +1,36 @@
+"""A billet whose liquid is fed goes on from a checkpoint as if it had never been stopped."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from interrupted import Interrupted
+
+from castfem.model import load_case
+from castfem.runs.loop import run
+
+CASES = Path(__file__).parents[2] / "cases" / "billet125"
+COARSE = (
+    "mesh.surface_size=2 mm", "mesh.corner_size=2 mm", "mesh.face_size=10 mm",
+    "mesh.core_size=10 mm", "coupling.interval=0.4 s", "casting.length=240 mm",
+    "output.figures=false", "output.fields=[]",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The history of a run that was never stopped."""
+    folder = tmp_path_factory.mktemp("whole")
+    run(load_case(CASES / "taper_1.toml", COARSE), folder)
+    return (folder / "history.csv").read_bytes()
+
+
+@pytest.mark.parametrize("steps", [3, 6])
+def test_it_goes_on_byte_for_byte(tmp_path: Path, whole: bytes, steps: int) -> None:
+    """Whether the checkpoint stands before or after another layer of cells has begun to freeze."""
+    case = load_case(CASES / "taper_1.toml", COARSE)
+    with pytest.raises(KeyboardInterrupt):
+        run(case, tmp_path, progress=Interrupted(steps))
+    run(case, tmp_path, resume=True)
+    assert (tmp_path / "history.csv").read_bytes() == whole
