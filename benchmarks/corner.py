@@ -37,7 +37,6 @@ KINDS: dict[str, dict[str, tuple[str, ...]]] = {
         **{f"cells {size} mm": () for size in CELLS},
         AS_SHIPPED: (),
         **{f"windows {w} s": (f"coupling.interval={w} s",) for w in WINDOWS},
-        "order 1": ("mesh.order=1",),
         "triangles": ("mesh.cell=triangle",),
         "Nitsche": ("mould.contact=nitsche",),
     },
