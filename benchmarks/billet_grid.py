@@ -1,8 +1,8 @@
 """Corner of ordinary billets in their moulds: carbon, size, heat law and taper varied together.
 
 Writes tables of docs/coupling.md: how far the default is from `--accuracy coarse` and from sizes
-half as large, how often an error estimated from the first two covers the latter, and whether a run
-fails that finer cells let through. Finished runs in results/billet_grid are not run again.
+half as large, how often the error of `castfem error` covers the latter, and whether a run fails
+that finer cells let through. Finished runs in results/billet_grid are not run again.
 """
 
 from __future__ import annotations
@@ -17,8 +17,7 @@ from benchmarks.report import ROOT, Output, table
 from benchmarks.stated_error import run_all
 from castfem.model import Case, load_case
 from castfem.runs.output.summary import Summary
-from castfem.studies.accuracy.estimate import estimate
-from castfem.studies.accuracy.ladder import Level, quiet
+from castfem.studies.accuracy.ladder import BASE, Level, levels, quiet
 from castfem.studies.accuracy.sizes import AXES, MESH, changes, factors_of
 
 PATH = ROOT / "cases" / "billet180" / "peritectic.toml"
@@ -29,7 +28,9 @@ SPEEDS = {"100": "3 m/min", "130": "2.4 m/min", "180": "1.6 m/min", "240": "1.1 
 LAWS = {"flux": 'flux="savage_pritchard"', "coefficient": 'coefficient="1100 W/(m^2 K)"'}
 TAPERS = ("0.4", "0.8", "1.2", "1.6", "2.0")
 LENGTH, MOULD = "120 mm", "500 mm"
-COARSE, DEFAULT, FINE = LEVELS = ("coarse", "default", "fine")
+COARSE, DEFAULT, FINE = "coarse", "default", "fine"
+STATED = "error"
+"""Levels of the rows: three runs, and the errors of the default."""
 HALF = dict.fromkeys(AXES, 0.5)
 """Cells, steps and windows of the fine run over those of the default."""
 RESULTS = {
@@ -86,17 +87,24 @@ def beside(case: Case, level: str) -> Level:
 
 
 def measure(billet: Billet, folder: Path) -> list[dict[str, Any]]:
-    """Run a billet at each level: its results at its end, or why it has none."""
+    """Run a billet at each level and on the ladder of `castfem error`.
+
+    Returns:
+        Its results at its end by level, or why it has none; and their errors.
+    """
     case = load_case(PATH, billet.keys())
-    runs = [beside(case, level) for level in LEVELS]
-    entries = run_all(folder.name, runs, folder).record.entries
+    ladder = run_all(folder.name, [*levels(case), beside(case, COARSE), beside(case, FINE)], folder)
     rows = []
-    for level in LEVELS:
-        failure = entries[level].message.partition(";")[0]
-        summary = None if failure else Summary.load(folder / level)
+    for level, name in ((COARSE, COARSE), (DEFAULT, BASE), (FINE, FINE)):
+        failure = ladder.record.entries[name].message.partition(";")[0]
+        summary = None if failure else Summary.load(folder / name)
         values = {n: "" if summary is None else summary.quantities[n].shown for n in RESULTS}
         rows.append({**asdict(billet), "level": level, **values, "failure": failure})
-    return rows
+    if rows[1]["failure"]:
+        return rows
+    numbers = ladder.table().quantities
+    stated = {name: numbers[name].error() for name in RESULTS}
+    return [*rows, {**asdict(billet), "level": STATED, **stated, "failure": ""}]
 
 
 def main(output: Output, quick: bool) -> None:
@@ -110,19 +118,17 @@ def main(output: Output, quick: bool) -> None:
 
 
 def errors(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Each result of a billet, with the error by coarse and default alone; failed runs left out."""
+    """Each result of a billet, with its error and how far off it other levels are."""
     billets: dict[str, dict[str, Mapping[str, Any]]] = {}
     for row in rows:
         if not row["failure"]:
             name = f"{row['carbon']} % C, {row['size']} mm"
             billets.setdefault(name, {})[row["level"]] = row
-    cells = factors_of(COARSE)[MESH]
     found = []
     for billet, runs in billets.items():
-        for name in RESULTS if {COARSE, DEFAULT} <= runs.keys() else ():
+        for name in RESULTS if {DEFAULT, STATED} <= runs.keys() else ():
             at = {level: float(run[name]) for level, run in runs.items()}
-            default = at[DEFAULT]
-            stated = estimate({cells: at[COARSE], 1.0: default}).error
+            default, stated = at[DEFAULT], at.pop(STATED)
             off = {level: abs(value - default) for level, value in at.items()}
             found.append(
                 {"billet": billet, "result": name, "value": default, "stated": stated, **off}

@@ -11,6 +11,7 @@ from benchmarks.billet_grid import (
     FINE,
     PATH,
     RESULTS,
+    STATED,
     beside,
     errors,
     grid,
@@ -38,9 +39,9 @@ def test_the_coarse_run_is_that_of_accuracy_coarse() -> None:
     assert described(beside(case, COARSE).case) == described(asked) != described(case)
 
 
-def test_an_error_is_three_times_the_difference_of_coarse_and_default() -> None:
-    """As `castfem error` has it where two runs tell it; a billet that failed has none."""
-    values = {COARSE: 2.0, DEFAULT: 1.5, FINE: 1.2}
+def test_a_result_is_within_its_error_or_not() -> None:
+    """A billet that failed has none."""
+    values = {COARSE: 2.0, DEFAULT: 1.5, FINE: 1.2, STATED: 0.4}
     rows = [
         {
             "carbon": "0.12",
@@ -54,12 +55,12 @@ def test_an_error_is_three_times_the_difference_of_coarse_and_default() -> None:
     ]
     found = errors(rows)
     assert [row["result"] for row in found] == [*RESULTS]
-    assert found[0]["stated"] == pytest.approx(1.5)
+    assert found[0]["stated"] == 0.4 and found[0][COARSE] == pytest.approx(0.5)
     assert found[0][FINE] == pytest.approx(0.3) and within(found[0])
-    assert not within(found[0] | {FINE: 1.51}) and FINE not in errors(rows[:2])[0]
+    assert not within(found[0] | {FINE: 0.41}) and FINE not in errors([rows[1], rows[3]])[0]
 
 
-def test_no_published_billet_fails_and_errors_hold_for_nine_of_ten_corners() -> None:
+def test_no_published_billet_fails_and_errors_hold_for_19_of_20_corners() -> None:
     """Of all 14 billets, on all cells; the page lists the results that are not within."""
     rows = Output().rows("billet_grid")
     assert not any(row["failure"] for row in rows)
@@ -67,4 +68,4 @@ def test_no_published_billet_fails_and_errors_hold_for_nine_of_ten_corners() -> 
     assert len(found) == len([*grid()]) * len(RESULTS)
     finer = [row for row in found if row["result"] in CORNER]
     assert all(FINE in row for row in finer)
-    assert sum(map(within, finer)) >= 0.9 * len(finer)
+    assert sum(map(within, finer)) >= 0.95 * len(finer)

@@ -44,7 +44,9 @@ SMALL: dict[str, dict[str, Any]] = {
     "coupling": {"CASES_TO_RUN": (("taper_1", (), 0.5),)},
     "corner": {
         "CELLS": {"4": ("4", "4", "18", "22")},
-        "KINDS": {mush: {"cells 4 mm": corner.SHORT} for mush in ("skeleton", "none")},
+        "KINDS": {
+            mush: {"cells 4 mm": ("casting.length=200 mm",)} for mush in ("skeleton", "none")
+        },
     },
     "billet_grid": {"LENGTH": "8 mm", "HALF": {"mesh": 0.9}},
     "windows": {"MOULDS": {"taper_0": (3.0, billet_run.mesh(3.0))}, "REFERENCE": 0.2},
