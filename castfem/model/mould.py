@@ -12,7 +12,7 @@ from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
 from castfem.base.units import in_mm
 from castfem.model.base import OneWord, TableModel, written
-from castfem.model.checks import Faults, check
+from castfem.model.checks import Faults, check, twice
 from castfem.model.mechanics import Share
 from castfem.model.section import BeamBlank, Rectangle
 from castfem.model.taper import Perimeter, TaperMark
@@ -38,6 +38,17 @@ CornerShare = Annotated[float, Kind("1", least=0.0, most=2.0, label="share", sam
 
 MOST_BRICKS = 300_000
 """Cells of a tube, at most: each has 27 nodes."""
+
+
+class CopperThermocouples(TableModel):
+    """A row of thermocouples in the copper, one below the other, for `castfem calibrate`."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$")
+    """name of the row; NAME.temperature is its column in a file of measurements"""
+    depth: Distance = Field(examples=["5 mm"])
+    """distance from the hot face"""
+    way: Distance = written("0 mm")
+    """place round the wall: its length at the meniscus from the middle of the right-hand face"""
 
 
 class MouldTube(TableModel):
@@ -70,6 +81,30 @@ class MouldTube(TableModel):
     """largest cell round the wall and along it; at the meniscus a third of it"""
     solver: Literal["auto", "direct", "multigrid"] = "auto"
     """of the linear systems; auto: direct where they are small"""
+    thermocouple: list[CopperThermocouples] = Field(default_factory=list)
+    """thermocouples in the copper; where there are some, a run writes wall_flux.csv"""
+
+    @property
+    def heated_by_strand(self) -> bool:
+        """Whether the tube takes the heat of the strand, not that of a table."""
+        return self.flux is None and self.hot_face is None
+
+
+@check("mould.tube")
+def _names(case: Case, table: MouldTube) -> Faults:
+    for key, text in twice([one.name for one in table.thermocouple], "name", str.lower):
+        yield f"thermocouple.{key}", text
+
+
+@check("mould.tube.thermocouple.*")
+def _within_the_wall(case: Case, one: CopperThermocouples) -> Faults:
+    if any(probe.name.lower() == one.name.lower() for probe in case.output.probe):
+        yield "name", f'("{one.name}") is the name of a probe, too; choose another'
+    if case.mould is None or case.mould.tube is None:
+        return
+    thickness = case.mould.tube.thickness
+    if one.depth > thickness:
+        yield "depth", f"({in_mm(one.depth)}) is deeper than the wall, {in_mm(thickness)}"
 
 
 @check("mould.tube")

@@ -294,7 +294,7 @@ def _run(
     loop = TimeLoop(simulation, records, progress, interrupt)
     run_state = loop.run_state
     recorder.begin_maps(run_state)
-    recorder.begin_probes(run_state)
+    recorder.begin_followed(run_state)
     if recorder.checkpoint is not None:
         restart.restore(run_state, *recorder.checkpoint)
     if progress is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ from castfem.base.types import Array
 from castfem.fem.root import on_root
 from castfem.runs import restart
 from castfem.runs.output.checkpoint import CHECKPOINT_NAME, load_checkpoint, save_checkpoint
-from castfem.runs.output.folder import PROBES_NAME, OutputFolder
+from castfem.runs.output.folder import WALL_FLUX_NAME, OutputFolder
 from castfem.runs.output.history import HISTORY_NAME, History
 from castfem.runs.output.xdmf import FieldWriter
 from castfem.runs.results.columns import Columns
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from castfem.model.build.simulation import Simulation
     from castfem.runs.output.surface_maps import MapWriter
     from castfem.runs.results.probes import ProbeSampler
+    from castfem.runs.results.wall_flux import WallFlux
 from castfem.model.build.start import starting_time
 
 
@@ -45,8 +46,8 @@ class Recorder:
         self._history: History | None = None
         self._fields: FieldWriter | None = None
         self._maps: MapWriter | None = None
-        self._probes: ProbeSampler | None = None
-        self._probe_files: dict[str, History] = {}
+        self._followed: list[ProbeSampler | WallFlux] = []
+        self._followed_files: dict[str, History] = {}
         self.checkpoint: tuple[dict[str, Any], dict[str, Array]] | None = None
         on_root(self.comm, self._open_for_resume if resume else self._open)
         if resume:
@@ -104,7 +105,7 @@ class Recorder:
         cells, fields = self._columns.row(sample), self._due_fields(run, sample)
         judged = run.sampler.quality
         mapped = None if judged is None else judged.row()
-        probed = {} if self._probes is None else self._probes.rows(run.state, sample)
+        followed = [one.rows(run.state, sample) for one in self._followed]
         taken = run.counts.taken
         due = self._every > 0 and taken % self._every == 0  # at the meniscus, too
         checkpoint = self._checkpoint(run) if due else None
@@ -116,8 +117,9 @@ class Recorder:
                 self._fields.write(sample.time, sample.position, fields)
             if self._maps is not None and mapped is not None:
                 self._maps.append(sample.time, sample.position, mapped)
-            for name, file in self._probe_files.items():
-                file.append(probed[name])
+            for rows in followed:
+                for name, row in rows.items():
+                    self._followed_files[name].append(row)
             if checkpoint is not None:
                 self._save(run, *checkpoint)
 
@@ -140,27 +142,36 @@ class Recorder:
 
         on_root(self.comm, begin)
 
-    def begin_probes(self, run: RunState) -> None:
-        """Begin the files of the probes, or go on with them; a case without some has none."""
+    def begin_followed(self, run: RunState) -> None:
+        """Begin the files of probes and of the flux into the wall, or go on with them."""
         case = self.simulation.case
-        if not case.output.probe:
-            return
-        from castfem.runs.results.probes import ProbeSampler
+        files: dict[str, Sequence[tuple[str, str]]] = {}
+        if case.output.probe:
+            from castfem.runs.results.probes import ProbeSampler, probe_file
 
-        self._probes = probes = ProbeSampler(self.simulation, run.sampler.mechanics)
+            probes = ProbeSampler(self.simulation, run.sampler.mechanics)
+            files |= dict.fromkeys(map(probe_file, probes.names), probes.columns)
+            self._followed.append(probes)
+        tube = None if case.mould is None else case.mould.tube
+        if tube is not None and tube.thermocouple and tube.heated_by_strand:
+            from castfem.runs.results.wall_flux import WallFlux
+
+            wall = WallFlux(self.simulation)
+            files[WALL_FLUX_NAME] = wall.columns
+            self._followed.append(wall)
 
         def begin() -> None:
-            for name in probes.names:
-                path = self.folder / f"{PROBES_NAME}/{name}.csv"
+            for name, columns in files.items():
+                path = self.folder / name
                 if self.checkpoint is None:
                     with saving(path):
                         path.parent.mkdir(exist_ok=True)
-                    file = History(path, probes.columns)
+                    file = History(path, columns)
                 else:
                     meta = self.checkpoint[0]
                     rows = Counts.restored(meta["counts"]).taken + 1
-                    file = History.resume(path, float(meta["time"]), probes.columns, rows=rows)
-                self._probe_files[name] = file
+                    file = History.resume(path, float(meta["time"]), columns, rows=rows)
+                self._followed_files[name] = file
 
         on_root(self.comm, begin)
 
@@ -203,7 +214,7 @@ class Recorder:
             self._history.sync()
         if self._maps is not None:
             self._maps.sync()
-        for file in self._probe_files.values():
+        for file in self._followed_files.values():
             file.sync()
         save_checkpoint(self.folder / CHECKPOINT_NAME, description, arrays, **self._physics)
         self.folder.update(reached=run.reached)
@@ -215,7 +226,7 @@ class Recorder:
 
     def close(self) -> None:
         """Close the files; what was written is complete without it."""
-        for thing in (self._history, self._fields, self._maps, *self._probe_files.values()):
+        for thing in (self._history, self._fields, self._maps, *self._followed_files.values()):
             if thing is not None:
                 thing.close()
 

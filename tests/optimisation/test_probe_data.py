@@ -24,12 +24,14 @@ def probed(coefficient: str = "1600 W/(m^2 K)") -> Case:
 def test_what_a_run_has_at_a_probe(tmp_path: Path) -> None:
     result = castfem.run(probed(), folder=tmp_path / "run")
     table = result.probes["tc1"]
-    (found,) = computed(tmp_path / "run", [Measured(0.045, "tc1.temperature", 1700.0, 5.0)])
+    (found,) = computed(
+        probed(), tmp_path / "run", [Measured(0.045, "tc1.temperature", 1700.0, 5.0)]
+    )
     known = np.interp(0.045, table["position"], table["temperature"])
     assert found.value == pytest.approx(known + 273.15)
     assert (found.shown_unit, found.label) == ("degC", "temperature at tc1")
     with pytest.raises(InputError, match="probe tc1 has no temperature at 90 mm"):
-        computed(tmp_path / "run", [Measured(0.09, "tc1.temperature", 1700.0, 5.0)])
+        computed(probed(), tmp_path / "run", [Measured(0.09, "tc1.temperature", 1700.0, 5.0)])
 
 
 def data(folder: Path, heading: str) -> list[Measured]:

@@ -6,6 +6,7 @@
     run.log        what was said on the way
     history.csv    one row a step (`castfem.runs.output.history`)
     probes/        the points that are followed, likewise
+    wall_flux.csv  the heat into the wall of a mould with thermocouples, likewise
     surface_maps.h5   the surface unrolled over time (`runs.output.surface_maps`), those of a
     surface_maps.rows run that has not ended
     fields.xdmf    the fields over time, for ParaView (`castfem.runs.output.xdmf`) ...
@@ -60,6 +61,7 @@ LOG_NAME = "run.log"
 FIGURES_NAME = "figures"
 PROPERTIES_NAME = "properties"
 PROBES_NAME = "probes"
+WALL_FLUX_NAME = "wall_flux.csv"
 DERIVATIVES_NAME = "derivatives.json"  # that a run has carried along
 MAPS_NAME, ROWS_NAME = "surface_maps.h5", "surface_maps.rows"
 ERROR_NAME, ERROR_ENDING = "error.json", "_error"
@@ -76,7 +78,7 @@ _COPY = re.compile(rf"{PROPERTIES_NAME}/\w+/[^/]*\w[^/]*")
 # The checkpoint is the first to go: of what is left of a run nothing is resumed.
 ARTEFACTS = (
     *(CHECKPOINT_NAME, CASE_NAME, RUN_NAME, LOG_NAME, HISTORY_NAME, XDMF_NAME, HDF5_NAME),
-    *(SUMMARY_NAME, DERIVATIVES_NAME, MAPS_NAME, ROWS_NAME, STRAND_NAME),
+    *(SUMMARY_NAME, DERIVATIVES_NAME, MAPS_NAME, ROWS_NAME, STRAND_NAME, WALL_FLUX_NAME),
     *(f"{FIGURES_NAME}/{name}.png" for name in ALL_FIGURES),
 )
 

@@ -11,6 +11,7 @@ from castfem.base.units import factor_and_zero
 from castfem.fem.point_probes import PointProbes
 from castfem.model.probe import outside
 from castfem.physics.constitutive.base import equivalent_stress
+from castfem.runs.output.folder import PROBES_NAME
 from castfem.runs.results.mechanical import MechanicalSampler, in_components
 
 if TYPE_CHECKING:
@@ -32,6 +33,11 @@ MECHANICS = (
     ("viscoplastic_strain", "-"),
 )
 _SCALES = {"degC": factor_and_zero("K", "degC"), "mm": (1e3, 0.0), "MPa": (1e-6, 0.0)}
+
+
+def probe_file(name: str) -> str:
+    """Return the file of a probe within the folder of a run."""
+    return f"{PROBES_NAME}/{name}.csv"
 
 
 class ProbeSampler:
@@ -61,7 +67,7 @@ class ProbeSampler:
         self.columns = [*PLACE, *HEAT, *phases, *(() if mechanics is None else MECHANICS)]
 
     def rows(self, strand: StrandState, sample: Sample) -> dict[str, dict[str, float]]:
-        """A row of each probe's file, in its units (collective)."""
+        """Return a row of each probe's file, in its units, by the file (collective)."""
         kelvin = strand.thermal.point.temperature
         temperature = self._points.at(kelvin[:, None])[:, 0]
         columns = [temperature, *self._phases(temperature)]
@@ -73,7 +79,7 @@ class ProbeSampler:
         found = {}
         for i, name in enumerate(self.names):
             values = [sample.time, sample.position, *(float(column[i]) for column in columns)]
-            found[name] = {
+            found[probe_file(name)] = {
                 column: _shown(value, unit)
                 for (column, unit), value in zip(self.columns, values, strict=True)
             }

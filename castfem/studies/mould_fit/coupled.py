@@ -155,14 +155,8 @@ def hot_mould_of(
     assert table.tube is not None
     mould = nominal_mould(table, case.section)
     tube = HotMould(comm, mould, copper_of(table), settings_of(table))
-    sides = sides_of(mould.cavity, mould.tapers, 0.0)
-    if table.tube.hot_face is not None or table.tube.flux is not None:
-        flux = None
-        if table.tube.flux is not None:
-            given = as_function(table.tube.flux)
-            share, reach = table.tube.corner_flux, table.tube.corner_reach
-            flux = profile(given, sides, table.length, share, reach)
-        turn = Turn(None, tube.solve(flux), np.nan, np.nan)
+    if not table.tube.heated_by_strand:
+        turn = Turn(None, tube.solve(given_flux(table, mould)), np.nan, np.nan)
         told(1, turn)
         return [turn]
     found: list[Turn] = []
@@ -174,6 +168,16 @@ def hot_mould_of(
         if found[-1].moved < SHAPE and abs(found[-1].heat) < HEAT:
             break
     return found
+
+
+def given_flux(table: MouldTable, mould: Mould) -> FluxMap | None:
+    """Return the flux that [mould.tube] gives; None where it gives the hot face's temperature."""
+    assert table.tube is not None
+    if table.tube.flux is None:
+        return None
+    sides = sides_of(mould.cavity, mould.tapers, 0.0)
+    share, reach = table.tube.corner_flux, table.tube.corner_reach
+    return profile(as_function(table.tube.flux), sides, table.length, share, reach)
 
 
 def flux_of(strand: Followed, mould: Mould) -> FluxMap:

@@ -15,6 +15,7 @@ from castfem.model.build.simulation import Simulation, build
 from castfem.runs.loop import TimeLoop
 from castfem.runs.output.surface_line import SurfaceLine
 from castfem.runs.results.summary import summarise
+from castfem.runs.results.wall_flux import surface_flux
 
 if TYPE_CHECKING:
     from castfem.model import Case
@@ -59,11 +60,8 @@ class _Follower:
 
     def step(self, run: RunState, sample: Sample) -> None:
         """See `castfem.runs.loop.StepRecord`."""
-        simulation, state = self.simulation, run.state.thermal
-        flow = simulation.problem.surface_flow(state.point, state.rate, state.time)
-        share = simulation.zones.perimeter_share()
         self.positions.append(sample.position)
-        self.flux.append(self._on_line(flow / np.where(share > 0.0, share, np.inf)))
+        self.flux.append(self._on_line(surface_flux(self.simulation, run.state)))
         moved: Array = np.zeros((len(self.line.nodes), 2))
         mechanics = run.sampler.mechanics
         if mechanics is not None and run.state.mechanical is not None:

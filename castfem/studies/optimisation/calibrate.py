@@ -25,9 +25,10 @@ from castfem.base.types import Array
 from castfem.model.load import value_of
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.results.places import quantities_at
+from castfem.studies.mould_fit.thermocouples import CopperTemperatures
 from castfem.studies.optimisation.evaluator import Evaluator, variant
 from castfem.studies.optimisation.measured import Measured, residuals
-from castfem.studies.optimisation.probe_data import is_of_probe, value_at
+from castfem.studies.optimisation.probe_data import is_of_probe, thermocouples, value_at
 
 if TYPE_CHECKING:
     from castfem.model import Case
@@ -218,10 +219,10 @@ def calibrate(
     def many(values: Sequence[Mapping[str, str]]) -> list[Array]:
         cases = [variant(evaluator.case, one) for one in values]
         found = evaluator.evaluate(cases, values, watcher)
-        for one, run in zip(values, found, strict=True):
+        for one, case_, run in zip(values, cases, found, strict=True):
             if run.failed or run.folder is None:
                 raise RunFailure(f"the run with {_text(one)} failed: {run.message}")
-            known[_text(one)] = computed(run.folder, measured)
+            known[_text(one)] = computed(case_, run.folder, measured)
         return [residuals(measured, known[_text(one)]) for one in values]
 
     errors = all(math.isfinite(m.error) for m in measured)
@@ -233,29 +234,39 @@ def calibrate(
 
 
 def followed(case: Case, measured: Sequence[Measured]) -> Case:
-    """The case, followed as far as there are data.
+    """The case, followed as far as there are data; for those in the copper to the mould's exit.
 
     Raises:
         InputError: They lie beyond its end.
     """
-    farthest = max(measured, key=lambda one: one.position)
-    last, length = farthest.position, case.casting.length
+    copper, exit_ = thermocouples(case), 0.0 if case.mould is None else case.mould.length
+    reach = {
+        one: exit_ if one.name.partition(".")[0] in copper else one.position for one in measured
+    }
+    farthest = max(measured, key=lambda one: reach[one])
+    last, length = reach[farthest], case.casting.length
     if last > length * (1 + ROUNDING):
+        needed = "was measured" if last == farthest.position else "of mould take its heat"
         raise InputError(
-            f"{farthest.where}: {1e3 * last:g} mm was measured and the case is followed to "
+            f"{farthest.where}: {1e3 * last:g} mm {needed} and the case is followed to "
             f'{1e3 * length:g} mm; give --set casting.length="{1e3 * last:g} mm"'
         )
     return case.with_({"casting.length": f"{last!r} m"}) if last < length else case
 
 
-def computed(folder: Path, measured: Sequence[Measured]) -> list[Quantity]:
-    """What a run gives where there are data.
+def computed(case: Case, folder: Path, measured: Sequence[Measured]) -> list[Quantity]:
+    """Return what the run of a case gives where there are data.
 
     Raises:
         InputError: It has no such result there.
+        RunFailure: The copper of the mould has no temperature.
     """
     table, found = read_history(folder / HISTORY_NAME), []
+    copper, in_copper = CopperTemperatures(case, folder), thermocouples(case)
     for data in measured:
+        if (row := data.name.partition(".")[0]) in in_copper:
+            found.append(copper.at(in_copper[row], data.position))
+            continue
         if is_of_probe(data.name):
             found.append(value_at(folder, data.name, data.position))
             continue

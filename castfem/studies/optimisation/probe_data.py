@@ -1,4 +1,8 @@
-"""Measured values at the probes of a case: `tc1.temperature` is of `[[output.probe]]` tc1."""
+"""Measured values at points of a case: `tc1.temperature` is of a probe or a thermocouple tc1.
+
+A probe, `[[output.probe]]`, lies in the strand; the thermocouples of `[[mould.tube.thermocouple]]`
+lie in the copper, whose temperature follows from the heat that a run gives to the wall.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +15,7 @@ from castfem.base.messages import choices
 from castfem.base.shown_quantity import Quantity, to_si
 from castfem.base.units import nearest, parse_any
 from castfem.model import Case
+from castfem.model.mould import CopperThermocouples
 from castfem.runs.output.folder import PROBES_NAME
 from castfem.runs.output.history import read_history
 from castfem.runs.results.probes import HEAT, MECHANICS, PHASES
@@ -41,14 +46,22 @@ def misfit(name: str, unit: str) -> str:
 def missing_column(case: Case, name: str) -> str:
     """Return why a case has no such column of a probe; "" if it has."""
     probe, _, column = name.rpartition(_DOT)
-    names = [one.name for one in case.output.probe]
+    copper = thermocouples(case)
+    names = [*(one.name for one in case.output.probe), *copper]
     if probe not in names:
         there = choices(names) if names else "none; add [[output.probe]]"
         return f"the case has no probe {probe}{nearest(probe, names)}; it has {there}"
-    columns = dict((*HEAT, *PHASES, *(() if case.mechanics is None else MECHANICS)))
+    strained = () if case.mechanics is None else MECHANICS
+    columns = dict(HEAT[:1] if probe in copper else (*HEAT, *PHASES, *strained))
     if column not in columns:
         return f"a probe has no {column}{nearest(column, columns)}; it has {choices(columns)}"
     return ""
+
+
+def thermocouples(case: Case) -> dict[str, CopperThermocouples]:
+    """Return the rows of thermocouples in the copper of a case, by name."""
+    tube = None if case.mould is None else case.mould.tube
+    return {} if tube is None else {one.name: one for one in tube.thermocouple}
 
 
 def value_at(folder: Path, name: str, position: float) -> Quantity:

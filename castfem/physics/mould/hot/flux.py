@@ -74,11 +74,38 @@ def profile(
     return FluxMap(positions, np.array(list(knots)), values[:, None] * share[None, :])
 
 
-def of_strand(positions: Array, places: Array, flux: Array, sides: Sides) -> FluxMap:
-    """Return the flux that a strand has given off, carried over to the wall's places.
+class WallPlaces:
+    """Places of the wall to which the surface of a strand gives its heat.
 
     A place of the strand's surface belongs to the place of the wall that is as far round the
     quarter, counted in pieces of face and corner.
+
+    Args:
+        places: Of the surface's vertices on the undeformed strand (n, 2), m.
+        sides: Section of the wall at the meniscus.
+
+    Attributes:
+        ways: Of these places, along the wall from the middle of the right-hand face (w,), m.
+    """
+
+    def __init__(self, places: Array, sides: Sides) -> None:
+        dense = Places.spread(sides, 200, 200, order=1)
+        wall, _ = dense.on(sides)
+        folded = np.abs(places) / np.abs(places).max(axis=0) * wall.max(axis=0)
+        near = np.hypot(folded[:, None, 0] - wall[:, 0], folded[:, None, 1] - wall[:, 1])
+        ways = dense.ways(sides)[near.argmin(axis=1)]
+        self.ways, self._number = np.unique(np.round(ways, 6), return_inverse=True)
+
+    def mean(self, flux: Array) -> Array:
+        """Return the flux at the places (w,), W/m2, from that at the vertices (n,).
+
+        Of a half or a whole section several vertices stand for one place.
+        """
+        return np.asarray(np.bincount(self._number, flux) / np.bincount(self._number))
+
+
+def of_strand(positions: Array, places: Array, flux: Array, sides: Sides) -> FluxMap:
+    """Return the flux that a strand has given off, carried over to the wall's places.
 
     Args:
         positions: Of the samples (p,), m, increasing.
@@ -86,14 +113,5 @@ def of_strand(positions: Array, places: Array, flux: Array, sides: Sides) -> Flu
         flux: (p, n), W/m2.
         sides: Section of the wall at the meniscus.
     """
-    dense = Places.spread(sides, 200, 200, order=1)
-    wall, _ = dense.on(sides)
-    round_it = dense.ways(sides)
-    folded = np.abs(places) / np.abs(places).max(axis=0) * wall.max(axis=0)
-    near = np.hypot(folded[:, None, 0] - wall[:, 0], folded[:, None, 1] - wall[:, 1])
-    ways = round_it[near.argmin(axis=1)]
-    # Of a half or a whole section several vertices stand for one place: their mean.
-    known, number = np.unique(np.round(ways, 6), return_inverse=True)
-    count = np.bincount(number)
-    mean = np.array([np.bincount(number, row) / count for row in flux])
-    return FluxMap(np.asarray(positions, float), known, mean)
+    wall = WallPlaces(places, sides)
+    return FluxMap(np.asarray(positions, float), wall.ways, np.array([*map(wall.mean, flux)]))

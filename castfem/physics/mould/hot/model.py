@@ -151,13 +151,7 @@ class HotMould:
         Raises:
             RunFailure: A solver does not converge, or the copper would melt.
         """
-        heated = Conduction(self.tube, self.copper, self.settings.method).solve(self._load(flux))
-        if heated.hottest > MELTS:
-            raise RunFailure(
-                f"mould.tube: the copper would be at {heated.hottest - ZERO_CELSIUS:.0f} degC, and "
-                f"it melts at {MELTS - ZERO_CELSIUS:.0f} degC: see water_coefficient, thickness "
-                "and the heat that it takes (flux, or that of the strand)"
-            )
+        heated = self.heat(flux)
         distorted = self.distortion().solve(heated.temperature)
         owned = self.tube.owned
         kelvin = self.tube.gather(heated.temperature.x.array[:owned])
@@ -165,6 +159,38 @@ class HotMould:
         both = None if kelvin is None or moved is None else self._read(kelvin, moved)
         wall, hot, outer, longer = self.tube.comm.bcast(both)
         return HotWall(wall, hot, outer, longer, heated, distorted, self)
+
+    def heat(self, flux: FluxMap | None) -> Heated:
+        """Return the temperature of the copper, without its distortion; as `solve`."""
+        heated = Conduction(self.tube, self.copper, self.settings.method).solve(self._load(flux))
+        if heated.hottest > MELTS:
+            raise RunFailure(
+                f"mould.tube: the copper would be at {heated.hottest - ZERO_CELSIUS:.0f} degC, and "
+                f"it melts at {MELTS - ZERO_CELSIUS:.0f} degC: see water_coefficient, thickness "
+                "and the heat that it takes (flux, or that of the strand)"
+            )
+        return heated
+
+    def temperature_at(self, heated: Heated, positions: Array, way: float, depth: float) -> Array:
+        """Return the temperature of the copper (n,), K, linear between the nodes (collective).
+
+        Args:
+            heated: From `heat`.
+            positions: Below the meniscus (n,), m.
+            way: Place round the wall, m.
+            depth: Distance from the hot face, m.
+        """
+        from scipy.interpolate import RegularGridInterpolator
+
+        kelvin = self.tube.gather(heated.temperature.x.array[: self.tube.owned])
+        found = None
+        if kelvin is not None:
+            across, around, along = self.tube.shape
+            grid = (self.positions, self.ways, np.linspace(0.0, self.settings.thickness, across))
+            read = RegularGridInterpolator(grid, kelvin.reshape(along, around, across))
+            ones = np.ones(len(positions))
+            found = read(np.column_stack([positions, way * ones, depth * ones]))
+        return np.asarray(self.tube.comm.bcast(found))
 
     def distortion(self) -> Distortion:
         """Return the elasticity of this tube."""
