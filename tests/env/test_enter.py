@@ -137,7 +137,8 @@ def test_timeout_ends_the_program(kind: str, request: pytest.FixtureRequest) -> 
     script = 'trap "echo heard; exit 9" TERM; for _ in $(seq 900); do sleep 0.02; done; echo late'
     line = ["timeout", "3", str(ROOT / "tools/enter.sh"), str(home), "sh", "-c", script]
     done = subprocess.run(line, capture_output=True, text=True, timeout=60, check=False)
-    assert done.stdout == "heard\n"
+    # Of the two, a busy machine may deliver the second before the program has ended.
+    assert set(done.stdout.splitlines()) == {"heard"}
     assert done.returncode == 124
 
 
