@@ -30,6 +30,8 @@ CELLS = {
 KEYS = ("surface_size", "corner_size", "face_size", "core_size")
 AS_SHIPPED = "as shipped"
 WINDOWS = ("0.2", "0.05", "0.025")
+TOGETHER = {"1": "0.0714", "0.5": "0.0357"}
+"""Cells, mm, with windows, s, in the proportion of 0.7 mm and 0.05 s."""
 MIDDLE = 0.2
 """A place on the way at which results are read besides the mould's exit, m."""
 KINDS: dict[str, dict[str, tuple[str, ...]]] = {
@@ -37,6 +39,14 @@ KINDS: dict[str, dict[str, tuple[str, ...]]] = {
         **{f"cells {size} mm": () for size in CELLS},
         AS_SHIPPED: (),
         **{f"windows {w} s": (f"coupling.interval={w} s",) for w in WINDOWS},
+        **{
+            f"cells {c} mm, windows {w} s": (f"coupling.interval={w} s",)
+            for c, w in TOGETHER.items()
+        },
+        "windows 0.2 s, mechanics 0.05 s": (
+            "coupling.interval=0.2 s",
+            "coupling.mechanical_step=0.05 s",
+        ),
         "triangles": ("mesh.cell=triangle",),
         "Nitsche": ("mould.contact=nitsche",),
     },
@@ -77,19 +87,18 @@ def cells(size: str) -> tuple[str, ...]:
 def run(
     case: str, changes: Sequence[str], columns: Iterable[str], at: float | None = None
 ) -> list[dict[str, float]]:
-    """Rows of the history of a case with some keys changed: the last, before it that `at` (m)."""
+    """Results of a case with some keys changed: on the way at `at` (m), if given, and at its end."""
     found = load_case(CASES.parent / f"{case}.toml", changes)
     with castfem.run(found) as result:
         table = result.history
-    rows = [len(table) - 1]
-    if at is not None:
-        rows = sorted({int(np.argmin(np.abs(table["position"].to_numpy() - at))), *rows})
-    return [{name: float(table[name].iloc[row]) for name in columns} for row in rows]
+    position = table["position"].to_numpy()
+    places = [position[-1]] if at is None else [at, position[-1]]
+    return [{n: float(np.interp(z, position, table[n])) for n in columns} for z in places]
 
 
 def corner(mush: str, kind: str) -> list[dict[str, Any]]:
     """Rows of the table: one thing varied, on the way and at the mould's exit."""
-    size = kind.removeprefix("cells ").removesuffix(" mm")
+    size = kind.removeprefix("cells ").partition(" mm")[0]
     changes = (*KINDS[mush][kind], *(cells(size) if size in CELLS else ()))
     # With its fields, as users run it: coupling windows end where they are written.
     keys = (*QUIET[1:], f"mechanics.mush={mush}", *changes)
