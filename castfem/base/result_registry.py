@@ -84,8 +84,8 @@ class QuantityDefinition:
     """
 
     name: str = field(kw_only=False)
-    unit: str
-    label: str
+    unit: str = field(kw_only=False)
+    label: str = field(kw_only=False)
     needs: tuple[str, ...] = ()
     each: Each = ""
     shown: str = ""

@@ -62,9 +62,6 @@ TemperatureOverDepth = Annotated[
 ]
 
 
-_ROUNDED = 1e-6  # of a per cent
-
-
 Instant = Annotated[float, Kind("s", "s", least=0.0)]
 SuperheatOverTime = Annotated[
     float | Table, Curve(Kind("K", "K", difference=True, least=0.0), over="time")
@@ -146,7 +143,7 @@ class Steel(TableModel):
 
 def _whole_percent(fraction: float | None) -> float | None:
     """Refuse what has no name of two digits, and the solidus, whose shell is there anyway."""
-    if fraction is not None and abs(100.0 * fraction - round(100.0 * fraction)) > _ROUNDED:
+    if fraction is not None and abs(100.0 * fraction - round(100.0 * fraction)) > 1e-6:
         raise ValueError("whole per cents are needed, such as 0.7")
     if fraction is not None and not 0.005 < fraction < 0.995:
         raise ValueError("must lie between 0 and 1; at 0 it is liquidus_depth, at 1 the shell")
@@ -160,7 +157,6 @@ WholePercent = Annotated[
 
 MOST_STATES = 250
 """States of the fields, at most, of a case that does not say how often: a film of ten seconds."""
-_SHORTEST = 0.5  # s
 
 
 def usual_interval(duration: float) -> float:
@@ -169,8 +165,9 @@ def usual_interval(duration: float) -> float:
     Args:
         duration: Of the way that is followed, s; inf for one that has no end.
     """
-    if not _SHORTEST * MOST_STATES < duration < math.inf:
-        return _SHORTEST
+    shortest = 0.5  # s
+    if not shortest * MOST_STATES < duration < math.inf:
+        return shortest
     least = duration / MOST_STATES * (1.0 - ROUNDING)
     decade = 10.0 ** math.floor(math.log10(least))
     return next(every for n in (1, 2, 5, 10) if (every := n * decade) >= least)

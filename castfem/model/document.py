@@ -29,7 +29,7 @@ from castfem.model.shipped_cases import find
 
 Keys = tuple[str | int, ...]
 
-_EACH = -1  # stands for any entry of an array
+_EACH = "*"  # stands for any entry of an array
 _EXCLUSIVE: tuple[tuple[Keys, str, str], ...] = (
     (("casting",), "superheat", "temperature"),
     (("thermal", "time"), "step", "adaptive"),
@@ -335,15 +335,9 @@ def override(
     entitle(document)
 
 
-_NAMED = 3  # changes in a title
 _LESS_NEWS = ("mesh", "thermal", "coupling")  # which change how well it is computed
-_NO_NEWS = (
-    "title",
-    "output",
-    "reference",
-    "verification",
-    "optimise",
-)  # keys, and what is below them, that change no result
+# Keys, and what is below them, that change no result.
+_NO_NEWS = ("title", "output", "reference", "verification", "optimise")
 
 
 def entitle(document: Document) -> None:
@@ -355,8 +349,8 @@ def entitle(document: Document) -> None:
         return
     parts = [p for p in title.split("; ") if p.partition(" = ")[0] not in listed]
     named = [f"{key} = {shown(value).strip(chr(34))}" for key, value in listed.items()]
-    more = [f"and {len(named) - _NAMED} more"] if len(named) > _NAMED else []
-    document.data["title"] = "; ".join([*parts, *named[:_NAMED], *more])
+    more = [f"and {len(named) - 3} more"] if len(named) > 3 else []
+    document.data["title"] = "; ".join([*parts, *named[:3], *more])
 
 
 def put(document: Document, key: str, value: Any, label: str) -> None:

@@ -75,7 +75,6 @@ def no_entry(place: Any, path: tuple[str | int, ...], part: str) -> str:
 
 Keys = tuple[str | int, ...]
 
-_SHOWN = 6  # candidates named in a message
 _NOT_MEANT = ("reference", "optimise")  # of what a run gives: no settings of it
 
 
@@ -106,8 +105,8 @@ def full_key(root: type[TableModel], data: Mapping[str, Any], key: str) -> str:
         return _written(data, meant[0])
     if meant:
         names = [_written(data, path) for path in meant]
-        more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-        raise ValueError(f"may stand for {', '.join(names[:_SHOWN])}{more}; write one in full")
+        more = f" and {len(names) - 6} more" if len(names) > 6 else ""
+        raise ValueError(f"may stand for {', '.join(names[:6])}{more}; write one in full")
     near = nearest(key, dict.fromkeys([*root.model_fields, *(str(path[-1]) for path in known)]))
     absent = [name for name in below(root, key) if name.partition(".")[0] not in _NOT_MEANT]
     similar = absent or [_written(data, p) for p in known if near and f" {p[-1]}?" in near]

@@ -20,6 +20,7 @@ from typing import Any
 
 from castfem.base import units
 from castfem.base.errors import InputError
+from castfem.base.tolerances import EXACT
 from castfem.model.section import Section, Strip
 from castfem.model.taper import PARTS
 
@@ -152,7 +153,6 @@ _NO_PHYSICS = (
     ("tensile", "steps"),
 )
 _LENGTH = ("casting", "length")  # counts where a number holds "at the end"
-_ROUNDING = 1e-12
 
 
 def mark(before: Mapping[str, Any], after: dict[str, Any]) -> None:
@@ -204,4 +204,4 @@ def _same(one: Any, other: Any) -> bool:
         (left, unit), (right, its) = units.parse_any(one), units.parse_any(other)
     except ValueError:
         return False
-    return unit == its and abs(left - right) <= _ROUNDING * abs(right)
+    return unit == its and abs(left - right) <= EXACT * abs(right)

@@ -21,7 +21,6 @@ from castfem.model import (  # noqa: F401 - each enters its checks here
     check_secondary,
     document,
     key_names,
-    mechanics_end,
     plausibility,
     problems,
     shared_heat,

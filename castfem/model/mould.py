@@ -36,10 +36,6 @@ Cells = Annotated[float, Kind("1", least=1.0, most=64.0, label="number of cells"
 CornerShare = Annotated[float, Kind("1", least=0.0, most=2.0, label="share", sample="0.6")]
 
 
-MOST_BRICKS = 300_000
-"""Cells of a tube, at most: each has 27 nodes."""
-
-
 class MouldTube(TableModel):
     """The copper tube of a mould, for its distortion by heat; the length is the mould's."""
 
@@ -82,8 +78,8 @@ def _bricks(case: Case, table: MouldTube) -> Faults:
     if width is None or height is None:
         return
     count = table.cells_across * 0.5 * (width + height) / size * (length + table.above) / size
-    if count > MOST_BRICKS:
-        most = f"at most {MOST_BRICKS:g}; give a larger one"
+    if count > 300_000:  # each has 27 nodes
+        most = "at most 300000; give a larger one"
         yield "cell_size", f"({in_mm(size)}) makes about {count:.2g} cells of the tube, {most}"
 
 

@@ -23,7 +23,6 @@ _SENSES: dict[str, Sense] = {">=": "at_least", "≥": "at_least", "<=": "at_most
 _CONSTRAINT = re.compile(r"\s*(\w+)\s*(>=|<=|≥|≤)\s*(\S.*?)\s*")
 _SHARE = re.compile(r"(.*\S)\s+of\s+idealised")
 _EXAMPLE = '"heat_removed >= 99 % of idealised" or "von_mises_max <= 14 MPa"'
-_MOST_OBJECTIVES = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,7 +231,7 @@ class Optimise(TableModel):
 @check("optimise")
 def _objectives(case: Case, table: Optimise) -> Faults:
     count = len(table.objectives)
-    if not 1 <= count <= _MOST_OBJECTIVES:
+    if count != 1:
         told = "nothing is to become best" if not count else f"{count} results are to become best"
         more = ", and weigh it against another by [optimise.front]" if count else ""
         fix = f'give minimise = "von_mises_max" or maximise = "heat_removed", one of them{more}'

@@ -14,7 +14,6 @@ from castfem.model.checks import Faults, caution
 from castfem.model.cooling import Contact, Flux
 from castfem.model.heat_law import TOTALS, HeatLaw, ScaledLaw
 
-_ALIKE = 1e-4  # relative; speeds that differ by less are the same
 SPEED_KEY = "casting.speed"
 
 
@@ -72,7 +71,7 @@ def shared_heat(cases: Iterable[Case]) -> list[str]:
         "the speed at which this was measured (then the flux goes by the time in the mould), or "
         "the total as a table over speed (docs/thermal.md)"
         for (where, what), speeds in met.items()
-        if max(speeds) > (1.0 + _ALIKE) * min(speeds)
+        if _exceeds(max(speeds), min(speeds))
     ]
 
 
@@ -98,16 +97,21 @@ def beyond_tables(case: Case, law: HeatLaw) -> Faults:
         if not isinstance(table, Table):
             continue
         first, last = table.arguments[0], table.arguments[-1]
-        if min(moving) < first * (1.0 - _ALIKE) or max(moving) > last * (1.0 + _ALIKE):
+        if _exceeds(first, min(moving)) or _exceeds(max(moving), last):
             text = f"the table goes from {_speed(first)} to {_speed(last)}, the strand at"
             yield key, f"{text} {_listed(moving)}: the value of its end is taken there"
+
+
+def _exceeds(speed: float, other: float) -> bool:
+    """Whether a speed is higher than another one, by more than their last digits."""
+    return speed > (1.0 + 1e-4) * other
 
 
 def _listed(speeds: Iterable[float]) -> str:
     """Different speeds in growing order, m/min."""
     found: list[float] = []
     for speed in sorted(speeds):
-        if not found or speed > (1.0 + _ALIKE) * found[-1]:
+        if not found or _exceeds(speed, found[-1]):
             found.append(speed)
     *most, last = (f"{convert(speed, 'm/s', 'm/min'):.4g}" for speed in found)
     return f"{', '.join(most)} and {last} m/min" if most else f"{last} m/min"

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     pass
 
 TAPER = Kind("1/m", "%/m", label="taper", sample="1 %/m")
-_MOST = 0.5
 _END = Kind("m", "mm", above=0.0)
 _CLOSING = Curve(Kind("m", "mm", label="displacement", sample="0.5 mm"), over="position")
 _FORMS = (
@@ -210,8 +209,8 @@ def _segment(given: Mapping[str, Any], keys: tuple[str, ...], *, ends: bool) -> 
 def _value(given: object) -> float:
     """Return a taper, 1/m; it is a few percent per metre, what is far beyond was a slip."""
     value = TAPER.read(given)
-    if abs(value) > _MOST:
-        fix = f"allowed: at most {100.0 * _MOST:g} %/m either way"
+    if abs(value) > 0.5:
+        fix = "allowed: at most 50 %/m either way"
         raise ValueError(f"is {100.0 * value:g} %/m; {fix}")
     return value
 

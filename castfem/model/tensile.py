@@ -20,7 +20,6 @@ from castfem.model.document import is_path
 
 TABLE = "tensile"
 SAME = 1e-6  # K
-_MOST_STEPS = 1_000_000  # some ten minutes
 _NOT_PHYSICS: Any = {"title": True, "output": True, "reference": True}
 
 
@@ -139,9 +138,10 @@ class TensileCase(TableModel):
 def _too_many(case: TensileCase, table: Tensile) -> Faults:
     """Yield steps that would be too many to come to an end."""
     count = table.steps * table.cycles * len(table.segment)
-    if count > _MOST_STEPS:
+    most = 1_000_000  # some ten minutes
+    if count > most:
         key = "cycles" if table.cycles > table.steps else "steps"
-        fix = f"at most {grouped(_MOST_STEPS)}: give fewer"
+        fix = f"at most {grouped(most)}: give fewer"
         yield key, f"({getattr(table, key)}) makes {grouped(count)} steps of the test; {fix}"
 
 

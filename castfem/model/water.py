@@ -42,7 +42,6 @@ WaterShare = Annotated[float, Kind("1", least=0.0, most=1.0, label="share", samp
 _SAMPLES = {
     "water": '"5 L/(m^2 s)"', "flow": '"240 L/min"', "specific": '"0.3 L/kg"', "share": "0.3",
 }  # fmt: skip
-_ROUNDED = 2e-3  # shares of three digits
 PER_LITRE_AND_KG = 1e3  # L/kg in a m3/kg
 
 
@@ -164,7 +163,7 @@ def _shares(case: Case, _: object) -> Faults:
             yield f"{key}.share", f"is a share of [water], which is missing; {fix}"
     elif not shares:
         yield "water", "no zone and no circuit takes a share of it; give share = 0.3"
-    elif not math.isclose(whole, 1.0, rel_tol=0.0, abs_tol=_ROUNDED):
+    elif not math.isclose(whole, 1.0, rel_tol=0.0, abs_tol=2e-3):  # shares of three digits
         yield "water", f"the shares of its zones and circuits make {whole:.6g}, not 1"
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from castfem.base.errors import CaseError, InputError
 from castfem.base.stopwatch import Stopwatch
 from castfem.base.tables import Table, as_function
+from castfem.base.tolerances import ROUNDING
 from castfem.base.types import Array
 from castfem.fem.line_probes import LineProbes
 from castfem.fem.section import Section
@@ -40,9 +41,6 @@ if TYPE_CHECKING:
     from castfem.physics.machine import Machine
     from castfem.physics.machine.extraction.effort import Effort
     from castfem.physics.materials import Steel
-
-
-NOT_APART = 1e-9  # of the section's size: sides that are held at one and the same height
 
 
 def build_mechanics(
@@ -78,7 +76,7 @@ def build_mechanics(
 def _check_across(problem: MechanicalProblem) -> None:
     """Refuse a free strain across that is a displacement like any other: no side follows it."""
     apart = problem.constraints.spread(component=1)
-    if "across" in problem.slice.planes.free and apart <= NOT_APART * problem.scales.length:
+    if "across" in problem.slice.planes.free and apart <= ROUNDING * problem.scales.length:
         problem.destroy()
         raise InputError(
             "mechanics.planes.across: free along y, as the section's sides are: nothing tells the "

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.base.errors import InputError
+from castfem.base.tolerances import ROUNDING
 from castfem.model.build.cooling import water_supply
 from castfem.model.heat_law import no_emissivity
 from castfem.model.water import largest
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     from castfem.model.secondary import Circuit
     from castfem.physics.machine import Machine
     from castfem.physics.materials import Steel
-
-_SAME = 1e-9  # m, at which two faces meet something else
 
 
 def rows_of(case: Case) -> tuple[Row, ...]:
@@ -193,7 +192,7 @@ class _Face:
 
     def laws_at(self, position: float) -> tuple[SurfaceLaw, ...]:
         """The laws that hold from a position (m) on."""
-        return self._laws[max(bisect_right(self._starts, position + _SAME) - 1, 0)]
+        return self._laws[max(bisect_right(self._starts, position + ROUNDING) - 1, 0)]
 
 
 def _cooling(surface: Surface, faces: Sequence[_Face], position: float) -> Cooling:
@@ -217,6 +216,6 @@ def _apart(places: list[float]) -> list[float]:
     """Places in order, those that are one but for rounding once."""
     found: list[float] = []
     for place in sorted(places):
-        if not found or place - found[-1] > _SAME:
+        if not found or place - found[-1] > ROUNDING:
             found.append(place)
     return found

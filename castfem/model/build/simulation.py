@@ -12,6 +12,7 @@ from mpi4py import MPI
 import numpy as np
 
 from castfem.base.stopwatch import Stopwatch
+from castfem.base.tolerances import ROUNDING
 from castfem.fem import reductions
 from castfem.fem.line_probes import LineProbes
 from castfem.fem.root import on_root
@@ -39,10 +40,6 @@ if TYPE_CHECKING:
     from castfem.physics.machine import Machine
     from castfem.physics.materials import Steel
     from castfem.physics.mechanics.stepper import MechanicalStepper
-
-# T(H) is tabulated from the coldest surroundings to the start; beyond, the end values hold.
-ROOM, MARGIN = 280.0, 2.0  # K
-CENTRED = 1e-9  # of its length, how near the centre a probe ends that ends there
 
 
 @dataclass(slots=True)
@@ -94,7 +91,7 @@ class Simulation:
         return tuple(
             name
             for name, (start, end) in self.probes.lines.items()
-            if np.linalg.norm(end) <= CENTRED * np.linalg.norm(start)
+            if np.linalg.norm(end) <= ROUNDING * np.linalg.norm(start)
         )
 
     def destroy(self) -> None:
@@ -268,6 +265,9 @@ def thermal_curve(
 ) -> ThermalCurve:
     """T(H) between the coldest surroundings and the start, zero at the start.
 
+    It is tabulated from there, or a cold room, to the start, 2 K beyond both; farther on the end
+    values hold.
+
     Args:
         steel: The steel.
         zones: Have the surroundings.
@@ -276,10 +276,9 @@ def thermal_curve(
         given: Temperatures that it begins with instead, K.
     """
     coldest, hottest = zones.ambient_range()
-    lower = max(min(coldest, start, *given), ROOM) - MARGIN
-    upper = max(start, *given, hottest if hottest < np.inf else start) + MARGIN
-    upper = max(upper, steel.liquidus + MARGIN)
-    return steel.thermal_curve(lower, upper, start, start if keeps_mass else None)
+    lowest = max(min(coldest, start, *given), 280.0)
+    highest = max(start, *given, hottest if hottest < np.inf else start, steel.liquidus)
+    return steel.thermal_curve(lowest - 2.0, highest + 2.0, start, start if keeps_mass else None)
 
 
 def starting_temperature(case: Case, steel: Steel) -> float:

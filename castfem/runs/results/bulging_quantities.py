@@ -29,25 +29,25 @@ def _bulge(sample: Sample, side: str) -> float:
     return beds[(wanted or faces)[0]].bulge
 
 
-@quantity("bulge_intrados", unit="mm", label="bulge, intrados", row=False, needs=("bulging",))
+@quantity("bulge_intrados", "mm", "bulge, intrados", row=False, needs=("bulging",))
 def bulge_intrados(sample: Sample) -> float:
     """Outward deflection of the strip between its rolls, middle of the intrados."""
     return _bulge(sample, "intrados")
 
 
-@quantity("bulge_extrados", unit="mm", label="bulge, extrados", row=False, needs=("bulging",))
+@quantity("bulge_extrados", "mm", "bulge, extrados", row=False, needs=("bulging",))
 def bulge_extrados(sample: Sample) -> float:
     """Outward deflection of the strip between its rolls, middle of the extrados."""
     return _bulge(sample, "extrados")
 
 
-@quantity("bulge_pitch", unit="mm", label="largest bulge of the pitch", needs=("bulging",))
+@quantity("bulge_pitch", "mm", "largest bulge of the pitch", needs=("bulging",))
 def bulge_pitch(sample: Sample) -> float:
     """Largest outward deflection within the pitch, of the face that bulges more."""
     return float(_rolls(sample).memory["largest"].max(initial=0.0))
 
 
-@quantity("bulge_error", unit="um", label="largest error of a bulge so far", needs=("bulging",))
+@quantity("bulge_error", "um", "largest error of a bulge so far", needs=("bulging",))
 def bulge_error(sample: Sample) -> float:
     """Estimate of the error of the strip's deflection, the largest of all pitches so far.
 
@@ -57,9 +57,8 @@ def bulge_error(sample: Sample) -> float:
 
 
 @quantity(
-    "roll_force", unit="kN/m", label="force on the last pair of rolls, a metre of width",
-    needs=("bulging",),
-)  # fmt: skip
+    "roll_force", "kN/m", "force on the last pair of rolls, a metre of width", needs=("bulging",)
+)
 def roll_force(sample: Sample) -> float:
     """By which the shell presses on each roll of the last pair, per metre of width.
 

@@ -131,8 +131,8 @@ class CrackIndex:
     """
 
     name: str = field(kw_only=False)
-    unit: str
-    label: str
+    unit: str = field(kw_only=False)
+    label: str = field(kw_only=False)
     needs: tuple[str, ...] = ()
     on: Where = "surface"
     accumulates: bool = False

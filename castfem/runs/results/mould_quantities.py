@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,13 @@ if TYPE_CHECKING:
     from castfem.runs.results.sample import Sample
 
 
+of_contact = partial(quantity, needs=("mould",))
+of_friction = partial(quantity, needs=("friction",))
+of_oscillation = partial(quantity, column=False, needs=("oscillation",))
+# From the meniscus to the mould's end, or to where the slice is.
+on_the_way = partial(quantity, column=False, needs=("mould",), of_way=True)
+
+
 def _at(find: Callable[[ContactSummary], Iterable[float] | None]) -> Callable[[Sample], str]:
     """In words, where in the section something is; "" where it is nowhere."""
 
@@ -26,9 +34,7 @@ def _at(find: Callable[[ContactSummary], Iterable[float] | None]) -> Callable[[S
     return words
 
 
-@quantity(
-    "gap", unit="mm", label="gap to the mould, {}", each="probe", axis="gap", needs=("mould",)
-)
+@of_contact("gap", "mm", "gap to the mould, {}", each="probe", axis="gap")
 def gap(sample: Sample, probe: str) -> float:
     """Gap between the surface and the wall; below 0 the surface lies in the wall.
 
@@ -38,14 +44,7 @@ def gap(sample: Sample, probe: str) -> float:
     return sample.strained.gap[probe]
 
 
-@quantity(
-    "contact_pressure",
-    unit="MPa",
-    label="contact pressure, {}",
-    each="probe",
-    row=False,
-    needs=("mould",),
-)
+@of_contact("contact_pressure", "MPa", "contact pressure, {}", each="probe", row=False)
 def contact_pressure(sample: Sample, probe: str) -> float:
     """Contact pressure, mean over 5 mm of the surface around the probe.
 
@@ -54,14 +53,10 @@ def contact_pressure(sample: Sample, probe: str) -> float:
     return sample.strained.pressure[probe]
 
 
-@quantity(
-    "gap_max",
-    unit="mm",
-    label="largest gap here",
-    axis="gap",
+@of_contact(
+    "gap_max", "mm", "largest gap here", axis="gap",
     place=_at(lambda contact: contact.widest if contact.gap else None),
-    needs=("mould",),
-)
+)  # fmt: skip
 def gap_max(sample: Sample) -> float:
     """Largest gap of the section to a wall; 0 if none is open.
 
@@ -70,27 +65,20 @@ def gap_max(sample: Sample) -> float:
     return sample.contact.gap
 
 
-@quantity(
-    "mean_contact_pressure_max",
-    unit="MPa",
-    label="largest contact pressure, mean over 5 mm",
+@of_contact(
+    "mean_contact_pressure_max", "MPa", "largest contact pressure, mean over 5 mm",
     axis="contact pressure",
     place=_at(lambda contact: contact.highest_mean if contact.pressure else None),
-    needs=("mould",),
-)
+)  # fmt: skip
 def mean_contact_pressure_max(sample: Sample) -> float:
     """The highest such mean of the contact pressure anywhere; compare moulds by this."""
     return sample.contact.mean_pressure
 
 
-@quantity(
-    "contact_pressure_max",
-    unit="MPa",
-    label="largest contact pressure, at a point",
-    axis="contact pressure",
+@of_contact(
+    "contact_pressure_max", "MPa", "largest contact pressure, at a point", axis="contact pressure",
     place=_at(lambda contact: contact.highest if contact.pressure else None),
-    needs=("mould",),
-)
+)  # fmt: skip
 def contact_pressure_max(sample: Sample) -> float:
     """The highest contact pressure of a point.
 
@@ -100,38 +88,27 @@ def contact_pressure_max(sample: Sample) -> float:
     return sample.contact.pressure
 
 
-@quantity(
-    "penetration",
-    unit="um",
-    label="penetration of the mould here, at most",
-    axis="largest\npenetration",
-    needs=("mould",),
+@of_contact(
+    "penetration", "um", "penetration of the mould here, at most", axis="largest\npenetration"
 )
 def penetration(sample: Sample) -> float:
     """How deep the surface lies in the wall, at most."""
     return sample.contact.penetration
 
 
-@quantity(
-    "contact_share",
-    unit="percent",
-    label="share of the surface in contact",
+@of_contact(
+    "contact_share", "percent", "share of the surface in contact",
     axis="share of the surface\nin contact",
-    needs=("mould",),
-)
+)  # fmt: skip
 def contact_share(sample: Sample) -> float:
     """Share of the surface that touches the wall; empty at the meniscus."""
     return sample.contact.share if sample.has_stepped else np.nan
 
 
-@quantity(
-    "friction_force",
-    unit="kN/m",
-    label="friction along the strand, modelled part",
-    row=False,
+@of_contact(
+    "friction_force", "kN/m", "friction along the strand, modelled part", row=False,
     axis="friction force,\nmodelled part",
-    needs=("mould",),
-)
+)  # fmt: skip
 def friction_force(sample: Sample) -> float:
     """Friction along the strand, of the modelled part, per metre of strand.
 
@@ -140,136 +117,74 @@ def friction_force(sample: Sample) -> float:
     return sample.contact.axial
 
 
-@quantity(
-    "friction_pull",
-    unit="kN",
-    label="accumulated friction, modelled part",
-    row=False,
-    needs=("mould",),
-)
+@of_contact("friction_pull", "kN", "accumulated friction, modelled part", row=False)
 def friction_pull(sample: Sample) -> float:
     """What friction has handed down the modelled part so far: its share of `axial_force`."""
     return sample.strained.withdrawal_resistance
 
 
-@quantity(
-    "contact_sticking",
-    unit="percent",
-    label="share of the surface that sticks to the mould",
-    after="gap",
-    needs=("friction",),
+@of_friction(
+    "contact_sticking", "percent", "share of the surface that sticks to the mould", after="gap"
 )
 def contact_sticking(sample: Sample) -> float | None:
     """Share of the surface that touches the wall and sticks; empty at the meniscus."""
     return sample.contact.sticking if sample.has_stepped else np.nan
 
 
-@quantity(
-    "mould_friction",
-    unit="kN/m",
-    label="friction of the mould, whole strand, per m",
+@of_friction(
+    "mould_friction", "kN/m", "friction of the mould, whole strand, per m",
     axis="friction force,\nwhole strand",
-    needs=("friction",),
-)
+)  # fmt: skip
 def mould_friction(sample: Sample) -> float:
     """Friction along the whole strand, per metre of it; positive as it holds the strand back."""
     return -sample.contact.axial * sample.simulation.section.multiplicity
 
 
-@quantity("mould_pull", unit="kN", label="withdrawal resistance of the mould", needs=("friction",))
+@of_friction("mould_pull", "kN", "withdrawal resistance of the mould")
 def mould_pull(sample: Sample) -> float:
     """Withdrawal resistance of the mould, whole strand; positive as it holds the strand back."""
     return sample.strained.withdrawal_resistance * sample.simulation.section.multiplicity
 
 
-# From the meniscus to the mould's end, or to where the slice is.
-
-
-@quantity(
-    "mould_heat_removed",
-    unit="MJ/m",
-    label="heat removed in the mould",
-    column=False,
-    needs=("mould",),
-    of_way=True,
-)
+@on_the_way("mould_heat_removed", "MJ/m", "heat removed in the mould")
 def mould_heat_removed(sample: Sample) -> float:
     """In the mould, per metre of the whole strand."""
     return sample.in_mould.heat
 
 
-@quantity(
-    "mould_gap_max",
-    unit="mm",
-    label="largest gap in the mould",
-    column=False,
-    needs=("mould",),
-    of_way=True,
-)
+@on_the_way("mould_gap_max", "mm", "largest gap in the mould")
 def mould_gap_max(sample: Sample) -> float:
     """On the way through the mould."""
     return sample.in_mould.gap
 
 
-@quantity(
-    "mould_contact_least",
-    unit="percent",
-    label="least contact in the mould, share of the surface",
-    column=False,
-    needs=("mould",),
-    of_way=True,
-)
+@on_the_way("mould_contact_least", "percent", "least contact in the mould, share of the surface")
 def mould_contact_least(sample: Sample) -> float:
     """On the way through the mould."""
     return sample.in_mould.share
 
 
-@quantity(
-    "mould_mean_pressure_max",
-    unit="MPa",
-    column=False,
-    label="largest contact pressure in the mould, mean over 5 mm",
-    needs=("mould",),
-    of_way=True,
+@on_the_way(
+    "mould_mean_pressure_max", "MPa", "largest contact pressure in the mould, mean over 5 mm"
 )
 def mould_mean_pressure_max(sample: Sample) -> float:
     """On the way through the mould."""
     return sample.in_mould.mean_pressure
 
 
-@quantity(
-    "mould_pressure_max",
-    unit="MPa",
-    label="largest contact pressure in the mould, at a point",
-    column=False,
-    needs=("mould",),
-    of_way=True,
-)
+@on_the_way("mould_pressure_max", "MPa", "largest contact pressure in the mould, at a point")
 def mould_pressure_max(sample: Sample) -> float:
     """On the way through the mould."""
     return sample.in_mould.pressure
 
 
-@quantity(
-    "mould_penetration_max",
-    unit="um",
-    label="largest penetration of the mould, on the way",
-    column=False,
-    needs=("mould",),
-    of_way=True,
-)
+@on_the_way("mould_penetration_max", "um", "largest penetration of the mould, on the way")
 def mould_penetration_max(sample: Sample) -> float:
     """On the way through the mould."""
     return sample.in_mould.penetration
 
 
-@quantity(
-    "negative_strip_time",
-    unit="s",
-    label="negative strip time of each stroke",
-    column=False,
-    needs=("oscillation",),
-)
+@of_oscillation("negative_strip_time", "s", "negative strip time of each stroke")
 def negative_strip_time(sample: Sample) -> float:
     """Time of each stroke in which the mould goes down faster than the strand; 0 if it never does.
 
@@ -278,13 +193,7 @@ def negative_strip_time(sample: Sample) -> float:
     return _oscillation(sample).negative_strip(_mean_speed(sample))
 
 
-@quantity(
-    "oscillation_pitch",
-    unit="mm",
-    label="pitch of the oscillation marks",
-    column=False,
-    needs=("oscillation",),
-)
+@of_oscillation("oscillation_pitch", "mm", "pitch of the oscillation marks")
 def oscillation_pitch(sample: Sample) -> float:
     """How far the strand comes in a stroke of the mould."""
     return _mean_speed(sample) / _oscillation(sample).frequency

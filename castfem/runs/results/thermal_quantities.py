@@ -12,62 +12,58 @@ if TYPE_CHECKING:
     from castfem.runs.results.sample import Sample
 
 
-@quantity("solidus", unit="degC", label="solidus", column=False)
+@quantity("solidus", "degC", "solidus", column=False)
 def solidus(sample: Sample) -> float:
     """Solidus of the steel."""
     return sample.simulation.steel.solidus
 
 
-@quantity("liquidus", unit="degC", label="liquidus", column=False)
+@quantity("liquidus", "degC", "liquidus", column=False)
 def liquidus(sample: Sample) -> float:
     """Liquidus of the steel."""
     return sample.simulation.steel.liquidus
 
 
-@quantity("time", unit="s", label="time", after="position")
+@quantity("time", "s", "time", after="position")
 def time(sample: Sample) -> float:
     """Time since the meniscus."""
     return sample.time
 
 
-@quantity("position", unit="m", label="position")
+@quantity("position", "m", "position")
 def position(sample: Sample) -> float:
     """Position of the slice below the meniscus."""
     return sample.position
 
 
-@quantity("step", unit="s", label="time step", row=False)
+@quantity("step", "s", "time step", row=False)
 def step(sample: Sample) -> float:
     """Time step of the thermal problem."""
     return sample.step
 
 
-@quantity("newton", unit="-", label="Newton iterations of the temperature", row=False)
+@quantity("newton", "-", "Newton iterations of the temperature", row=False)
 def newton(sample: Sample) -> float:
     """Newton iterations of the temperature in the step."""
     return float(sample.newton)
 
 
 @quantity(
-    "surface_temperature",
-    unit="degC",
-    label="surface, {}",
-    each="probe",
-    axis="temperature",
+    "surface_temperature", "degC", "surface, {}", each="probe", axis="temperature",
     after="liquidus_depth",
-)
+)  # fmt: skip
 def surface_temperature(sample: Sample, probe: str) -> float:
     """Temperature of the surface."""
     return float(sample.profiles[probe].temperature[0])
 
 
-@quantity("shell", unit="mm", label="shell, {}", each="probe", axis="depth below the surface")
+@quantity("shell", "mm", "shell, {}", each="probe", axis="depth below the surface")
 def shell(sample: Sample, probe: str) -> float:
     """Depth of the solidus below the surface, along the probe's line."""
     return sample.shell[probe]
 
 
-@quantity("solidus_cell", unit="mm", label="cell of the solidus, {}", each="probe", row=False)
+@quantity("solidus_cell", "mm", "cell of the solidus, {}", each="probe", row=False)
 def solidus_cell(sample: Sample, probe: str) -> float:
     """Size of the cell in which that solidus lies, along the line; empty without one.
 
@@ -79,18 +75,15 @@ def solidus_cell(sample: Sample, probe: str) -> float:
 
 
 @quantity(
-    "liquidus_depth",
-    unit="mm",
-    label="depth of the liquidus, {}",
-    each="probe",
+    "liquidus_depth", "mm", "depth of the liquidus, {}", each="probe",
     axis="depth below the surface",
-)
+)  # fmt: skip
 def liquidus_depth(sample: Sample, probe: str) -> float:
     """Depth of the liquidus below the surface, along the probe's line."""
     return sample.liquidus[probe]
 
 
-@quantity("heat_flux", unit="kW/m^2", label="heat flux, {}", each="probe")
+@quantity("heat_flux", "kW/m^2", "heat flux, {}", each="probe")
 def heat_flux(sample: Sample, probe: str) -> float:
     """Heat flux that leaves the surface."""
     return sample.flux[probe]
@@ -102,7 +95,7 @@ def heat_removed(sample: Sample) -> float:
     return sample.removed
 
 
-@quantity("cooling_power", unit="kW", label="cooling power to here")
+@quantity("cooling_power", "kW", "cooling power to here")
 def cooling_power(sample: Sample) -> float:
     """Heat removed, at the casting speed: what the machine takes down to here.
 
@@ -111,12 +104,7 @@ def cooling_power(sample: Sample) -> float:
     return sample.removed * sample.simulation.machine.mean_speed(sample.time)
 
 
-@quantity(
-    "heat_removed_slice",
-    unit="kJ",
-    label="heat removed in 1 s of casting, modelled part",
-    column=False,
-)
+@quantity("heat_removed_slice", "kJ", "heat removed in 1 s of casting, modelled part", column=False)
 def heat_removed_slice(sample: Sample) -> float:
     """Heat removed from the modelled part of the length that is cast in 1 s."""
     simulation = sample.simulation
@@ -124,70 +112,55 @@ def heat_removed_slice(sample: Sample) -> float:
     return sample.removed / simulation.section.multiplicity * speed
 
 
-@quantity("temperature_core", unit="degC", label="core", row=False)
+@quantity("temperature_core", "degC", "core", row=False)
 def temperature_core(sample: Sample) -> float:
     """Temperature at the inner end of the first probe's line."""
     return next((float(p.temperature[-1]) for p in sample.profiles.values()), np.nan)
 
 
-@quantity("temperature_min", unit="degC", label="lowest temperature", row=False)
+@quantity("temperature_min", "degC", "lowest temperature", row=False)
 def temperature_min(sample: Sample) -> float:
     """Lowest temperature of the section."""
     return sample.temperature_range[0]
 
 
-@quantity("temperature_max", unit="degC", label="highest temperature")
+@quantity("temperature_max", "degC", "highest temperature")
 def temperature_max(sample: Sample) -> float:
     """Highest temperature of the section."""
     return sample.temperature_range[1]
 
 
 @quantity(
-    "energy_error",
-    unit="-",
-    label="relative error of the energy",
-    row=False,
+    "energy_error", "-", "relative error of the energy", row=False,
     axis="relative error of\nthe energy",
-)
+)  # fmt: skip
 def energy_error(sample: Sample) -> float:
     """Heat in less heat out less change of enthalpy in the step, relative."""
     return sample.balance
 
 
 @quantity(
-    "metallurgical_length",
-    unit="m",
-    label="metallurgical length",
-    column=False,
-    after="mould_penetration_max",
-    of_way=True,
-)
+    "metallurgical_length", "m", "metallurgical length", column=False,
+    after="mould_penetration_max", of_way=True,
+)  # fmt: skip
 def metallurgical_length(sample: Sample) -> float | None:
     """Where the last of the section passed the solidus; none while liquid is left."""
     return sample.metallurgical_length
 
 
 @quantity(
-    "liquid_end",
-    unit="m",
-    label="end of the liquid core, fs = 0",
-    column=False,
-    after="mould_penetration_max",
-    of_way=True,
-)
+    "liquid_end", "m", "end of the liquid core, fs = 0", column=False,
+    after="mould_penetration_max", of_way=True,
+)  # fmt: skip
 def liquid_end(sample: Sample) -> float | None:
     """Where the last of the section passed the liquidus; none while some is above it."""
     return sample.liquid_end
 
 
 @quantity(
-    "mould_mean_flux",
-    unit="kW/m^2",
-    label="mean heat flux in the mould",
-    column=False,
-    after="cooling_power",
+    "mould_mean_flux", "kW/m^2", "mean heat flux in the mould", column=False, after="cooling_power",
     of_way=True,
-)
+)  # fmt: skip
 def mould_mean_flux(sample: Sample) -> float | None:
     """Heat removed in the mould so far, over the surface of the strand and the time there.
 
