@@ -9,19 +9,53 @@ from __future__ import annotations
 
 import csv
 import errno
+import fcntl
 import io
 import json
 import math
 import os
 import re
+import time
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from castfem.base.errors import CannotWrite, RunFailure
+
+if TYPE_CHECKING:
+    from filelock import FileLock
+
+
+class Closing(ABC):
+    """Closes itself at the end of a `with`, whatever has happened in it."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go of what is held; safe to call twice."""
+
+    def leave(self, error: BaseException) -> None:  # noqa: B027 - most have nothing to add
+        """Take note of the error that ends the `with`, before closing."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        try:
+            if error is not None:
+                self.leave(error)
+        finally:
+            self.close()
+
 
 UNWRITTEN = "cannot be written"  # stands in the reason of a run that ends so
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -220,3 +254,46 @@ def _force_to_disk(path: Path) -> None:
             raise
     finally:
         os.close(handle)
+
+
+# What flock() answers where there are none; the last is ENOTSUPP, which has no name in Python.
+_NONE = {errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOTSUP, 524}
+
+
+def taken(lock: FileLock) -> bool:
+    """Whether the lock was taken; False where the file system has none, as on some network mounts.
+
+    There processes cannot be kept apart, and what they write has to do: that is no fault of the
+    run, which must write its results there, too.
+
+    Args:
+        lock: Of filelock; a `timeout` of 0 does not wait, any other waits as long as it takes.
+
+    Raises:
+        filelock.Timeout: Another process has it.
+    """
+    from filelock import Timeout
+
+    while True:
+        try:
+            lock.acquire(timeout=0)
+        except NotImplementedError:  # reason: filelock raises it for ENOSYS, no locks on this disk
+            return False
+        except Timeout:
+            if not _has_locks(Path(lock.lock_file)):
+                return False
+            if lock.timeout == 0:
+                raise
+            time.sleep(0.05)
+        else:
+            return True
+
+
+def _has_locks(path: Path) -> bool:
+    """Whether files may be locked there: filelock takes any other answer for a lock of others."""
+    with open(path, "ab") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            return error.errno not in _NONE
+    return True

@@ -33,11 +33,9 @@ from castfem.base.shown_quantity import Quantity, si_unit
 MODULES = (
     "castfem.runs.results.thermal_quantities",
     "castfem.runs.results.mechanical_quantities",
-    "castfem.runs.results.mould_quantities",
-    "castfem.runs.results.bulging_quantities",
+    "castfem.runs.results.contact_quantities",
     "castfem.runs.results.quality_quantities",
     "castfem.runs.results.closed_form_quantities",
-    "castfem.runs.results.fraction_depths",
 )
 """Modules that declare quantities, in the order of the columns; others come behind."""
 _NEEDS_MODULE = (

@@ -8,17 +8,16 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 from castfem.base import ranges
-from castfem.base.messages import Path, dotted, grouped
+from castfem.base.errors import Path, dotted, grouped
 from castfem.base.quantities import Kind
 from castfem.base.ranges import Bounds
 from castfem.base.table_notation import Curve
 from castfem.base.tables import ARGUMENTS, Table
 from castfem.base.units import convert, format
-from castfem.model.base import TableModel, Unreadable
+from castfem.model.base import TableModel, Unreadable, Variants
 from castfem.model.case import Case
 from castfem.model.checks import Faults, caution, check
 from castfem.model.mechanics import Way
-from castfem.model.variants import Variants
 
 
 class Given(NamedTuple):

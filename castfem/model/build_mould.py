@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from castfem.base.constants import ROUNDING
 from castfem.base.tables import Table, as_function
-from castfem.base.tolerances import ROUNDING
 from castfem.base.units import in_mm
 from castfem.model.base import Unreadable
 from castfem.model.case import Case

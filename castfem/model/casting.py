@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from pydantic import AfterValidator, Field
 
 from castfem.base import result_registry, units
+from castfem.base.constants import ROUNDING
 from castfem.base.quantities import Kind, Length, Percent, Temperature, Time
 from castfem.base.shown_units import ShownUnits, UnitsNotation
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
-from castfem.base.tolerances import ROUNDING
 from castfem.base.units import in_mm
 from castfem.model.base import TableModel
 from castfem.model.checks import Faults, check, check_test, one_of

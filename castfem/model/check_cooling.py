@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from castfem.base.messages import choices
+from castfem.base.constants import ROUNDING
+from castfem.base.errors import choices
 from castfem.base.tables import Table
-from castfem.base.tolerances import ROUNDING
 from castfem.base.units import format, in_mm, nearest
 from castfem.model.base import Unreadable
 from castfem.model.case import Case

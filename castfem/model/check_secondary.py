@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from castfem.base.messages import choices
+from castfem.base.errors import choices
 from castfem.base.types import Array
 from castfem.base.units import format, in_mm, nearest
 from castfem.model.base import Unreadable

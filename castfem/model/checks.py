@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
-from castfem.base.messages import Path
+from castfem.base.errors import Path
 from castfem.model.base import FaultyError, Unreadable
 from castfem.model.problems import Problem
 

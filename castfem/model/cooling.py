@@ -10,7 +10,6 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import ConfigDict, Field
 
-from castfem.base.curves import CurveOrName, CurveOverEither
 from castfem.base.errors import InputError
 from castfem.base.quantities import (
     Conductivity,
@@ -24,7 +23,7 @@ from castfem.base.quantities import (
     WaterFlow,
     WaterTemperature,
 )
-from castfem.base.table_notation import Curve, CurveOr
+from castfem.base.table_notation import Curve, CurveOr, CurveOrName, CurveOverEither
 from castfem.base.tables import Table
 from castfem.model.base import TableModel, written
 from castfem.model.heat_law import (

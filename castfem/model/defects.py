@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from castfem.base.quantities import Kind
+from castfem.model.base import Variants
 from castfem.model.checks import Faults, check
 from castfem.model.extraction import COUPLED
-from castfem.model.variants import Variants
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -20,8 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from castfem.base.errors import InputError
-from castfem.base.messages import shown
+from castfem.base.errors import InputError, shown
 from castfem.base.units import nearest
 from castfem.model import key_names, layers
 from castfem.model.key_names import no_entry, step_into

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
+from castfem.base.constants import ROUNDING
 from castfem.base.quantities import Kind
 from castfem.base.table_notation import CurveOr
 from castfem.base.tables import Table
-from castfem.base.tolerances import ROUNDING
 from castfem.model.base import TableModel
 from castfem.model.checks import Faults, caution, check
 

@@ -13,7 +13,7 @@ from castfem.base.errors import InputError
 from castfem.base.quantities import Kind, KindOr
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
-from castfem.model.variants import Variants
+from castfem.model.base import Variants
 from castfem.model.water import Supply, Water, Watered
 from castfem.physics.machine import Machine
 from castfem.physics.machine.time_functions import over_time

@@ -15,7 +15,7 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from castfem.base.messages import dotted
+from castfem.base.errors import dotted
 from castfem.base.units import nearest
 from castfem.model.base import TableModel
 from castfem.model.mould import EXAMPLES

@@ -19,8 +19,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from castfem.base import units
+from castfem.base.constants import EXACT
 from castfem.base.errors import InputError
-from castfem.base.tolerances import EXACT
 from castfem.model.section import Section, Strip
 from castfem.model.taper import PARTS
 

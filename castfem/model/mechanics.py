@@ -11,13 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
-from castfem.base.constants import ZERO_STRENGTH
-from castfem.base.curves import CurveOverEither
-from castfem.base.messages import choices
+from castfem.base.constants import ROUNDING, ZERO_STRENGTH
+from castfem.base.errors import choices
 from castfem.base.quantities import Kind, KindOr, Notation, PositiveDifference, Time
-from castfem.base.table_notation import Curve, CurveOr
+from castfem.base.table_notation import Curve, CurveOr, CurveOverEither
 from castfem.base.tables import Table
-from castfem.base.tolerances import ROUNDING
 from castfem.base.types import MushyZone
 from castfem.base.units import in_mm, parse_any
 from castfem.model.base import OneWord, TableModel, written

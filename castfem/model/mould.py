@@ -11,12 +11,11 @@ from castfem.base.quantities import Distance, Kind, Length, PositiveNumber, Spee
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
 from castfem.base.units import in_mm
-from castfem.model.base import OneWord, TableModel, written
+from castfem.model.base import OneWord, TableModel, Variants, written
 from castfem.model.checks import Faults, check
 from castfem.model.mechanics import Share
 from castfem.model.section import BeamBlank, Rectangle
 from castfem.model.taper import Perimeter, TaperMark
-from castfem.model.variants import Variants
 from castfem.model.wall_shape import WallShape
 from castfem.physics.mould.displaced import WallDisplacement
 

@@ -11,8 +11,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from castfem.base import ranges
+from castfem.base.constants import ROUNDING
 from castfem.base.tables import Table
-from castfem.base.tolerances import ROUNDING
 from castfem.base.units import convert, format, in_mm
 from castfem.model.case import Case
 from castfem.model.casting import Start

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from castfem.base.errors import InputError
-from castfem.base.messages import choices
+from castfem.base.constants import ROUNDING
+from castfem.base.errors import InputError, choices
 from castfem.base.quantities import Distance, Kind
-from castfem.base.tolerances import ROUNDING
 from castfem.base.types import Array
 from castfem.base.units import in_mm, nearest
 from castfem.model.base import TableModel

@@ -11,12 +11,11 @@ from typing import Any, NamedTuple
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from castfem.base.messages import Path, choices, dotted, shown
+from castfem.base.errors import Path, choices, dotted, shown
 from castfem.base.quantities import Kind
 from castfem.base.table_notation import Curve
 from castfem.base.units import nearest
-from castfem.model.base import TableModel, meaning
-from castfem.model.variants import Variants, tag_of
+from castfem.model.base import TableModel, Variants, meaning, tag_of
 
 _MISSING = object()
 

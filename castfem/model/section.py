@@ -17,9 +17,8 @@ from castfem.base.quantities import Distance, Kind, Length
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
 from castfem.base.units import in_mm
-from castfem.model.base import TableModel, Unreadable, written
+from castfem.model.base import TableModel, Unreadable, Variants, written
 from castfem.model.checks import Faults, caution, check
-from castfem.model.variants import Variants
 from castfem.physics import mould as wall
 
 if TYPE_CHECKING:

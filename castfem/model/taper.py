@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from castfem.base.constants import ROUNDING
 from castfem.base.quantities import Kind, Notation
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
-from castfem.base.tolerances import ROUNDING
 from castfem.base.units import nearest
 from castfem.physics.mould.taper import Displaced, Taper, TaperProfile, TaperSegment
-
-if TYPE_CHECKING:
-    pass
 
 TAPER = Kind("1/m", "%/m", label="taper", sample="1 %/m")
 _END = Kind("m", "mm", above=0.0)

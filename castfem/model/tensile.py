@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, PlainValidator, WithJsonSchema
 
-from castfem.base.messages import grouped
+from castfem.base.errors import grouped
 from castfem.base.quantities import Kind, Percent, Time
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Table

@@ -13,7 +13,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -24,9 +24,6 @@ from castfem.base.quantities import Kind, Notation
 from castfem.base.table_notation import schema_of_columns
 from castfem.base.types import Array
 from castfem.physics.mould.displaced import WallDisplacement
-
-if TYPE_CHECKING:
-    pass
 
 COLUMNS = ("position", "way", "x", "y")
 _KIND = Kind("m", "mm")

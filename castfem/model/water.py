@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
 from pydantic import Field
 
-from castfem.base.curves import CurveOverEither
 from castfem.base.quantities import Kind
+from castfem.base.table_notation import CurveOverEither
 from castfem.base.tables import Table
 from castfem.model.base import TableModel
 from castfem.model.checks import Faults, check, given, one_of

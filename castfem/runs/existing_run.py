@@ -11,9 +11,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from castfem.base import log
-from castfem.base.errors import InputError
-from castfem.base.messages import differences
-from castfem.base.tolerances import same_or_before
+from castfem.base.constants import same_or_before
+from castfem.base.errors import InputError, differences
 from castfem.model import AnyCase, Case, read_case
 from castfem.model.document import PROPERTY_FILES
 from castfem.model.shipped_cases import CASE_NAME

@@ -13,8 +13,8 @@ from typing import Any, Self
 
 from mpi4py import MPI
 
-from castfem.base import log, signals
-from castfem.base.closing import Closing
+from castfem.base import log, process
+from castfem.base.atomic_files import Closing
 
 ONE = 1.0  # s: `timeout`, for one, sends its signal to the program and then to its group
 
@@ -50,14 +50,14 @@ class Interrupt(Closing):
         comm = self._comm
         number = self.wanted if comm.size == 1 else comm.allreduce(self.wanted, op=MPI.MAX)
         if number:
-            stop = Stopped(signals.STOPS[signal.Signals(number)])
+            stop = Stopped(process.STOPS[signal.Signals(number)])
             stop.add_note("The last step is kept; resume=True goes on from it.")
             raise stop
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
-            for number in signals.STOPS:
-                if signals.is_ours(number):
+            for number in process.STOPS:
+                if process.is_ours(number):
                     self._previous[number] = signal.signal(number, self._note)
         return self
 

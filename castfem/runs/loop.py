@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING, Protocol
 from mpi4py import MPI
 
 from castfem.base import log
+from castfem.base.constants import same_instant, same_or_before
 from castfem.base.errors import CastfemError, RunFailure
-from castfem.base.one_at_a_time import one_at_a_time
+from castfem.base.process import one_at_a_time, reason_of
 from castfem.base.shown_quantity import Quantity
 from castfem.base.shown_units import below_meniscus
-from castfem.base.signals import reason_of
 from castfem.base.stopwatch import peak_memory, profile_table
-from castfem.base.tolerances import same_instant, same_or_before
 from castfem.fem import reductions
 from castfem.fem.root import Together, on_root
 from castfem.model.build.simulation import Simulation, build
@@ -29,9 +28,8 @@ from castfem.runs.interrupt import Interrupt, Stopped
 from castfem.runs.output.folder import PROPERTIES_NAME, OutputFolder
 from castfem.runs.recorder import Recorder
 from castfem.runs.results.run_state import RunState
-from castfem.runs.results.run_warnings import run_warnings
 from castfem.runs.results.sample import Sample
-from castfem.runs.results.summary import quantities, summarise
+from castfem.runs.results.summary import quantities, run_warnings, summarise
 
 if TYPE_CHECKING:
     from castfem.base.progress import Progress

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from castfem.base.atomic_files import saving
+from castfem.base.constants import same_instant, same_or_before
 from castfem.base.errors import InputError
-from castfem.base.tolerances import same_instant, same_or_before
 from castfem.base.types import Array
 from castfem.fem.root import on_root
 from castfem.runs import restart
@@ -18,7 +18,7 @@ from castfem.runs.output.checkpoint import CHECKPOINT_NAME, load_checkpoint, sav
 from castfem.runs.output.folder import PROBES_NAME, OutputFolder
 from castfem.runs.output.history import HISTORY_NAME, History
 from castfem.runs.output.xdmf import FieldWriter
-from castfem.runs.results.columns import Columns
+from castfem.runs.results.registry import Columns
 from castfem.runs.results.run_state import Counts, RunState
 from castfem.runs.results.sample import Sample
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from castfem.base.constants import same_or_before
 from castfem.base.errors import RunFailure
 from castfem.base.tables import as_function
-from castfem.base.tolerances import same_or_before
 from castfem.base.types import Array
 from castfem.fem.line_probes import LineProbes, Profile
 from castfem.fem.root import shared_out

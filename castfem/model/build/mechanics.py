@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from castfem.base.constants import ROUNDING
 from castfem.base.errors import CaseError, InputError
 from castfem.base.stopwatch import Stopwatch
 from castfem.base.tables import Table, as_function
-from castfem.base.tolerances import ROUNDING
 from castfem.base.types import Array
 from castfem.fem.line_probes import LineProbes
 from castfem.fem.section import Section

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError
-from castfem.base.tolerances import ROUNDING
 from castfem.model.build.cooling import water_supply
 from castfem.model.heat_law import no_emissivity
 from castfem.model.water import largest

@@ -11,8 +11,8 @@ from mpi4py import MPI
 
 import numpy as np
 
+from castfem.base.constants import ROUNDING
 from castfem.base.stopwatch import Stopwatch
-from castfem.base.tolerances import ROUNDING
 from castfem.fem import reductions
 from castfem.fem.line_probes import LineProbes
 from castfem.fem.root import on_root

@@ -24,8 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from castfem.base.atomic_files import replacing
-from castfem.base.errors import InputError
-from castfem.base.messages import differences
+from castfem.base.errors import InputError, differences
 
 if TYPE_CHECKING:
     import h5py

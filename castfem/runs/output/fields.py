@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from castfem.base.closing import Closing
+from castfem.base.atomic_files import Closing
 from castfem.base.errors import InputError
 from castfem.runs.output.field_files import HDF5_NAME, UNREADABLE, Step, open_hdf5, written
 

@@ -34,22 +34,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from castfem.base.atomic_files import (
+    Closing,
     replacing,
     saving,
     system_reason,
+    taken,
     temporary_name,
     write_json,
 )
-from castfem.base.closing import Closing
 from castfem.base.errors import CastfemError, FolderInUse, InputError
-from castfem.base.file_lock import taken
-from castfem.base.signals import reason_of
+from castfem.base.process import reason_of
 from castfem.model.shipped_cases import CASE_NAME
 from castfem.runs.output.checkpoint import CHECKPOINT_NAME
 from castfem.runs.output.field_files import HDF5_NAME, remove_singles, singles
 from castfem.runs.output.history import HISTORY_NAME
-from castfem.runs.output.provenance import command, versions
-from castfem.runs.output.run_record import RUN_NAME, RunRecord
+from castfem.runs.output.run_record import RUN_NAME, RunRecord, command, versions
 from castfem.runs.output.summary import SUMMARY_NAME, Summary
 from castfem.runs.output.xdmf import XDMF_NAME
 

@@ -12,10 +12,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from castfem.base.atomic_files import saving, write_text
-from castfem.base.closing import Closing
+from castfem.base.atomic_files import Closing, saving, write_text
+from castfem.base.constants import same_or_before
 from castfem.base.errors import InputError
-from castfem.base.tolerances import same_or_before
 
 if TYPE_CHECKING:
     import pandas

@@ -26,8 +26,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from castfem.base.atomic_files import replacing, saving
-from castfem.base.closing import Closing
+from castfem.base.atomic_files import Closing, replacing, saving
 from castfem.base.errors import InputError
 from castfem.base.types import Array
 from castfem.runs.output.field_files import UNREADABLE, open_hdf5, store, write_image

@@ -24,10 +24,9 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from castfem.base import log
-from castfem.base.atomic_files import GrowingFile, saving
-from castfem.base.closing import Closing
+from castfem.base.atomic_files import Closing, GrowingFile, saving
+from castfem.base.constants import same_or_before
 from castfem.base.errors import InputError, RunFailure
-from castfem.base.tolerances import same_or_before
 from castfem.runs.output import field_files
 from castfem.runs.output.field_files import HDF5_NAME, UNREADABLE, Step, open_hdf5
 from castfem.runs.output.layout import UNITS, components, vtk_cells

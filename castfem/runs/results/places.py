@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.base import units
+from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError
 from castfem.base.shown_quantity import Quantity
 from castfem.base.shown_units import place_said
-from castfem.base.tolerances import ROUNDING
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.labels import last_quantities
 

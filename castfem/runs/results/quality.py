@@ -16,9 +16,9 @@ from castfem.physics.machine.stations import Stations
 from castfem.runs.output.surface_line import SurfaceLine
 from castfem.runs.output.surface_maps import Heading, SurfaceMap
 from castfem.runs.results.crack_index import BENDS, CrackIndex, SliceStep, declared_indexes
-from castfem.runs.results.fraction_depths import temperature_at
 from castfem.runs.results.needs import are_met
 from castfem.runs.results.quality_quantities import POOL
+from castfem.runs.results.thermal_quantities import temperature_at
 
 if TYPE_CHECKING:
     from castfem.model.build.simulation import Simulation

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError
 from castfem.base.shown_quantity import Quantity, to_si
 from castfem.base.shown_units import documented, said
-from castfem.base.tolerances import ROUNDING
 from castfem.model.machine import thickness_of
 from castfem.physics.machine.stations import Stations
 from castfem.runs.output.history import HISTORY_NAME, read_history

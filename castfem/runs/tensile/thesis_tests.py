@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from castfem.base.own_style import own_style
+from castfem.base.libraries import own_style
 from castfem.base.tables import Constant
 from castfem.base.types import Array
 from castfem.physics.constitutive.curves import modified_norton_hoff, yield_limit

@@ -1,4 +1,4 @@
-"""The reference page of case files, written from the models: docs/case_files.md."""
+"""What is written from the models: docs/case_files.md, and the JSON schema for editors."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ from typing import Any
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from castfem.base.curves import CurveOrName
 from castfem.base.quantities import Kind, KindOr, NameOf
 from castfem.base.shown_units import UnitsNotation
-from castfem.base.table_notation import Curve, CurveOr
-from castfem.model.base import meaning
+from castfem.base.table_notation import Curve, CurveOr, CurveOrName
+from castfem.model.base import Variants, meaning, tag_of
 from castfem.model.case import Case
 from castfem.model.machine import RollTable
 from castfem.model.mechanics import AxisMark, WindowMark
@@ -24,8 +23,7 @@ from castfem.model.quality import Range
 from castfem.model.secondary import NozzleTable
 from castfem.model.section import Section
 from castfem.model.taper import TaperMark
-from castfem.model.tensile import TensileCase, TensileOutput
-from castfem.model.variants import Variants, tag_of
+from castfem.model.tensile import TABLE, TensileCase, TensileOutput
 from castfem.model.wall_shape import WallShape
 
 _HEAD = """\
@@ -246,3 +244,73 @@ def _examples() -> Iterator[Section]:
         symmetry = model.model_fields.get("symmetry")
         for part in typing.get_args(symmetry.annotation) if symmetry else ("",):
             yield model.model_construct(shape=tag, symmetry=part, corner_radius=1.0)
+
+
+def case_schema() -> dict[str, Any]:
+    """Return the JSON schema (draft 2020-12) of a case file.
+
+    A file that extends another may leave out what the other has, so nothing is required in the
+    tables that merge; the entries of arrays, which are replaced, must be whole.
+    """
+    schema, test = Case.model_json_schema(), TensileCase.model_json_schema()
+    found = schema["$defs"]
+    for name in ("Tensile", "Segment"):
+        found[name] = test["$defs"][name]
+    schema["properties"][TABLE] = test["properties"][TABLE]
+    _plain(schema)
+    for root in (Case, TensileCase):
+        for table in tables(root):
+            node = schema if table.model is Case else found.get(table.model.__name__, {})
+            for key, text in meaning(table.model).items():
+                if text and key in node.get("properties", {}):
+                    node["properties"][key]["description"] = text
+            merges = not table.listed and not issubclass(table.model, Variants)
+            if merges or issubclass(table.model, Section):
+                node.pop("required", None)
+    shapes = [model.__name__ for model in Section.variants()]
+    for name in shapes:
+        found[name]["properties"]["shape"].pop("default", None)
+    schema["properties"]["section"] = {"anyOf": [{"$ref": f"#/$defs/{name}"} for name in shapes]}
+    schema["properties"]["extends"] = {
+        "type": "string",
+        "description": "case this one adds to: a file, relative to this one, or a shipped case",
+        "examples": ["base.toml", "billet125/thermal"],
+    }
+    whole = ["title", "casting", "steel", "section", "mesh", "cooling"]
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "castfem case",
+        **{key: value for key, value in schema.items() if key != "title"},
+        "anyOf": [
+            {"required": ["extends"]},
+            {"required": whole},
+            {"required": ["title", TABLE]},
+        ],
+    }
+
+
+def _plain(node: Any) -> None:
+    """Take out of a schema what TOML does not have (null) and what editors do not need (titles)."""
+    if isinstance(node, list):
+        for inner in node:
+            _plain(inner)
+        return
+    if not isinstance(node, dict):
+        return
+    node.pop("title", None) if isinstance(node.get("title"), str) else None
+    if node.get("default", 0) is None:
+        del node["default"]
+    options = node.get("anyOf")
+    if isinstance(options, list) and {"type": "null"} in options:
+        options.remove({"type": "null"})
+        if len(options) == 1:
+            del node["anyOf"]
+            for key, value in options[0].items():
+                node.setdefault(key, value)
+    for inner in node.values():
+        _plain(inner)
+
+
+def schema_text() -> str:
+    """Return the schema as it is printed."""
+    return json.dumps(case_schema(), indent=2) + "\n"
