@@ -73,9 +73,6 @@ def system_reason(error: BaseException) -> tuple[int | None, str]:
     """The errno and the operating system's words behind an error.
 
     h5py often hides both inside HDF5's own message ("errno = 28, error message = '...'").
-
-    Args:
-        error: An OSError, or what h5py raised.
     """
     number = getattr(error, "errno", None)
     hidden = re.search(r"errno = (\d+)", str(error))
@@ -87,12 +84,7 @@ def system_reason(error: BaseException) -> tuple[int | None, str]:
 
 
 def folder_refused(folder: Path, error: BaseException) -> str:
-    """What is said of a folder that cannot be written, before anything is run in it.
-
-    Args:
-        folder: The folder.
-        error: An OSError, or what `saving` raised.
-    """
+    """What is said of a folder that cannot be written, before anything is run in it."""
     _, reason = system_reason(error.__cause__ or error)
     return f"{folder}: {UNWRITTEN} ({reason}); choose another with -o"
 

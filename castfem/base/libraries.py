@@ -78,11 +78,7 @@ def own_matplotlib() -> ModuleType:
 
 @contextmanager
 def own_style(settings: Mapping[str, Any] | None = None) -> Iterator[None]:
-    """Inside the block matplotlib has its defaults and these settings, none of a matplotlibrc.
-
-    Args:
-        settings: What differs from the defaults, as in a matplotlibrc.
-    """
+    """Inside the block matplotlib has its defaults and these settings, none of a matplotlibrc."""
     matplotlib = own_matplotlib()
     with matplotlib.rc_context():
         matplotlib.rcdefaults()

@@ -51,12 +51,7 @@ class Progress:
         self._told = False
 
     def start(self, total_length: float, position: float = 0.0) -> None:
-        """Begin.
-
-        Args:
-            total_length: Where the run ends, m from the meniscus.
-            position: Where it begins: not 0 when a run is resumed, m.
-        """
+        """Begin a run to `total_length` (m) at a position, not 0 m when it is resumed."""
         self._total, self._from, self._position = total_length, position, position
         self._begun = self._last_line = time.perf_counter()
         self._next_picture = 0.0

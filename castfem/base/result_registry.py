@@ -51,7 +51,6 @@ Each = Literal["", "probe", "centred_probe"]
 
 
 def _nothing(*_: Any) -> float | None:
-    """Stand for what is not declared yet."""
     return None
 
 
@@ -255,12 +254,7 @@ def smooth_twins() -> dict[str, str]:
 
 
 def fault(name: str, value: str) -> tuple[str, str] | None:
-    """The key of a reference that is wrong and why; None if it can be compared.
-
-    Args:
-        name: Of the result.
-        value: What it is expected to be, with its unit.
-    """
+    """The key of a reference that is wrong and why; None if it can be compared."""
     unit = unit_of(name)
     if unit is None:
         near = units.nearest(name, result_names())

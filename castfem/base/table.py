@@ -216,12 +216,7 @@ def _wrapped(text: str, width: int, start: str, indent: str) -> list[str]:
 
 
 def keep_words(table: RichTable, width: int) -> None:
-    """Let the cells of a table of rich go on between words, where it is wider than the screen.
-
-    Args:
-        table: Without an edge, of plain cells.
-        width: Of the screen, in characters.
-    """
+    """Let the cells of a table of rich go on between words, where it is wider than the screen."""
     cells = [[str(column.header), *map(str, column.cells)] for column in table.columns]
     beside = sum(table.padding[i] for i in (1, 3)) - len(_GAP) + 1  # of each column
     widths = _widths(cells, width - 1 - len(cells) * beside)

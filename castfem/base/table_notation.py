@@ -232,11 +232,6 @@ def _columns_of_file(path: Path, over: str, kind: Kind) -> dict[str, Any]:
 
     The second column may have any name.
 
-    Args:
-        path: The file.
-        over: What the table is over.
-        kind: Of its values.
-
     Raises:
         ValueError: The file cannot be read, or its header or a row is not as it must be.
     """

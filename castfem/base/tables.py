@@ -130,7 +130,6 @@ class Table:
         return np.interp(argument, self.arguments, self.values)
 
     def _refuse(self, argument: Array) -> None:
-        """Refuse what lies outside of the rows."""
         ends = self.arguments[0], self.arguments[-1]
         if not argument.size or (ends[0] <= argument.min() and argument.max() <= ends[1]):
             return

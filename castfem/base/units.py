@@ -133,7 +133,6 @@ def _letters(unit: str) -> str:
 
 
 def _a(name: str) -> str:
-    """Return the name with its article."""
     return f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
 
 
@@ -276,7 +275,6 @@ def _plain(number: float, unit: str, name: str, example: str) -> float:
 
 
 def _check(value: float, unit: str, difference: bool) -> float:
-    """Refuse a temperature below absolute zero."""
     if unit == "K" and not difference and value < 0.0:
         raise ValueError("this is below absolute zero")
     return value

@@ -118,7 +118,6 @@ def _below(table: TableModel, value: Any, path: Path, key: str) -> Iterator[Give
 
 
 def _rolls(rolls: Any) -> Iterator[Given]:
-    """Yield the numbers of a table of rolls."""
     if rolls is None or isinstance(rolls, Unreadable):
         return
     from castfem.physics.machine.rolls import KINDS
@@ -132,7 +131,6 @@ def _rolls(rolls: Any) -> Iterator[Given]:
 
 
 def _kind(model: type[TableModel], name: str) -> Kind:
-    """Return the unit of a key."""
     field = model.model_fields[name]
     return next(_kinds([field.annotation, *field.metadata]))
 

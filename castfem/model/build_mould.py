@@ -26,10 +26,6 @@ def build_mould(table: Mould, section: Section) -> wall.Mould:
     Where a size is left out, the cavity in working condition has that of the strand at the
     meniscus: the liquid fills it.
 
-    Args:
-        table: A sound table.
-        section: One of the section models, sound.
-
     Raises:
         ValueError: The section has no mould, or the taper does not fit it; told by what is wrong.
     """
@@ -82,7 +78,6 @@ def _tapers(table: Mould) -> wall.Tapers:
 
 @check("mould")
 def _goes_with(case: Case, table: Mould) -> Faults:
-    """Yield what does not fit between [mould] and [section]."""
     section = case.section
     if isinstance(section, Strip):
         yield "", "a strip has no mould; leave the table out"

@@ -69,7 +69,6 @@ def _no_effect(case: Case, table: Bulging) -> Faults:
 
 @check("mechanics.bulging")
 def _needs(case: Case, table: Bulging) -> Faults:
-    """Yield what keeps a case from bulging between rolls."""
     mechanics = case.mechanics
     if not table.bears or mechanics is None:
         return

@@ -33,7 +33,6 @@ ReferenceKind = Literal["value", "at_least", "at_most"]
 
 
 def _goes(speed: float | Table) -> float | Table:
-    """Refuse a strand that never goes at all."""
     if max(speed.values if isinstance(speed, Table) else (speed,)) > 0.0:
         return speed
     raise ValueError("must be above 0 m/min")
@@ -160,11 +159,7 @@ MOST_STATES = 250
 
 
 def usual_interval(duration: float) -> float:
-    """Return the time between two states of the fields of a case that gives none, s.
-
-    Args:
-        duration: Of the way that is followed, s; inf for one that has no end.
-    """
+    """Return the time between two states of the fields of a case that gives none, s."""
     shortest = 0.5  # s
     if not shortest * MOST_STATES < duration < math.inf:
         return shortest

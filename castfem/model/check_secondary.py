@@ -192,7 +192,6 @@ def _places(case: Case, circuit: Circuit) -> Array:
 
 
 def _half(case: Case, circuit: Circuit) -> float:
-    """Half the size of the face that a circuit sprays, m."""
     width, height = case.section.outline()
     assert width is not None and height is not None, "the case has been checked"
     return 0.5 * (width if circuit.wide else height)
@@ -200,7 +199,6 @@ def _half(case: Case, circuit: Circuit) -> float:
 
 @caution("secondary.circuit.*")
 def _lost(case: Case, circuit: Circuit) -> Faults:
-    """Yield water that misses its face."""
     from castfem.physics.machine.sprays import footprint
 
     assert case.secondary is not None

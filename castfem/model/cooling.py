@@ -110,7 +110,6 @@ class Contact(ScaledLaw):
         )
 
     def _good(self, around: Surroundings) -> float | mould_flux.Curve:
-        """Return the coefficient without a gap."""
         if self.flux is not None:
             table = _over_temperature(self.flux)
             if table is not None:

@@ -126,12 +126,7 @@ def times(factor: float, value: mould_flux.Value) -> mould_flux.Value:
 
 
 def no_emissivity(given: object, steel: Steel) -> str:
-    """Return that neither a table nor the steel gives an emissivity; "" where one of them does.
-
-    Args:
-        given: That of the table, None for the steel's.
-        steel: Of the case.
-    """
+    """Return that neither a table nor the steel gives an emissivity; "" where one of them does."""
     if given is not None or steel.has("emissivity"):
         return ""
     return f"steel {steel.name} has no emissivity; give one, emissivity = 0.8"

@@ -87,11 +87,6 @@ def full_key(root: type[TableModel], data: Mapping[str, Any], key: str) -> str:
     where the file leaves it out. A key that has its default, or of which another one takes the
     place, counts too.
 
-    Args:
-        root: Model of the whole case.
-        data: The case as a document.
-        key: What the user wrote.
-
     Raises:
         ValueError: No key has this name, or several have; the text names those that may be meant.
     """
@@ -146,12 +141,7 @@ def _with_law(root: type[TableModel], data: Mapping[str, Any], parts: list[str])
 
 
 def all_keys(root: type[TableModel], data: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the dotted names of all keys that the tables of a case have, written or not.
-
-    Args:
-        root: Model of the whole case.
-        data: The case as a document; what is no table where one should be is left out.
-    """
+    """Yield the dotted names of all keys that the tables of a case have, written or not."""
     yield from (
         name for name in root.model_fields if not submodels(root.model_fields[name].annotation)
     )

@@ -103,13 +103,7 @@ def unknown(shape: type[Section]) -> Iterator[Keys]:
 def leave_out(
     before: Mapping[str, Any], after: dict[str, Any], inherited: Callable[[Keys], bool]
 ) -> tuple[str, ...]:
-    """Take out of a document what a shape that has come does not know; return the dotted keys.
-
-    Args:
-        before: The tables of the earlier layers.
-        after: The same with those of the new layer.
-        inherited: Whether the value at a path of `after` comes from an earlier layer.
-    """
+    """Take out of a document what a shape that has come does not know; return the dotted keys."""
     name = _shape(after)
     shape = Section.kinds.get(name or "")
     if shape is None or name == _shape(before):
@@ -156,12 +150,7 @@ _LENGTH = ("casting", "length")  # counts where a number holds "at the end"
 
 
 def mark(before: Mapping[str, Any], after: dict[str, Any]) -> None:
-    """Note in the references of a document which keys were changed since they were written.
-
-    Args:
-        before: The tables as they were, with their references.
-        after: The changed tables; references that are new in them are left as they are.
-    """
+    """Note in the references of a document which keys were changed since they were written."""
     known = before.get("reference")
     entries = after.get("reference")
     if not isinstance(known, list) or not isinstance(entries, list):

@@ -162,10 +162,6 @@ def changed(
 def value_of(case: Case, key: str) -> Any:
     """Return what a case has under a key, as a case file has it; None where it has nothing.
 
-    Args:
-        case: The case.
-        key: Dotted or bare, as `changed` takes it.
-
     Raises:
         ValueError: No key has this bare name, or several have.
     """
@@ -245,10 +241,6 @@ def _line(written: document.Document, problem: problems.Problem) -> str:
 def portable(case: AnyCase, beside: str) -> tuple[str, dict[str, bytes]]:
     """Return a case file, and the contents of the property files that belong beside it.
 
-    Args:
-        case: The case; the files it names are read.
-        beside: Name of the folder for copies of them, in that of the case file.
-
     Returns:
         TOML as of `resolved_toml`, in which files of the user's are named relative to it:
         "properties/steel/mine.toml". Those names, and what is to be written under them.
@@ -280,14 +272,7 @@ _CHOICE = "; one of "  # how what takes one of some words is refused
 
 
 def faults_of_key(case: Case, key: str, values: Sequence[Any], where: str) -> list[str]:
-    """Return why a key cannot have some values, a line each; what is wrong with all is told once.
-
-    Args:
-        case: The case.
-        key: Dotted or bare.
-        values: As a case file has them, such as the ends of a range.
-        where: Where they were written, which each line begins with.
-    """
+    """Return why a key cannot have some values, a line each; a fault of several values once."""
     found: list[str] = []
     told: set[str] = set()
     for value in values:

@@ -159,7 +159,6 @@ def _holds(case: Case, table: Machine) -> Faults:
 
 
 def _key(table: Machine) -> str:
-    """Return where the rolls stand."""
     return "rolls" if table.rolls is not None else "segment"
 
 

@@ -99,7 +99,6 @@ Value = Annotated[str, BeforeValidator(_as_text), WithJsonSchema(_TEXT_OR_NUMBER
 
 
 def _checked_range(ends: tuple[str, ...]) -> tuple[str, ...]:
-    """Refuse what is no range."""
     if len(ends) != 2:
         raise ValueError('two values are needed, such as ["0 %/m", "3 %/m"]')
     (low, unit), (high, other) = (units.parse_any(end) for end in ends)
@@ -111,7 +110,6 @@ def _checked_range(ends: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _checked_shares(ends: tuple[str, ...]) -> tuple[str, ...]:
-    """Refuse what are no two shares."""
     if len(ends) != 2:
         raise ValueError('two shares are needed, such as ["-10 %", "10 %"]')
     low, high = (units.parse(end, "1", kind=("change", "10 %")) for end in ends)

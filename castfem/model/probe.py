@@ -65,13 +65,7 @@ class Probe(TableModel):
 
 
 def outside(case: Case, name: str, place: Array) -> InputError:
-    """What a probe outside of the section is answered with.
-
-    Args:
-        case: Has the probe.
-        name: Of the probe.
-        place: Where it lies, x and y in m.
-    """
+    """What a probe outside of the section is answered with."""
     x, y = 1e3 * place
     part = getattr(case.section, "symmetry", "whole")
     mirrored = part != "whole" and min(x, y) < 0.0

@@ -120,7 +120,6 @@ def markdown_page() -> str:
 
 
 def _table(table: Table) -> Iterator[str]:
-    """Yield the section on one table."""
     model, name = table.model, table.heading
     if model is TensileCase:
         return
@@ -146,7 +145,6 @@ def _is_table(field: FieldInfo) -> bool:
 
 
 def _takes(field: FieldInfo) -> str:
-    """Return what a key takes, in words."""
     example = field.examples[0] if field.examples else None
     for mark in field.metadata:
         if isinstance(mark, Kind | Curve):
@@ -182,7 +180,6 @@ _WORDS = {str: "text", bool: "`true` or `false`", int: "whole number", Any: "val
 
 
 def _type(annotation: Any, example: object = None) -> str:
-    """Return a type in words."""
     origin, inner = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is typing.Annotated:
         marks = [mark for mark in inner[1:] if isinstance(mark, Kind | Curve)]
@@ -224,7 +221,6 @@ def _default(field: FieldInfo) -> str:
 
 
 def _groups() -> Iterator[str]:
-    """Yield the section on boundary groups."""
     yield "\n## Boundary groups\n\n"
     yield (
         "The names `on` may take; a name also stands for all groups that begin with it. Without\n"

@@ -286,12 +286,7 @@ class Secondary(TableModel):
         return next(model for model in self.nozzle if model.name == circuit.nozzle)
 
     def rows(self, rolls: Rolls, thickness: float) -> tuple[Row, ...]:
-        """Return the rows of nozzles of a sound case, circuit by circuit.
-
-        Args:
-            rolls: Of the machine.
-            thickness: Of the section, m.
-        """
+        """Return the rows of nozzles of a sound case, circuit by circuit."""
         from castfem.physics.machine.sprays import Row, footprint, gap_below
 
         found = []
@@ -310,15 +305,7 @@ class Secondary(TableModel):
         inclination: Callable[[float], float],
         end: float,
     ) -> tuple[tuple[Row, ...], tuple[Stretch, ...]]:
-        """Return the rows that spray a face, and the stretches that it meets from the meniscus on.
-
-        Args:
-            face: Its boundary group.
-            rolls: Of the machine.
-            rows: Of nozzles, of all faces.
-            inclination: Of the strand at a position (m), rad.
-            end: Position to which they go, m.
-        """
+        """Return the rows that spray a face, and the stretches it meets from the meniscus on."""
         from castfem.physics.machine.sprays import stretches
 
         names = {circuit.name: circuit.on for circuit in self.circuit}

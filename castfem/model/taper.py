@@ -142,7 +142,6 @@ def _named(key: str, given: object) -> Given:
 
 
 def _read(given: object) -> Given:
-    """Return one taper, or raise ValueError."""
     if isinstance(given, Given):
         return given
     if isinstance(given, str):
@@ -213,7 +212,6 @@ def _value(given: object) -> float:
 
 
 def _write(given: Given) -> Any:
-    """Return what `_read` reads back to the same taper."""
     if given.closing is not None:
         return _CLOSING.write(given.closing)
     if len(given.segments) == 1 and given.segments[0].end is None:

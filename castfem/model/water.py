@@ -154,7 +154,6 @@ def _told(case: Case, _: object) -> Faults:
 
 @check()
 def _shares(case: Case, _: object) -> Faults:
-    """Yield shares that do not make up the whole."""
     shares = [(key, place.share) for key, place in _places(case) if place.share is not None]
     whole = sum(share for _, share in shares)
     if case.water is None:

@@ -170,7 +170,6 @@ class TimeLoop:
         return self.simulation.problem.iterations, mechanics.problem.iterations if mechanics else 0
 
     def _whereabouts(self) -> str:
-        """Where the slice is, for messages."""
         run = self.run_state
         return f"{below_meniscus(run.position, '.4g')} ({run.state.time:.4g} s)"
 

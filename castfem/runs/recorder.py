@@ -30,13 +30,7 @@ from castfem.model.build.start import starting_time
 
 
 class Recorder:
-    """Files of one run.
-
-    Args:
-        simulation: What is run.
-        folder: The run's folder, begun; used on rank 0.
-        resume: Go on with the files that are there.
-    """
+    """Files of one run."""
 
     def __init__(self, simulation: Simulation, folder: OutputFolder, resume: bool = False) -> None:
         self.simulation, self.folder, self.comm = simulation, folder, simulation.section.comm
@@ -58,7 +52,6 @@ class Recorder:
         return self.simulation.case.physics_record()
 
     def _open(self) -> None:
-        """Begin history and fields."""
         self._history = History(self.folder / HISTORY_NAME, self._columns.heading)
         source = self.simulation.section.source
         if self.simulation.case.output_fields and source is not None:

@@ -108,9 +108,6 @@ class RunResult(Closing):
 
         Linear between two rows of the history; results without a column there are left out.
 
-        Args:
-            position: "800 mm", or a number in m.
-
         Raises:
             InputError: It is no position, or the run has not been there.
         """

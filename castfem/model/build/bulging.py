@@ -357,7 +357,6 @@ def _furthest(bulge: Bulge) -> tuple[float, float]:
 
 
 def _breaks_out(first: float, last: float, bulge: Bulge, most: float, creeps: bool) -> str:
-    """What is said of a shell that cannot span a pitch."""
     length = last - first
     by = f"{1e3 * most:.3g} mm" if most < length else "more than its pitch"
     return (
@@ -374,7 +373,6 @@ def _outward(group: str) -> float:
 
 
 def _probe(group: str, probes: LineProbes) -> str:
-    """The line inwards from the middle of a wide face."""
     if group.endswith("_extrados"):
         return "mid_face_extrados"
     return "mid_face_intrados" if "mid_face_intrados" in probes.lines else "mid_face"

@@ -97,11 +97,6 @@ class LiquidWidth:
     """Width of what is liquid in the middle of the thickness, m; of the mushy zone its liquid part.
 
     It is the mean over a twentieth of the thickness to each side of the middle.
-
-    Args:
-        section: Whole, or half of it.
-        thickness: From extrados to intrados, m.
-        solid_fraction: Over temperature, K.
     """
 
     def __init__(

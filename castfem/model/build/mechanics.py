@@ -121,7 +121,6 @@ def make_slice(
 
 
 def _wall(table: Mould, strand: Strand, machine: Machine, section: Section) -> Contact:
-    """What the mould of a case does to the surface of its strand."""
     return Contact(
         wall=build_mould(table, strand),
         on=section.outer_groups,
@@ -221,7 +220,6 @@ def _held(one: given.GivenDisplacement) -> PrescribedDisplacement:
 
 
 def _everywhere(history: TimeHistory) -> Callable[[Array, float], Array]:
-    """A displacement that is the same at all positions."""
     return lambda positions, time: np.full(len(positions), history(time))
 
 

@@ -109,12 +109,7 @@ class SecondaryCooling:
     def roll_contact(
         self, length: float, pitch: Sequence[tuple[float, tuple[SurfaceLaw, ...]]]
     ) -> SurfaceLaw | None:
-        """Heat to a roll along a length of contact, m; None without contact.
-
-        Args:
-            length: Of contact, m.
-            pitch: Length, m, and laws of each other stretch of its pitch.
-        """
+        """Heat to a roll along a length of contact, m; None without contact."""
         contact = self._table.contact
         if contact is None:
             return None
@@ -205,7 +200,6 @@ def _cooling(surface: Surface, faces: Sequence[_Face], position: float) -> Cooli
 
 
 def _same(one: Cooling, other: Cooling) -> bool:
-    """Whether the same laws hold on the same faces."""
     if len(one.laws) != len(other.laws):
         return False
     pairs = zip(one.laws, other.laws, strict=True)

@@ -50,14 +50,7 @@ class ShellAhead:
     def at(
         self, time: float, step: tuple[float, float], before: Profile, after: Profile
     ) -> Profile:
-        """A profile at a time: within a step between those of its ends, beyond it foreseen.
-
-        Args:
-            time: s; before the step it is that of its start.
-            step: Its start and its end, s.
-            before: Profile at its start.
-            after: At its end.
-        """
+        """A profile at a time: within a step between those of its ends, beyond it foreseen."""
         start, end = step
         if time > end:
             return self.later(after, time - end)
@@ -69,10 +62,6 @@ class ShellAhead:
         """A profile after so many seconds; no heat flows through its end, the middle of the slab.
 
         Explicit finite volumes of the enthalpy, as long as they are stable.
-
-        Args:
-            profile: Now.
-            duration: s; nothing changes within a time that is not positive.
         """
         length = float(profile.depth[-1])
         if not duration > 0.0:
@@ -141,13 +130,6 @@ def build_uneven_rolls(
     case: Case, table: Bulging, rolls: Rolls, law: Law, count: int
 ) -> tuple[UnevenRolls | None, Array]:
     """Return the rolls near which strips go over several pitches, and all rolls' offsets.
-
-    Args:
-        case: A sound one with lost or misaligned rolls.
-        table: Its [mechanics.bulging].
-        rolls: With their defects.
-        law: Of the slice.
-        count: Nodes of a bulge.
 
     Returns:
         None for the thesis' plate, each of which is by itself; the offsets are those of the rolls

@@ -202,7 +202,6 @@ def _coupling(
     mechanics: MechanicalStepper | None,
     zones: Zones,
 ) -> StaggeredCoupling | None:
-    """The coupling of a case with mechanics."""
     if mechanics is None:
         return None
     gap, given = None, case.coupling

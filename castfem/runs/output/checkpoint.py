@@ -126,7 +126,6 @@ def _image(
 
 
 def _words(file: h5py.File, name: str) -> dict[str, Any]:
-    """What was written as JSON."""
     content: dict[str, Any] = json.loads(file[name][()].tobytes())
     return content
 

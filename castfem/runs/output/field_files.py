@@ -125,13 +125,6 @@ def add(
 ) -> Step:
     """Puts one time on disk; it is there whole, or not at all.
 
-    Args:
-        folder: Of the run.
-        number: Place among the times.
-        time: s.
-        position: Below the meniscus, m.
-        fields: Name to where the values live, "point" or "cell", and the values.
-
     Raises:
         RunFailure: It cannot be written; whatever there was stays as it was.
     """
@@ -158,10 +151,6 @@ def written(folder: Path, gathered: h5py.File) -> list[Step]:
 
     What cannot be read of a single time, as after a power cut, is left out with a warning.
 
-    Args:
-        folder: Of the run.
-        gathered: Its fields.h5, open.
-
     Raises:
         Exception: One of `UNREADABLE`: fields.h5 is damaged, or not castfem's.
     """
@@ -185,10 +174,6 @@ def written(folder: Path, gathered: h5py.File) -> list[Step]:
 
 def gather(folder: Path, steps: Iterable[Step]) -> list[Step]:
     """Makes a fields.h5 that holds these times and no others; the single files stay.
-
-    Args:
-        folder: Of the run.
-        steps: As `written` gave them.
 
     Returns:
         The times as they are then.
@@ -242,7 +227,6 @@ def _named(folder: Path, pattern: re.Pattern[str]) -> list[Path]:
 
 
 def _steps(file: h5py.File, name: str) -> Iterator[Step]:
-    """The times in one file."""
     for number, group in file["steps"].items():
         facts = group.attrs
         yield Step(int(number), float(facts["time"]), float(facts["position"]), name)
@@ -250,7 +234,6 @@ def _steps(file: h5py.File, name: str) -> Iterator[Step]:
 
 @contextmanager
 def _holding(folder: Path, step: Step, gathered: h5py.File) -> Iterator[h5py.File]:
-    """The open file that holds a time."""
     if not step.single:
         yield gathered
         return

@@ -67,7 +67,6 @@ class Fields(Closing):
         return InputError(f"{self._path}: cannot be read ({error}); repeat the run")
 
     def _read_head(self, file: h5py.File) -> None:
-        """The mesh and what the run told."""
         self.attributes: dict[str, Any] = {
             key: value.item() if isinstance(value, np.generic) else value
             for key, value in file.attrs.items()
@@ -111,7 +110,6 @@ class Fields(Closing):
             return self._read(self._steps[place], name)
 
     def _read(self, step: Step, name: str) -> NDArray[np.float64]:
-        """A field at one time."""
         with self._holding(step) as source:
             return np.asarray(source[step.group][name][()], dtype=np.float64)
 

@@ -117,9 +117,6 @@ class History(Closing):
     def append(self, row: Mapping[str, float]) -> None:
         """Adds one row; columns that are not named stay empty.
 
-        Args:
-            row: Column name to value, in the unit of the column.
-
         Raises:
             RunFailure: The file cannot be written.
             ValueError: A name that is no column.
@@ -238,7 +235,6 @@ def _complete_lines(path: Path) -> tuple[str, list[str]]:
 
 
 def _columns(path: Path, header: str) -> list[tuple[str, str]]:
-    """Name and unit of each column."""
     found = [_COLUMN.fullmatch(cell) for cell in header.split(",")]
     columns: list[tuple[str, Any]] = [(m.group(1), m.group(2)) for m in found if m]
     if len(columns) != len(found) or columns[0][0] != "time":

@@ -115,7 +115,6 @@ def stacked(cells: Indices, nodes: int, rows: int) -> Indices:
 def _fields(
     fields: Fields, times: Indices, nodes: Indices, slices: Array, rows: Array, side: Side
 ) -> dict[str, Array]:
-    """The fields of all points, by name."""
     found: dict[str, Array] = {}
     for name in fields.names:
         if fields.centre(name) != "point":

@@ -113,11 +113,6 @@ class Heading:
 class MapWriter(Closing):
     """Adds a row a step; keeps one file open.
 
-    Args:
-        folder: Of the run.
-        heading: What holds for all rows.
-        kept: Rows to begin with.
-
     Raises:
         RunFailure: The file cannot be written.
     """
@@ -152,11 +147,6 @@ class MapWriter(Closing):
     def append(self, time: float, position: float, values: Array) -> None:
         """Adds a row.
 
-        Args:
-            time: s.
-            position: m.
-            values: (maps, vertices) in SI.
-
         Raises:
             RunFailure: It cannot be written.
         """
@@ -188,9 +178,6 @@ class MapWriter(Closing):
 
 class SurfaceMaps:
     """The maps of a run, also of one that is at work or was killed.
-
-    Args:
-        folder: Of the run.
 
     Attributes:
         heading: Vertices, names and units, band, rolls.
@@ -247,7 +234,6 @@ def _read(folder: Path) -> tuple[Heading, np.ndarray[Any, Any]]:
 
 
 def _fill(file: h5py.File, heading: Heading, rows: np.ndarray[Any, Any]) -> None:
-    """Put everything into an HDF5 file."""
     file.attrs["format"], file.attrs["version"] = FORMAT, VERSION
     file["heading"] = heading.text()
     file.attrs["band"] = heading.band

@@ -116,11 +116,6 @@ class FieldWriter(Closing):
     ) -> FieldWriter:
         """Goes on with the files of an earlier run and drops what was written after `time` [s].
 
-        Args:
-            folder: Of the run.
-            time: The last time to keep.
-            names: Of the fields that are going to be written; None for those that are there.
-
         Raises:
             InputError: There are none, they cannot be read, or they have other fields.
             RunFailure: They cannot be written.
@@ -206,7 +201,6 @@ class FieldWriter(Closing):
             self._gather()
 
     def _gather(self) -> None:
-        """Puts all times into fields.h5."""
         gathered = field_files.gather(self._folder, self._steps)
         self._xdmf.close()
         self._name_all(gathered)
@@ -240,7 +234,6 @@ class FieldWriter(Closing):
         )
 
     def _read_layout(self, group: h5py.Group) -> None:
-        """Which fields a time has."""
         self._layout = {
             field: (str(values.attrs["centre"]), _width(values)) for field, values in group.items()
         }
@@ -258,7 +251,6 @@ class FieldWriter(Closing):
         return prepared
 
     def _append(self, step: Step) -> None:
-        """Adds one grid to the text of the XDMF."""
         units = {"time": "s", "position": "m", "coordinates": "m"}
         units |= {name: UNITS[name] for name in sorted(self._layout) if name in UNITS}
         listed = ", ".join(f"{name} [{unit}]" for name, unit in units.items())
@@ -282,7 +274,6 @@ class FieldWriter(Closing):
 
 
 def _width(values: NDArray[Any] | h5py.Dataset) -> int:
-    """Number of components of a stored field."""
     return int(values.shape[1]) if len(values.shape) == 2 else 1
 
 

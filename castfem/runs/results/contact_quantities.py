@@ -213,7 +213,6 @@ def _mean_speed(sample: Sample) -> float:
 
 
 def _rolls(sample: Sample) -> RollSupportState:
-    """The support of the wide faces by rolls."""
     from castfem.physics.contact.roll_support import RollSupportState
 
     mechanical = sample.state.mechanical

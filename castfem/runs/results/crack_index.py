@@ -109,7 +109,6 @@ Computed = Callable[[SliceStep], Array]
 
 
 def _nothing(step: SliceStep) -> Array:
-    """Stand for what is not declared yet."""
     return np.zeros_like(step.value)
 
 

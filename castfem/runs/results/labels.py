@@ -44,12 +44,7 @@ _NO_PROBES = ("min", "max")  # ends of names of columns over the whole section
 
 
 def last_quantities(row: Mapping[str, float], units: Mapping[str, str]) -> dict[str, Quantity]:
-    """Return the results of a row by name, in the order of its columns; position and time first.
-
-    Args:
-        row: Column to value; what is no result is left out.
-        units: Of the values.
-    """
+    """Return the results of a row by name, in the order of its columns; position and time first."""
     results = {}
     for name in sorted(row, key=lambda column: column not in ("position", "time")):
         found = find(name)

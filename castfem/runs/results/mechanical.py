@@ -278,7 +278,6 @@ class MechanicalSampler:
         return found
 
     def _pressure(self, state: MechanicalState) -> Array:
-        """Ferrostatic pressure at the owned vertices, Pa."""
         ferrostatic = self.problem.slice.ferrostatic
         if ferrostatic is None:
             return np.zeros(self.section.owned)
@@ -303,13 +302,7 @@ class MechanicalSampler:
 
 
 def smooth_peak(comm: MPI.Comm, stress: Array, area: Array) -> SmoothPeak:
-    """Return the integrals of stress^32 and stress^31 (collective).
-
-    Args:
-        comm: All ranks.
-        stress: Not negative, at points (n,), Pa.
-        area: That belongs to each point (n,), m2.
-    """
+    """Return the integrals of stress^32 and stress^31 (collective)."""
     peak = float(reductions.largest(comm, stress))
     if not peak > 0.0:
         return SmoothPeak(0.0, 0.0, 0.0)

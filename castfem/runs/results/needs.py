@@ -96,10 +96,6 @@ def faults_of(case: Case, names: Sequence[str]) -> list[str]:
     """Return why no run of a case has results, and what to do; "" for what one may have.
 
     The section is meshed only where a result is taken at a place that not every section has.
-
-    Args:
-        case: The case.
-        names: Of results, as in summary.json or history.csv.
     """
     places: list[str] = []
 

@@ -123,14 +123,7 @@ def resolution_in(scale: Scale, quantity: Quantity) -> float | None:
 
 
 def finely(value: float, unit: str, name: str = "", resolution: float | None = None) -> str:
-    """A value with its unit; lengths below 1 mm to the micrometre, below 0.01 mm in it.
-
-    Args:
-        value: In its documented unit.
-        unit: That unit, as figures write it or as files do.
-        name: Of the quantity, where it has one.
-        resolution: How exactly it is resolved, in that unit; None where that is not known.
-    """
+    """A value with its unit; lengths below 1 mm to the micrometre, below 0.01 mm in it."""
     scale = scale_of(documented(unit), name)
     if scale.unit != documented(unit):
         resolution = None if resolution is None else abs(scale.factor) * resolution

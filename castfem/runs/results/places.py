@@ -65,12 +65,6 @@ def quantities_at(
 ) -> dict[str, Quantity]:
     """Return the results where the slice came to a position, between two rows by straight lines.
 
-    Args:
-        table: Of `read_history`.
-        position: m.
-        folder: Of the run, for messages.
-        summary: Of the run; with the errors that `castfem error` has found at the position.
-
     Raises:
         InputError: The run has not been there.
     """

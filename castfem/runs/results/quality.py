@@ -141,13 +141,7 @@ class QualitySampler:
         )  # fmt: skip
 
     def note(self, strand: StrandState, position: float, centre: float) -> QualityState:
-        """Take in one more step.
-
-        Args:
-            strand: The state after it.
-            position: m.
-            centre: Temperature on the centre line, K.
-        """
+        """Take in one more step."""
         old, time = self.state, strand.thermal.time
         kelvin = strand.thermal.point.temperature
         first = not old.time < time  # at the meniscus, or a state that a checkpoint had
@@ -204,7 +198,6 @@ class QualitySampler:
         strain_history: tuple[TimedStrains, ...],
         position: float,
     ) -> SliceStep:
-        """What the indexes are computed from."""
         old, (since, rated_from), (time, kelvin) = self.state, recent[0], recent[-1]
         none: Array = np.zeros(len(kelvin))
         duration = time - old.time if old.time >= 0.0 else 0.0
@@ -278,7 +271,6 @@ class QualitySampler:
         )  # fmt: skip
 
     def _mapped(self) -> list[CrackIndex]:
-        """The indexes that have a map."""
         return [index for index in self.indexes if index.on == "surface"]
 
     def row(self) -> Array | None:
@@ -344,10 +336,8 @@ def _worse(before: Mapping[str, Worst], now: Mapping[str, Worst]) -> dict[str, W
 
 
 def _plain(worst: Mapping[str, Worst]) -> dict[str, list[float]]:
-    """As JSON has it."""
     return {n: [w.value, w.x, w.y, w.time, w.position] for n, w in worst.items()}
 
 
 def _named(stored: Mapping[str, list[float]]) -> dict[str, Worst]:
-    """The inverse of `_plain`."""
     return {name: Worst(*numbers) for name, numbers in stored.items()}

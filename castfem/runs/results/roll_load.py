@@ -40,11 +40,7 @@ class RollLoads:
 
     @classmethod
     def of(cls, folder: Path) -> RollLoads | None:
-        """Those of a run; None of one without rolls, or without bulging.
-
-        Args:
-            folder: Of the run, with its case.
-        """
+        """Those of a run; None of one without rolls, or without bulging."""
         case = case_with(folder, "bulging")
         rolls = None if case is None or case.machine is None else case.machine.pairs()
         if case is None or rolls is None:
@@ -58,10 +54,6 @@ class RollLoads:
 
         The history has the force on a pair in the rows of the pitch below it, the one at the next
         pair included.
-
-        Args:
-            folder: Of the run.
-            stations: Its rolls.
         """
         if stations.rolls is None:
             return None
@@ -123,12 +115,7 @@ class RollLoads:
 
 
 def heaviest_roll(folder: Path, stations: Stations) -> Iterator[tuple[str, str]]:
-    """The largest force on a pair of rolls, and which pair it is; nothing without bulging.
-
-    Args:
-        folder: Of the run.
-        stations: Its rolls.
-    """
+    """The largest force on a pair of rolls, and which pair it is; nothing without bulging."""
     loads = RollLoads.read(folder, stations)
     found = None if loads is None else loads.largest(_FORCE)
     if loads is None or found is None:

@@ -60,11 +60,7 @@ def error_page(folder: Path) -> str:
 
 
 def error_lines(folders: Mapping[str, Path]) -> list[str]:
-    """Return a line for each page that tabulates errors of runs in some folders.
-
-    Args:
-        folders: By what a reader calls the run.
-    """
+    """Return a line for each page that tabulates errors of runs in some folders."""
     runs: dict[str, list[str]] = {}
     for name, folder in folders.items():
         runs.setdefault(error_page(folder), []).append(name)

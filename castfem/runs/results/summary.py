@@ -78,7 +78,6 @@ def last_results(run: RunState) -> tuple[dict[str, Quantity], dict[str, dict[str
 
 
 def _steps(run: RunState) -> dict[str, float]:
-    """Counts of the run."""
     simulation, counts = run.simulation, run.counts
     found = {
         "accepted": counts.steps,
@@ -227,13 +226,7 @@ WARMER = 0.1
 
 
 def run_warnings(summary: Summary, case: Case, warmed: float) -> Iterator[str]:
-    """Yield what is not right in a run, a line each.
-
-    Args:
-        summary: Of the run.
-        case: Of the run.
-        warmed: How far its highest temperature has risen above that of the start, K.
-    """
+    """Yield what is not right in a run, a line each."""
     heat = summary.balances.get("heat", {})
     if "whole" in heat and not abs(heat["whole"].value) <= HEAT:
         yield (

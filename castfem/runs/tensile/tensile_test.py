@@ -38,10 +38,6 @@ MEGA = 1e6
 class TensileTest:
     """A tensile test in SI: its law and its strain history.
 
-    Args:
-        case: The case.
-        origin: Where the test was written, for messages about its law.
-
     Attributes:
         law: Constitutive law.
         time: (n,), s.
@@ -150,7 +146,6 @@ def run(
 
 
 def _run(case: TensileCase, output: OutputFolder, ranks: int) -> Summary:
-    """The whole run on one rank."""
     begin = perf_counter()
     test = TensileTest(case)
     text, files = portable(case, PROPERTIES_NAME)
@@ -180,13 +175,7 @@ def _run(case: TensileCase, output: OutputFolder, ranks: int) -> Summary:
 
 
 class _Writer:
-    """Writes the rows of the history as the test goes on, and knows the last one.
-
-    Args:
-        path: Of the history.
-        test: The test.
-        analytical: Its stress in closed form (n,), Pa, or None.
-    """
+    """Writes the rows of the history as the test goes on, and knows the last one."""
 
     def __init__(self, path: Path, test: TensileTest, analytical: Array | None) -> None:
         self.test, self.analytical = test, analytical

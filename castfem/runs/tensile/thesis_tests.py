@@ -104,10 +104,6 @@ TESTS = (
 def plot_tensile_tests(path: str | os.PathLike[str], steps: int = 200) -> Path:
     """Draw the five tests against their analytical curves.
 
-    Args:
-        path: File to write; its ending chooses the format.
-        steps: Time steps in each segment of a test.
-
     Returns:
         The path written.
     """
