@@ -271,7 +271,7 @@ class Oscillation(TableModel):
     """strokes per time"""
 
     def negative_strip(self, speed: float) -> float:
-        """Time in each stroke, s, in which the mould goes down faster than a strand of a speed, m/s."""
+        """Time of each stroke, s, in which the mould goes down faster than a strand at m/s."""
         fastest = math.pi * self.frequency * self.stroke
         if not speed < fastest:
             return 0.0
