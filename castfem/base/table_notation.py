@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -24,7 +24,6 @@ from castfem.base import units
 from castfem.base.csv_files import DECIMAL_COMMAS, UnreadableError, read_csv
 from castfem.base.quantities import Kind, Notation
 from castfem.base.tables import ARGUMENTS, Table
-from castfem.base.units import nearest
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,120 +33,105 @@ class Curve(Notation):
     Attributes:
         kind: Unit and bounds of the value.
         over: What a table of it depends on, "temperature", "time" or "position".
+        others: What a table may depend on instead.
     """
 
     kind: Kind
     over: str
+    others: tuple[str, ...] = ()
+
+    @property
+    def quantity(self) -> Kind:
+        """See `Notation`."""
+        return self.kind
 
     @property
     def arguments(self) -> str:
         """What a table of it may depend on, in words."""
-        return self.over
+        *most, last = (self.over, *self.others)
+        return f"{', '.join(most)} or {last}" if most else last
 
     def read(self, given: object) -> float | Table:
         """Return the value in SI, or a table; raise ValueError if it is neither."""
+        over = self._over(given)
         if isinstance(given, Table):
-            if given.over != self.over:
-                raise ValueError(f"a table over {self.over} is needed, not over {given.over}")
-            self._check(given.arguments, given.values)
+            if given.over != over:
+                raise ValueError(f"a table over {over} is needed, not over {given.over}")
+            _check(over, given.arguments, given.values)
             return given
-        if isinstance(given, Mapping) and "file" in given:
-            columns = self._columns(given)
-            try:
-                return self._from_columns(columns)
-            except ValueError as error:
-                raise ValueError(f"'{given['file']}': {error}") from None
-        if isinstance(given, Mapping):
-            return self._from_columns(self._columns(given))
-        return self.kind.read(given)
+        if not isinstance(given, Mapping):
+            return self.kind.read(given)
+        columns = _columns(given, over, self.kind)
+        try:
+            x = _column(over, columns[over], columns.get(f"{over}_unit"), ARGUMENTS[over])
+            y = _column("value", columns["value"], columns.get("unit"), self.kind)
+            _check(over, x, y)
+        except ValueError as error:
+            raise ValueError(f"'{given['file']}': {error}" if "file" in given else error) from None
+        return Table(over, x, y)
+
+    def _over(self, given: object) -> str:
+        """What a table that is given depends on, of what it may."""
+        over = self.over
+        for other in self.others:
+            of_other = isinstance(given, Table) and given.over == other
+            if isinstance(given, Mapping):
+                of_other = other in given or _first_of_file(given.get("file")) == other
+            over = other if of_other else over
+        return over
 
     def write(self, value: float | Table) -> Any:
         """Return what reads back to the same value: a text, a number, or a dict of columns."""
         if not isinstance(value, Table):
             return self.kind.write(value)
-        argument = ARGUMENTS[self.over]
-        x, x_unit = _written(value.arguments, argument)
+        x, x_unit = _written(value.arguments, ARGUMENTS[value.over])
         y, y_unit = _written(value.values, self.kind)
-        columns = {self.over: x, f"{self.over}_unit": x_unit, "value": y, "unit": y_unit}
+        columns = {value.over: x, f"{value.over}_unit": x_unit, "value": y, "unit": y_unit}
         return {key: entry for key, entry in columns.items() if entry is not None}
-
-    def _columns(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the columns and their units, from the table itself or from its file."""
-        if "file" in given:
-            if len(given) > 1:
-                raise ValueError("a table with a file takes no other key")
-            return _columns_of_file(Path(str(given["file"])), self.over, self.kind)
-        allowed = (self.over, f"{self.over}_unit", "value", "unit")
-        for key in given:
-            if key not in allowed:
-                mend = units.nearest(str(key), (*allowed, "file"))
-                raise ValueError(
-                    f"unknown key '{key}' in a table over {self.over}; "
-                    f"allowed: {', '.join((*allowed, 'file'))}{mend}"
-                )
-        for key in (self.over, "value"):
-            if key not in given:
-                raise ValueError(f"a table over {self.over} needs the column '{key}'")
-        return dict(given)
-
-    def _from_columns(self, columns: dict[str, Any]) -> Table:
-        argument = ARGUMENTS[self.over]
-        x = _column(self.over, columns[self.over], columns.get(f"{self.over}_unit"), argument)
-        y = _column("value", columns["value"], columns.get("unit"), self.kind)
-        self._check(x, y)
-        return Table(self.over, x, y)
-
-    def _check(self, x: Sequence[float], y: Sequence[float]) -> None:
-        """Refuse rows that are too few or do not increase, by number."""
-        if len(x) != len(y):
-            raise ValueError(f"{len(x)} rows of {self.over}, but {len(y)} of value")
-        if len(x) < 2:
-            raise ValueError(f"a table needs at least two rows, this one has {len(x)}")
-        for row in range(1, len(x)):
-            if not x[row] > x[row - 1]:
-                raise ValueError(
-                    f"{self.over} must increase from row to row; "
-                    f"row {row + 1} does not exceed row {row}"
-                )
 
     def json_schema(self) -> dict[str, Any]:
         """See `Notation.json_schema`."""
         single = self.kind.json_schema()
-        file, columns = schema_of_columns(
-            (self.over, "value"), (f"{self.over}_unit", "unit"), least=2
+        (file, columns), *more = (
+            schema_of_columns((over, "value"), (f"{over}_unit", "unit"), least=2)
+            for over in (self.over, *self.others)
         )
-        text = f"{single['description']}; or a table over {self.over}"
-        return {"anyOf": [single, columns, file], "description": text}
+        text = f"{single['description']}; or a table over {self.arguments}"
+        others = (columns for _, columns in more)
+        return {"anyOf": [single, columns, file, *others], "description": text}
+
+    def described(self, example: object = None) -> str:
+        """See `Notation.described`."""
+        return f"{self.kind.described(example)}, or a table over {self.arguments}"
 
 
-@dataclass(frozen=True, slots=True)
-class CurveOr(Curve):
-    """Annotation of a field that takes a certain word, too.
+def _columns(given: Mapping[str, Any], over: str, kind: Kind) -> dict[str, Any]:
+    """Return the columns and their units, from the table itself or from its file."""
+    if "file" in given:
+        if len(given) > 1:
+            raise ValueError("a table with a file takes no other key")
+        return _columns_of_file(Path(str(given["file"])), over, kind)
+    allowed = (over, f"{over}_unit", "value", "unit", "file")
+    for key in given:
+        if key not in allowed:
+            fix = f"allowed: {', '.join(allowed)}{units.nearest(str(key), allowed)}"
+            raise ValueError(f"unknown key '{key}' in a table over {over}; {fix}")
+    for key in (over, "value"):
+        if key not in given:
+            raise ValueError(f"a table over {over} needs the column '{key}'")
+    return dict(given)
 
-    Attributes:
-        word: The word.
-    """
 
-    word: str
-
-    def read(self, given: object) -> Any:
-        """Return the word, the value in SI, or a table; raise ValueError if it is none of them."""
-        if given == self.word:
-            return self.word
-        try:
-            return Curve.read(self, given)
-        except ValueError as error:
-            raise ValueError(f'{error}; or "{self.word}"') from None
-
-    def write(self, value: Any) -> Any:
-        """Return what reads back to the same value."""
-        return value if value == self.word else Curve.write(self, value)
-
-    def json_schema(self) -> dict[str, Any]:
-        """Return the schema: that of a `Curve`, or the word."""
-        known = Curve.json_schema(self)
-        known["anyOf"] = [{"const": self.word}, *known["anyOf"]]
-        return known
+def _check(over: str, x: Sequence[float], y: Sequence[float]) -> None:
+    """Refuse rows that are too few or do not increase, by number."""
+    if len(x) != len(y):
+        raise ValueError(f"{len(x)} rows of {over}, but {len(y)} of value")
+    if len(x) < 2:
+        raise ValueError(f"a table needs at least two rows, this one has {len(x)}")
+    for row in range(1, len(x)):
+        if not x[row] > x[row - 1]:
+            text = f"row {row + 1} does not exceed row {row}"
+            raise ValueError(f"{over} must increase from row to row; {text}")
 
 
 def schema_of_columns(
@@ -267,82 +251,6 @@ def _columns_of_file(path: Path, over: str, kind: Kind) -> dict[str, Any]:
         columns[over].append(x)
         columns["value"].append(y)
     return columns
-
-
-@dataclass(frozen=True, slots=True)
-class CurveOverEither(Curve):
-    """Annotation of a field that takes a single value, or a table over one of several arguments.
-
-    Attributes:
-        others: What a table may depend on instead of `over`.
-    """
-
-    others: tuple[str, ...]
-
-    @property
-    def arguments(self) -> str:
-        """What a table of it may depend on, in words."""
-        *most, last = (self.over, *self.others)
-        return f"{', '.join(most)} or {last}"
-
-    def read(self, given: object) -> Any:
-        """Return the value in SI, or a table; raise ValueError if it is neither."""
-        return self._of(given).read(given)
-
-    def write(self, value: Any) -> Any:
-        """Return what reads back to the same value."""
-        return self._of(value).write(value)
-
-    def _of(self, given: object) -> Curve:
-        """The annotation of what is given, by what it depends on."""
-        over = self.over
-        for other in self.others:
-            of_other = isinstance(given, Table) and given.over == other
-            if isinstance(given, Mapping):
-                of_other = other in given or _first_of_file(given.get("file")) == other
-            over = other if of_other else over
-        return Curve(self.kind, over)
-
-    def json_schema(self) -> dict[str, Any]:
-        """Return the schema: that of a `Curve` over the one, with the tables over the others."""
-        found, *more = (Curve(self.kind, over).json_schema() for over in (self.over, *self.others))
-        found["anyOf"] = [*found["anyOf"], *(one["anyOf"][1] for one in more)]
-        found["description"] = found["description"].removesuffix(self.over) + self.arguments
-        return found
-
-
-@dataclass(frozen=True, slots=True)
-class CurveOrName(CurveOverEither):
-    """Annotation of a field that takes a name out of a register, too.
-
-    Attributes:
-        register: Names and what they stand for.
-    """
-
-    register: Mapping[str, Any] = field(hash=False)
-
-    def read(self, given: object) -> Any:
-        """Return the name, the value in SI, or a table; raise ValueError if it is none of them."""
-        if isinstance(given, str) and given in self.register:
-            return given
-        try:
-            return CurveOverEither.read(self, given)
-        except ValueError as error:
-            if isinstance(given, Mapping):
-                raise
-            near = nearest(given, self.register) if isinstance(given, str) else ""
-            names = ", ".join(self.register)
-            raise ValueError(f"{error}; or the name of a formula, {names}{near}") from None
-
-    def write(self, value: Any) -> Any:
-        """Return what reads back to the same value."""
-        return value if isinstance(value, str) else CurveOverEither.write(self, value)
-
-    def json_schema(self) -> dict[str, Any]:
-        """Return the schema: that of the values, or the names."""
-        known = CurveOverEither.json_schema(self)
-        known["anyOf"] = [{"enum": list(self.register)}, *known["anyOf"]]
-        return known
 
 
 def _first_of_file(path: object) -> str | None:

@@ -9,9 +9,8 @@ from typing import Any, NamedTuple
 
 from castfem.base import ranges
 from castfem.base.errors import Path, dotted, grouped
-from castfem.base.quantities import Kind
+from castfem.base.quantities import Kind, Notation
 from castfem.base.ranges import Bounds
-from castfem.base.table_notation import Curve
 from castfem.base.tables import ARGUMENTS, Table
 from castfem.base.units import convert, format
 from castfem.model.base import TableModel, Unreadable, Variants
@@ -138,10 +137,8 @@ def _kind(model: type[TableModel], name: str) -> Kind:
 def _kinds(annotations: typing.Iterable[Any]) -> Iterator[Kind]:
     """Yield the kinds of quantity in annotations, at any depth."""
     for one in annotations:
-        if isinstance(one, Curve):
-            yield one.kind
-        elif isinstance(one, Kind):
-            yield one
+        if isinstance(one, Notation):
+            yield from () if one.quantity is None else (one.quantity,)
         else:
             yield from _kinds([*typing.get_args(one), *getattr(one, "__metadata__", ())])
 

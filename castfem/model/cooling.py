@@ -18,12 +18,13 @@ from castfem.base.quantities import (
     Kind,
     Length,
     NameOf,
+    OrWord,
     PositiveNumber,
     Temperature,
     WaterFlow,
     WaterTemperature,
 )
-from castfem.base.table_notation import Curve, CurveOr, CurveOrName, CurveOverEither
+from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
 from castfem.model.base import TableModel, written
 from castfem.model.heat_law import (
@@ -51,23 +52,26 @@ __all__ = [
     "Zone",
 ]
 
+FORMULA = "the name of a formula, "
 GivenFlux = Annotated[
     str | float | Table,
-    CurveOrName(Kind("W/m^2", "MW/m^2"), "time", ("position",), MOULD_FLUXES),
+    OrWord(Curve(Kind("W/m^2", "MW/m^2"), "time", ("position",)), MOULD_FLUXES, FORMULA),
 ]
 ContactCoefficient = Annotated[
     float | Table,
-    CurveOverEither(Kind("W/(m^2 K)", "W/(m^2 K)", least=0.0), "position", ("time", "temperature")),
+    Curve(Kind("W/(m^2 K)", "W/(m^2 K)", least=0.0), "position", ("time", "temperature")),
 ]
 ContactFlux = Annotated[
     str | float | Table,
-    CurveOrName(
-        Kind("W/m^2", "MW/m^2", least=0.0), "position", ("time", "temperature"), MOULD_FLUXES
+    OrWord(
+        Curve(Kind("W/m^2", "MW/m^2", least=0.0), "position", ("time", "temperature")),
+        MOULD_FLUXES,
+        FORMULA,
     ),
 ]
 
 MOULD = "mould"
-WallTemperature = Annotated[str | float | Table, CurveOr(Kind("K", "degC"), "time", MOULD)]
+WallTemperature = Annotated[str | float | Table, OrWord(Curve(Kind("K", "degC"), "time"), (MOULD,))]
 
 
 class Contact(ScaledLaw):

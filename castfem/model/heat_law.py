@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from pydantic import Field
 
 from castfem.base.errors import InputError
-from castfem.base.quantities import Kind, KindOr
+from castfem.base.quantities import Kind, OrWord
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
 from castfem.model.base import Variants
@@ -157,7 +157,7 @@ Rise = Annotated[
     float | Table,
     Curve(Kind("K", "K", difference=True, above=0.0, sample="7 K"), "speed"),
 ]
-MeasuredAt = Annotated[float | str, KindOr(Kind("m/s", "m/min", above=0.0), ANY_SPEED)]
+MeasuredAt = Annotated[float | str, OrWord(Kind("m/s", "m/min", above=0.0), (ANY_SPEED,))]
 
 
 class ScaledLaw(HeatLaw):

@@ -13,8 +13,8 @@ from pydantic import Field
 
 from castfem.base.constants import ROUNDING, ZERO_STRENGTH
 from castfem.base.errors import choices
-from castfem.base.quantities import Kind, KindOr, Notation, PositiveDifference, Time
-from castfem.base.table_notation import Curve, CurveOr, CurveOverEither
+from castfem.base.quantities import Kind, Notation, OrWord, PositiveDifference, Time
+from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
 from castfem.base.types import MushyZone
 from castfem.base.units import in_mm, parse_any
@@ -37,9 +37,7 @@ Growth = Annotated[float, Kind("1", least=1.0, most=100.0, label="growth", sampl
 Tolerance = Annotated[float, Kind("1", above=0.0, most=0.1, label="tolerance", sample="1e-8")]
 Force = Annotated[
     float | Table,
-    CurveOverEither(
-        Kind("N", "kN", label="force", sample="10 kN"), over="time", others=("position",)
-    ),
+    Curve(Kind("N", "kN", label="force", sample="10 kN"), over="time", others=("position",)),
 ]
 MomentOfTime = Annotated[
     float | Table, Curve(Kind("N m", "kN m", label="moment", sample="1 kN m"), over="time")
@@ -50,11 +48,11 @@ DisplacementOfTime = Annotated[
 
 
 AxialStrain = Annotated[
-    str | float | Table, CurveOr(Kind("1", label="strain", sample="0.001"), "time", FREE)
+    str | float | Table, OrWord(Curve(Kind("1", label="strain", sample="0.001"), "time"), (FREE,))
 ]
 Gradient = Annotated[
     str | float | Table,
-    CurveOr(Kind("1/m", "1/m", label="gradient", sample="0.1 1/m"), "time", FREE),
+    OrWord(Curve(Kind("1/m", "1/m", label="gradient", sample="0.1 1/m"), "time"), (FREE,)),
 ]
 
 
@@ -184,7 +182,7 @@ class Mechanics(TableModel):
     """pressure of the liquid in the mushy zone: full until all is solid, for the liquid between the
     crystals bears it; proportional to the liquid (eq. 219); none as soon as anything is solid; off:
     no pressure at all"""
-    until: Annotated[float | str, KindOr(_LENGTH, MOULD_EXIT)] | None = Field(
+    until: Annotated[float | str, OrWord(_LENGTH, (MOULD_EXIT,))] | None = Field(
         None, examples=["1 m", "mould_exit"]
     )
     """where the mechanics end: position of the slice, or mould_exit. Below it the run goes on with

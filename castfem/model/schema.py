@@ -5,26 +5,18 @@ from __future__ import annotations
 import json
 import types
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Any
 
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from castfem.base.quantities import Kind, KindOr, NameOf
-from castfem.base.shown_units import UnitsNotation
-from castfem.base.table_notation import Curve, CurveOr, CurveOrName
+from castfem.base.quantities import Notation
 from castfem.model.base import Variants, meaning, tag_of
 from castfem.model.case import Case
-from castfem.model.machine import RollTable
-from castfem.model.mechanics import AxisMark, WindowMark
 from castfem.model.problems import Table, submodels, tables
-from castfem.model.quality import Range
-from castfem.model.secondary import NozzleTable
 from castfem.model.section import Section
-from castfem.model.taper import TaperMark
 from castfem.model.tensile import TABLE, TensileCase, TensileOutput
-from castfem.model.wall_shape import WallShape
 
 _HEAD = """\
 # Case files
@@ -146,34 +138,9 @@ def _is_table(field: FieldInfo) -> bool:
 
 def _takes(field: FieldInfo) -> str:
     example = field.examples[0] if field.examples else None
-    for mark in field.metadata:
-        if isinstance(mark, Kind | Curve):
-            return _mark(mark, example)
-        if isinstance(mark, TaperMark | RollTable | NozzleTable | WindowMark | AxisMark | Range):
-            return mark.takes
-        if isinstance(mark, NameOf):
-            return _names_of(mark)
-    return _type(field.annotation, example)
-
-
-def _names_of(mark: NameOf) -> str:
-    return ", ".join(f'`"{name}"`' for name in mark.register)
-
-
-def _mark(mark: Kind | Curve, example: object) -> str:
-    """Return the kind of quantity and how it may be written."""
-    if isinstance(mark, CurveOr):
-        plain = Curve(mark.kind, mark.over)
-        value = mark.kind.example if example == mark.word else example
-        return f'`"{mark.word}"`; {_mark(plain, value)}'
-    if isinstance(mark, CurveOrName):
-        names = ", ".join(f'`"{name}"`' for name in mark.register)
-        return f"{_mark(mark.kind, example)}, a table over {mark.arguments}, or {names}"
-    if isinstance(mark, Curve):
-        return f"{_mark(mark.kind, example)}, or a table over {mark.arguments}"
-    single = None if isinstance(example, Mapping) else example  # of a table in a file
-    text = str(single or mark.example)
-    return f"{mark.name}: `{text}`" if mark.unit == "1" else f'{mark.name}: `"{text}"`'
+    marks = (mark for mark in field.metadata if isinstance(mark, Notation))
+    mark = next(marks, None)
+    return _type(field.annotation, example) if mark is None else mark.described(example)
 
 
 _WORDS = {str: "text", bool: "`true` or `false`", int: "whole number", Any: "values"}
@@ -182,15 +149,8 @@ _WORDS = {str: "text", bool: "`true` or `false`", int: "whole number", Any: "val
 def _type(annotation: Any, example: object = None) -> str:
     origin, inner = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is typing.Annotated:
-        marks = [mark for mark in inner[1:] if isinstance(mark, Kind | Curve)]
-        names = [_names_of(mark) for mark in inner[1:] if isinstance(mark, NameOf)]
-        told = [mark.takes for mark in inner[1:] if isinstance(mark, WallShape | UnitsNotation)]
-        for mark in inner[1:]:
-            if isinstance(mark, KindOr):
-                told.append(f'{_mark(mark.kind, example)}, or `"{mark.word}"`')
-        if names or told:
-            return [*names, *told][0]
-        return _mark(marks[0], example) if marks else _type(inner[0])
+        marks = [mark for mark in inner[1:] if isinstance(mark, Notation)]
+        return marks[0].described(example) if marks else _type(inner[0])
     if origin is typing.Literal:
         return ", ".join(f"`{value!r}`".replace("'", '"') for value in inner)
     if origin in (typing.Union, types.UnionType):

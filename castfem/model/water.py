@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Protocol
 from pydantic import Field
 
 from castfem.base.quantities import Kind
-from castfem.base.table_notation import CurveOverEither
+from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
 from castfem.model.base import TableModel
 from castfem.model.checks import Faults, check, given, one_of
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 Flow = float | Table
 ZoneFlow = Annotated[
     float | Table,
-    CurveOverEither(
+    Curve(
         Kind("m^3/s", "L/min", least=0.0, label="water flow", sample="240 L/min"),
         "speed",
         ("time",),
