@@ -88,9 +88,6 @@ def grouped(count: float) -> str:
     return f"{count:,.0f}".replace(",", " ") if count < 1e13 else f"{count:.0e}"
 
 
-_NAMED = 5  # differences of two cases in a message
-
-
 def differences(
     there: Mapping[str, Any], here: Mapping[str, Any], leave_out: Iterable[str] = ()
 ) -> str:
@@ -102,8 +99,8 @@ def differences(
         leave_out: Dotted keys that do not count, with all below them.
     """
     found = list(_differences(there, here, "", tuple(leave_out)))
-    more = [f"and {len(found) - _NAMED} more"] if len(found) > _NAMED else []
-    return "; ".join([*found[:_NAMED], *more])
+    more = [f"and {len(found) - 5} more"] if len(found) > 5 else []
+    return "; ".join([*found[:5], *more])
 
 
 def _differences(there: Any, here: Any, key: str, leave_out: tuple[str, ...]) -> Iterator[str]:

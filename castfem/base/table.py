@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
 _GAP = "  "  # between columns
-_LEAST, _INDENT = 42, 11  # characters to leave behind labels; else further lines begin here
 _WHOLE = "\N{NO-BREAK SPACE}"  # inside what no end of a line may part
 FAILED = "failed"
 """Mark of a row: a run that has failed."""
@@ -104,7 +103,8 @@ class Table:
             if width is None:
                 yield (start + row[-1]).rstrip().replace(_WHOLE, " ")
                 continue
-            indent = " " * (len(start) if width - len(start) >= _LEAST else _INDENT)
+            # Further lines stand behind the label where that leaves them 42 characters.
+            indent = " " * (len(start) if width - len(start) >= 42 else 11)
             for line in _wrapped(row[-1], width, start, indent):
                 yield line.replace(_WHOLE, " ")
 

@@ -39,8 +39,6 @@ if TYPE_CHECKING:
 
 Named = dict[str, Quantity]
 
-LEAST_VERTICES = 1000  # a rank; with fewer, several take longer than one (docs/benchmarks.md)
-
 
 class StepRecord(Protocol):
     """What keeps the committed steps."""
@@ -265,10 +263,10 @@ def run(
 
 
 def _tell_of_idle_ranks(simulation: Simulation) -> None:
-    """Say that a small section is slower on several ranks (collective)."""
+    """Say that fewer than 1000 vertices a rank take longer than on one (collective)."""
     comm = simulation.section.comm
     each = reductions.total(comm, simulation.section.owned) / comm.size
-    if comm.size > 1 and each < LEAST_VERTICES and comm.rank == 0:
+    if comm.size > 1 and each < 1000 and comm.rank == 0:
         log.logger.info(
             "%.0f vertices on each of %d ranks: so few are slower than one rank, which waits for "
             "no other (docs/benchmarks.md); several runs at once: castfem sweep", each, comm.size,

@@ -41,7 +41,6 @@ SINGLE_NAME = "fields"
 FORMAT = "castfem fields"
 VERSION = 1
 
-_COMPRESS_FROM = 65536  # bytes; below, the chunk index and the filter cost more than they save
 _LIBVER = ("v108", "v108")  # any viewer reads it; its tables are smaller than those of the first
 _SINGLE = re.compile(r"\d{6,}\.h5")
 _LEFTOVER = re.compile(r"\.\d{6,}\.h5\.tmp")
@@ -279,8 +278,11 @@ def write_image(path: Path, fill: Callable[[h5py.File], None]) -> None:
 
 
 def store(group: h5py.Group, name: str, values: Values) -> h5py.Dataset:
-    """Stores one array, lightly compressed when it is large."""
-    if values.nbytes < _COMPRESS_FROM or not _can_compress():
+    """Stores one array, lightly compressed when it is large.
+
+    Below 64 kB the chunk index and the filter cost more than they save.
+    """
+    if values.nbytes < 65536 or not _can_compress():
         return group.create_dataset(name, data=values)
     return group.create_dataset(
         name,

@@ -16,8 +16,6 @@ from castfem.runs.output.field_files import HDF5_NAME, UNREADABLE, Step, open_hd
 if TYPE_CHECKING:
     import h5py
 
-_TRIES = 3  # a run that ends while its fields are read moves them into one file
-
 
 class Fields(Closing):
     """The fields of a run, read from its folder one array at a time.
@@ -48,7 +46,7 @@ class Fields(Closing):
 
     def _open(self) -> None:
         """Opens fields.h5 as it is now and reads everything but the values."""
-        for left in reversed(range(_TRIES)):
+        for left in (2, 1, 0):  # a run that ends meanwhile moves them into one file
             try:
                 self.close()
                 before = self._path.stat()

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 HISTORY_NAME = "history.csv"
 _ANEW = "run again without --resume"
 _COLUMN = re.compile(r"(.*?) \[(.*)\]")
-_CELL = 20  # bytes of a number and its comma, at most
 
 
 class History(Closing):
@@ -193,7 +192,8 @@ def last_row(path: Path | str) -> tuple[dict[str, float], dict[str, str]] | None
             header = file.readline()
             columns = _columns(path, header.decode().rstrip("\n"))
             size = file.seek(0, os.SEEK_END)
-            file.seek(max(len(header), size - 2 * _CELL * len(columns)))
+            row = 20 * len(columns)  # bytes, at most: numbers and their commas
+            file.seek(max(len(header), size - 2 * row))
             rows = file.read().split(b"\n")[:-1]
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from castfem.base.constants import ROUNDING
 from castfem.base.shown_quantity import si_unit
 from castfem.base.types import Array
 from castfem.fem import reductions
@@ -27,14 +28,6 @@ if TYPE_CHECKING:
 
 TimedStrains = tuple[float, float, float, float]
 """Time (s), and the generalized strains a0 - 1, a1, a2."""
-_NEAR = 1e-9  # of the section's size: a place that is a vertex of the surface
-LEAST_RATED = 0.2
-"""Of a coupling window of the case, or of the longest pitch: a rate is a mean over no less.
-
-Where two events lie close together, a roll and the end of a zone 14 um below it, there is a window
-of milliseconds between them. What jumps there, as does the bed of a pitch by 4e-7 of strain, would
-be a rate as large as any in it.
-"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +83,7 @@ class QualityState:
             return ""
         vertex = self.line.at(worst.x, worst.y)
         off = self.line.place[vertex] - (worst.x, worst.y)
-        on = np.abs(off).max() <= _NEAR * np.ptp(self.line.place)
+        on = np.abs(off).max() <= ROUNDING * np.ptp(self.line.place)
         place = f"x = {1e3 * worst.x:.1f}, y = {1e3 * worst.y:.1f} mm"
         where = self.line.words(vertex) if on else place
         return f"{where}, {self.caster.words(worst.position, worst.time)}"
@@ -132,7 +125,10 @@ class QualitySampler:
         window = 0.0 if strained is None else strained.window
         if caster.longest_pitch:  # windows end where the rolls bear or bend
             window = min(window, simulation.machine.window_time(caster.longest_pitch))
-        self._least = LEAST_RATED * window
+        # A rate is a mean over no less. Where two events lie close together, a roll and the end of
+        # a zone 14 um below it, a window of milliseconds lies between them. What jumps there, as
+        # does the bed of a pitch by 4e-7 of strain, would be a rate as large as any in it.
+        self._least = 0.2 * window
         none = np.zeros(section.owned)
         self.state = QualityState(
             line, caster, temperature=none,

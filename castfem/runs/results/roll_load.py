@@ -20,7 +20,6 @@ from castfem.runs.results.labels import has_values, unit_of
 from castfem.runs.results.run_case import case_with
 
 _FORCE, BULGE = "roll_force", "bulge_pitch"
-_LITTLE = 0.05  # of the larger one; a change that is less is not told
 _NAMES = {_FORCE: "force on roll {}, a metre of width", BULGE: "bulge below roll {}"}
 
 
@@ -102,7 +101,7 @@ class RollLoads:
             if not number:
                 continue
             before, now = theirs[number], ours[number]
-            if abs(now - before) > _LITTLE * max(now, before):
+            if abs(now - before) > 0.05 * max(now, before):
                 unit = documented(self.units[name])
                 values = (said(value, unit, ".3g", name) for value in (before, now))
                 where = self.where(number)

@@ -217,24 +217,16 @@ def _force_balances(sample: Sample | None) -> dict[str, dict[str, Quantity]]:
     }
 
 
-HEAT = 1e-7
-"""Relative error of the heat balance over a run: rounding leaves some 1e-12."""
-FORCES = 10.0
-"""Times mechanics.tolerance: relative error of the forces that a solved step may have."""
-WARMER = 0.1
-"""K, by which a strand that is cooled may be warmer than at its start: what heat of flow does."""
-
-
 def run_warnings(summary: Summary, case: Case, warmed: float) -> Iterator[str]:
     """Yield what is not right in a run, a line each."""
-    heat = summary.balances.get("heat", {})
-    if "whole" in heat and not abs(heat["whole"].value) <= HEAT:
+    heat, most = summary.balances.get("heat", {}), 1e-7  # over a run: rounding leaves some 1e-12
+    if "whole" in heat and not abs(heat["whole"].value) <= most:
         yield (
             f"the heat balance is open by {abs(heat['whole'].value):.1e} of the heat, more than "
-            f"{HEAT:g}: look at the steel's data and the fluxes"
+            f"{most:g}: look at the steel's data and the fluxes"
         )
     tolerance = 0.0 if case.mechanics is None else case.mechanics.tolerance
-    allowed = max(FORCES * tolerance, HEAT)
+    allowed = max(10.0 * tolerance, most)  # of a solved step
     for name in ("axial force", "forces in the plane"):
         error = summary.balances.get(name, {}).get("error")
         if error is not None and not abs(error.value) <= allowed:
@@ -242,7 +234,7 @@ def run_warnings(summary: Summary, case: Case, warmed: float) -> Iterator[str]:
                 f"the balance of {name} is open by {abs(error.value):.1e}, more than {allowed:.1e}"
                 ": stresses are off; look at elasticity, law and loads"
             )
-    if warmed > WARMER:
+    if warmed > 0.1:  # K: what heat of flow does
         yield (
             f"its highest temperature has risen by {warmed:.3g} K above that of the start: heat "
             "flows into the strand, or its conductivity jumps by so much that cells round the "

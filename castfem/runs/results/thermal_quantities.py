@@ -171,9 +171,6 @@ def mould_mean_flux(sample: Sample) -> float | None:
     return sample.mould_flux
 
 
-_HALVINGS = 60  # of the mushy zone, to find the temperature of a solid fraction
-
-
 @lru_cache(maxsize=128)
 def depth_of(percent: int) -> QuantityDefinition:
     """Return the quantity that is the shell as far as so much of it is solid, at each probe."""
@@ -201,7 +198,7 @@ def temperature_at(steel: Steel, fraction: float) -> float:
     if fraction >= 1.0:
         return steel.solidus
     low, high = steel.solidus, steel.liquidus
-    for _ in range(_HALVINGS):
+    for _ in range(60):  # halvings of the mushy zone
         middle = 0.5 * (low + high)
         if float(steel.solid_fraction(middle)) >= fraction:
             low = middle

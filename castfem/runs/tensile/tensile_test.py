@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
     from castfem.base.progress import Progress
 
-MEGA = 1e6
-
 
 class TensileTest:
     """A tensile test in SI: its law and its strain history.
@@ -213,13 +211,13 @@ class _Writer:
         row = {
             "time": record.time[k],
             "strain": record.axial_strain[k, 0],
-            "stress": record.axial_stress[k, 0] / MEGA,
+            "stress": record.axial_stress[k, 0] / 1e6,
             "viscoplastic_strain": self.flow(k),
             "temperature": self.test.temperature[k] - ZERO_CELSIUS,
-            "work": record.work[k, 0] / MEGA,
+            "work": record.work[k, 0] / 1e6,
         }
         if self.analytical is not None:
-            row["analytical_stress"] = self.analytical[k] / MEGA
+            row["analytical_stress"] = self.analytical[k] / 1e6
         if self._total:
             row["total_strain"] = self.test.strain[k]
         self.history.append(row)
@@ -287,21 +285,18 @@ def _quantities(writer: _Writer, record: Tension) -> dict[str, Quantity]:
     return found
 
 
-STABILISED = 3  # cycle from which on a law that does not harden without end repeats itself
-
-
 def _of_cycles(stress: Array, cycles: list[slice]) -> dict[str, Quantity]:
     """Largest and smallest stress of some of the cycles that are complete, and their growth."""
     whole = [c for c in cycles if c.stop <= len(stress)]
-    found = {}
-    for k in sorted({1, STABILISED, len(whole)} & set(range(1, len(whole) + 1))):
+    found, stable = {}, 3  # from there on a law that does not harden without end repeats itself
+    for k in sorted({1, stable, len(whole)} & set(range(1, len(whole) + 1))):
         part = stress[whole[k - 1]]
         top, low = float(part.max()), float(part.min())
         found[f"tension_{k}"] = Quantity(top, "MPa", f"largest stress, cycle {k}")
         found[f"compression_{k}"] = Quantity(low, "MPa", f"smallest stress, cycle {k}")
-    if len(whole) > STABILISED:
-        first, last = (float(stress[c].max()) for c in (whole[STABILISED - 1], whole[-1]))
+    if len(whole) > stable:
+        first, last = (float(stress[c].max()) for c in (whole[stable - 1], whole[-1]))
         growth = last / first - 1.0 if first > 0.0 else 0.0
-        text = f"growth of the largest stress since cycle {STABILISED}"
+        text = f"growth of the largest stress since cycle {stable}"
         found["growth"] = Quantity(growth, "percent", text)
     return found
