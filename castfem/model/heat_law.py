@@ -16,7 +16,7 @@ from castfem.base.tables import Table
 from castfem.model.base import Variants
 from castfem.model.water import Supply, Water, Watered
 from castfem.physics.machine import Machine
-from castfem.physics.machine.time_functions import over_time
+from castfem.physics.machine.machine import over_time
 from castfem.physics.machine.travel import Steady
 from castfem.physics.thermal import flux_laws, mould_flux
 from castfem.physics.thermal.mould_flux import MOULD_FLUXES

@@ -380,7 +380,7 @@ def _probe(group: str, probes: LineProbes) -> str:
 
 def _model(table: Bulging, law: Law, width: float) -> tuple[Callable[[float], BulgingModel], int]:
     """The model by the position of a pitch, and the nodes of its bulges."""
-    from castfem.physics.machine.bulging.elastic import NODES
+    from castfem.physics.machine.bulging.plate import NODES
 
     if table.model == "creep":
         strip = CreepingStrip(law, shear=bool(table.shear))

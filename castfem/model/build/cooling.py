@@ -18,7 +18,7 @@ from castfem.base.types import Array
 from castfem.fem import reductions
 from castfem.model.heat_law import Extent, Surroundings
 from castfem.model.water import Supply, steel_per_length
-from castfem.physics.machine.time_functions import OverTime
+from castfem.physics.machine.machine import OverTime
 from castfem.physics.thermal import flux_laws
 from castfem.physics.thermal.boundary import Cooling, Patch, Surface
 

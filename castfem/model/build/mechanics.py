@@ -24,7 +24,7 @@ from castfem.model.machine import thickness_of
 from castfem.physics.constitutive.base import Law
 from castfem.physics.contact.settings import Contact
 from castfem.physics.contact.surface_interaction import SurfaceInteraction
-from castfem.physics.machine.time_functions import over_time
+from castfem.physics.machine.machine import over_time
 from castfem.physics.mechanics.bent_planes import BentPlanes
 from castfem.physics.mechanics.definition import Slice
 from castfem.physics.mechanics.ferrostatic import Ferrostatic

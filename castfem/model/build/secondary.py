@@ -13,8 +13,8 @@ from castfem.base.errors import InputError
 from castfem.model.build.cooling import water_supply
 from castfem.model.heat_law import no_emissivity
 from castfem.model.water import largest
+from castfem.physics.machine.machine import over_time
 from castfem.physics.machine.sprays import Kind, Row, Stretch, footprint
-from castfem.physics.machine.time_functions import over_time
 from castfem.physics.thermal.boundary import Cooling, Surface
 from castfem.physics.thermal.flux_laws import Convection, Radiation, SurfaceLaw
 from castfem.physics.thermal.spray_water import RollShare, Share, SprayWater, water_across
