@@ -89,7 +89,7 @@ def folder_refused(folder: Path, error: BaseException) -> str:
     return f"{folder}: {UNWRITTEN} ({reason}); choose another with -o"
 
 
-def mend_for(number: int | None) -> str:
+def fix_for(number: int | None) -> str:
     """What the user can do about an operating system error while a run writes."""
     if number in _NO_SPACE:
         return f"free some space{_AGAIN}"
@@ -97,12 +97,12 @@ def mend_for(number: int | None) -> str:
         return f"make the folder writable{_AGAIN}"
     if number in _NO_PLACE:
         return f"make the folder, or name another place{_AGAIN}"
-    return f"mend the disk or the folder{_AGAIN}"
+    return f"repair the disk or the folder{_AGAIN}"
 
 
 @contextmanager
 def saving(path: Path) -> Iterator[None]:
-    """Turns any operating system or HDF5 error inside into a RunFailure of one line with the mend.
+    """Turns any operating system or HDF5 error inside into a RunFailure of one line with the fix.
 
     Raises:
         CannotWrite: The file cannot be written.
@@ -113,7 +113,7 @@ def saving(path: Path) -> Iterator[None]:
         if isinstance(error, RunFailure):
             raise
         number, reason = system_reason(error)
-        raise CannotWrite(f"{path}: {UNWRITTEN} ({reason}); {mend_for(number)}") from error
+        raise CannotWrite(f"{path}: {UNWRITTEN} ({reason}); {fix_for(number)}") from error
 
 
 @contextmanager

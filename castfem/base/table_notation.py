@@ -339,8 +339,8 @@ def _columns_of_file(path: Path, over: str, kind: Kind) -> dict[str, Any]:
         try:
             x, y = (float(cell) for cell in row.cells)
         except ValueError:
-            mend = f"; {DECIMAL_COMMAS}" if len(row.cells) > 2 else ""
-            raise ValueError(f"line {row.line} of '{path}' must hold two numbers{mend}") from None
+            fix = f"; {DECIMAL_COMMAS}" if len(row.cells) > 2 else ""
+            raise ValueError(f"line {row.line} of '{path}' must hold two numbers{fix}") from None
         columns[over].append(x)
         columns["value"].append(y)
     return columns

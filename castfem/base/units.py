@@ -199,10 +199,10 @@ def _conversion(
         raise ValueError(f'{_a(name)} needs its unit, such as "{example}"')
     parsed, target = _parse_unit(unit), _registry().parse_units("" if si == "1" else si)
     if parsed.dimensionality != target.dimensionality:
-        mend = "; put a divisor of several units in brackets" if "/" in unit and " " in unit else ""
+        fix = "; put a divisor of several units in brackets" if "/" in unit and " " in unit else ""
         found = _name_of(parsed)
         problem = f"is the unit of {_a(found)}" if found else "does not fit"
-        raise ValueError(f"'{unit}' {problem}, {_a(name)} is needed, such as \"{example}\"{mend}")
+        raise ValueError(f"'{unit}' {problem}, {_a(name)} is needed, such as \"{example}\"{fix}")
     if str(parsed) in _OFFSET_SCALES:
         if difference:
             raise ValueError(f'{_a(name)} is written in kelvin, such as "{example}", not in {unit}')

@@ -107,7 +107,7 @@ class Contact(ScaledLaw):
         return flux_laws.Contact(
             coefficient=self._good(around),
             wall=wall,
-            # Without a gap its conductivity is of no account.
+            # Without a gap its conductivity is not used.
             gap_conductivity=1.0 if self.gap_conductivity is None else self.gap_conductivity,
             gap=self.gap or 0.0,
             follows=self.gap is None,

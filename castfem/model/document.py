@@ -87,7 +87,7 @@ class Document:
         return self.label
 
     def place(self, path: Keys) -> str:
-        """Return the file to mend: of a table that several have written in, the last of them."""
+        """Return the file to correct: of a table that several have written in, the last of them."""
         return self.joined.get(path) or self.origin(path)
 
 

@@ -66,8 +66,8 @@ def no_entry(place: Any, path: tuple[str | int, ...], part: str) -> str:
     where = dotted(path)
     if not isinstance(place, Sequence) or isinstance(place, str):
         example = EXAMPLES.get(str(path[-1])) if path[:-1] == ("mould",) else None
-        mend = f"; give a table, such as {where} = {example}" if example else ""
-        return f"{where} is a single value, it has no keys{mend}"
+        fix = f"; give a table, such as {where} = {example}" if example else ""
+        return f"{where} is a single value, it has no keys{fix}"
     names = [str(e["name"]) for e in place if isinstance(e, Mapping) and "name" in e]
     named = f" or the name of one ({', '.join(names)}{nearest(part, names)})" if names else ""
     return f"'{part}' is no entry of {where}; give an index from 0 to {len(place) - 1}{named}"

@@ -52,7 +52,7 @@ def settle(
     if not new or old.get("name") != name or _is_computed(name) is not False:
         return ""
     if name.endswith(".toml"):
-        return ""  # somebody's own numbers are not thrown away: it is refused, with the mend
+        return ""  # somebody's own numbers are not thrown away: it is refused, with the fix
     steel["name"] = COMPUTED
     return f'"{name}" is not computed from a composition; "{COMPUTED}" is taken for the new one'
 

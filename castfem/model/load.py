@@ -212,11 +212,11 @@ def _build(kind: type[AnyCase], data: dict[str, Any]) -> tuple[AnyCase, list[pro
         found = problems.from_validation(error, data, kind)
         sound = copy.deepcopy(data)
         for problem in found:
-            _mend(sound, problem)
+            _repair(sound, problem)
         return kind.model_validate(sound, context=LENIENT), found
 
 
-def _mend(data: dict[str, Any], problem: problems.Problem) -> None:
+def _repair(data: dict[str, Any], problem: problems.Problem) -> None:
     """Take an unknown key out of the data, put None for a missing one."""
     *above, key = problem.path
     table = problems.at(data, tuple(above))
@@ -266,7 +266,7 @@ def portable(case: AnyCase, beside: str) -> tuple[str, dict[str, bytes]]:
     return tomli_w.dumps(tables), files
 
 
-_MEND = "; a number is varied: name a key that has one, such as casting.speed"
+_FIX = "; a number is varied: name a key that has one, such as casting.speed"
 _ANY_TEXT = "no number"
 _CHOICE = "; one of "  # how what takes one of some words is refused
 
@@ -283,9 +283,9 @@ def faults_of_key(case: Case, key: str, values: Sequence[Any], where: str) -> li
                 found.append(line)
     given = _text_at(case, key)
     if given is not None and not found and not _refused(case, key, _ANY_TEXT, where):
-        return [f'{where}: {key}: is a text ("{given}"){_MEND}']
+        return [f'{where}: {key}: is a text ("{given}"){_FIX}']
     if given is not None or not _has_value(case, key):
-        return [line + _MEND if _CHOICE in line else line for line in found]
+        return [line + _FIX if _CHOICE in line else line for line in found]
     return found
 
 

@@ -62,8 +62,8 @@ def bound(text: str) -> Bound:
     found = _CONSTRAINT.fullmatch(text)
     if found is None:
         other = re.search(r"[<>=]+", text)
-        mend = f' with >= or <=, not "{other[0]}",' if other and other[0] not in _SENSES else ""
-        raise ValueError(f"is no constraint; write it{mend} as {_EXAMPLE}")
+        fix = f' with >= or <=, not "{other[0]}",' if other and other[0] not in _SENSES else ""
+        raise ValueError(f"is no constraint; write it{fix} as {_EXAMPLE}")
     name, sign, right = found.groups()
     share = _SHARE.fullmatch(right)
     if share is None:

@@ -120,12 +120,12 @@ def _hardens_for_good(case: Case, law: Law) -> Iterator[Problem]:
 
     if accumulates(law):
         name = str(case.mechanics.law).rpartition("/")[2]
-        mend = _SIGNED.get(name.removesuffix(".toml").removesuffix("_p1"))
+        fix = _SIGNED.get(name.removesuffix(".toml").removesuffix("_p1"))
         yield Problem(
             ("mechanics", "law"),
             f'("{name}") hardens further in each pitch: the bulge is what {VIRGIN_PITCHES} pitches '
             "make of virgin steel; "
-            + (f'give "{mend}"' if mend else 'give it hardening = "signed"')
+            + (f'give "{fix}"' if fix else 'give it hardening = "signed"')
             + ', or bulging = "elastic"',
         )
 

@@ -69,10 +69,10 @@ def outside(case: Case, name: str, place: Array) -> InputError:
     x, y = 1e3 * place
     part = getattr(case.section, "symmetry", "whole")
     mirrored = part != "whole" and min(x, y) < 0.0
-    mend = f"; the modelled part is a {part}: give its mirror image" if mirrored else ""
+    fix = f"; the modelled part is a {part}: give its mirror image" if mirrored else ""
     round_ = ", whose corners are round" if getattr(case.section, "corner_radius", None) else ""
     return InputError(
-        f'output.probe "{name}": x = {x:g}, y = {y:g} mm lies outside the section{round_}{mend}; '
+        f'output.probe "{name}": x = {x:g}, y = {y:g} mm lies outside the section{round_}{fix}; '
         "under and depth, instead of x and y, place it below the surface"
     )
 

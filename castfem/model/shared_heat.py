@@ -121,7 +121,7 @@ def _speed(speed: float) -> str:
     return format(speed, "m/s", "m/min")
 
 
-TOLD = "the same flux everywhere round the section: no gap opens at the corner without [mould]"
+EVEN_FLUX = "the same flux everywhere round the section: no gap opens at the corner without [mould]"
 
 
 def even_zones(case: Case) -> Iterator[str]:
@@ -147,7 +147,7 @@ def is_even(case: Case, law: HeatLaw) -> bool:
     return bool(corners) and corners != groups
 
 
-def mend(case: Case) -> str:
+def fix(case: Case) -> str:
     """What helps: less for the corner, where the section has it as a group of its own."""
     if getattr(case.section, "corner_radius", None) == 0.0:
         return "give the section its corner_radius, and its corner less heat"

@@ -61,15 +61,15 @@ def check(
     file = folder / CASE_NAME
     if overwrite or not file.is_file():
         return
-    mend = fresh if resume else replace
+    fix = fresh if resume else replace
     existing = read_case(file).sound
     if existing is None:
-        raise InputError(f"{file}: is not a case of this version of castfem; {mend}")
+        raise InputError(f"{file}: is not a case of this version of castfem; {fix}")
     if existing.physics_hash() != case.physics_hash():
         changes = _changes(existing, case)
-        raise InputError(f"{folder}: holds a run of another case ({changes}); {mend}")
+        raise InputError(f"{folder}: holds a run of another case ({changes}); {fix}")
     if isinstance(case, Case) and (folder / RUN_NAME).is_file():
-        _check_length(folder, case, resume, mend, goes_on)
+        _check_length(folder, case, resume, fix, goes_on)
 
 
 def _changes(there: AnyCase, here: AnyCase) -> str:
@@ -88,16 +88,16 @@ def _changes(there: AnyCase, here: AnyCase) -> str:
     return differences(one, other, _NOT_PHYSICS) or "a file that it names has changed"
 
 
-def _check_length(folder: Path, case: Case, resume: bool, mend: str, goes_on: bool) -> None:
+def _check_length(folder: Path, case: Case, resume: bool, fix: str, goes_on: bool) -> None:
     """Refuse to replace a run by a shorter one, or to resume one to above where it has come."""
     record, end = RunRecord.load(folder), case.casting.length
     reached = record.reached.get("position", 0.0)
     if not same_or_before(reached, end):
         if resume:
-            mend = f"a resumed run goes further down: give at least {reached:g} m, or {mend}"
+            fix = f"a resumed run goes further down: give at least {reached:g} m, or {fix}"
         raise InputError(
             f"{folder}: casting.length: {end:g} m is asked for, and the run there has come to "
-            f"{reached:g} m; {mend}"
+            f"{reached:g} m; {fix}"
         )
     if not (resume or goes_on) and record.status != "finished" and reached > 0.0:
         log.logger.warning(

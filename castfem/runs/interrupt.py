@@ -1,4 +1,4 @@
-"""A wish to stop a run: heeded between two steps, for within PETSc an exception would be lost.
+"""A wish to stop a run: obeyed between two steps, for within PETSc an exception would be lost.
 
 The signals are Ctrl-C, SIGTERM, which mpirun and batch systems send before they kill, and SIGHUP.
 """
@@ -41,7 +41,7 @@ class Interrupt(Closing):
         self._comm, self._since = comm, 0.0
         self._previous: dict[signal.Signals, Any] = {}
 
-    def heed(self) -> None:
+    def check(self) -> None:
         """Stop here if that is wanted (collective).
 
         Raises:

@@ -190,7 +190,7 @@ class TimeLoop:
             length = 0.0 if substeps is None else substeps.step
             self.progress.update(run.position, run.state.time, newton, length, self._note())
         if self.interrupt is not None:
-            self.interrupt.heed()
+            self.interrupt.check()
 
     def _keep_snapshot(self, sample: Sample) -> None:
         case, machine = self.simulation.case, self.simulation.machine

@@ -15,7 +15,7 @@ from castfem.base.tables import as_function
 from castfem.base.types import Array
 from castfem.fem.line_probes import LineProbes, Profile
 from castfem.fem.root import shared_out
-from castfem.model.build.shell_prediction import Core, ShellAhead, core_of, front_of
+from castfem.model.build.shell_prediction import Core, ShellPrediction, core_of, front_of
 from castfem.model.bulging import Bulging
 from castfem.physics.contact.roll_support import POINTS, Bed, RollSupport
 from castfem.physics.contact.surface_interaction import ALWAYS
@@ -123,7 +123,7 @@ class PitchByPitch:
     probes: LineProbes
     front: float
     core: Core
-    ahead: ShellAhead
+    ahead: ShellPrediction
     half_width: float | None = None
     uneven: UnevenRolls | None = None
     lines: Array | None = None
@@ -327,7 +327,7 @@ def build_roll_support(
         lines = None if lines is None else np.append(0.0, lines)
     foundation = PitchByPitch(
         model, nodes, machine, places, 0.5 * (apertures - apertures[0]), faces, others, probes,
-        front_of(steel, table.solid_fraction), core_of(liquid), ShellAhead(steel),
+        front_of(steel, table.solid_fraction), core_of(liquid), ShellPrediction(steel),
         0.5 * width if table.axial_strain else None, uneven, lines, above,
     )  # fmt: skip
     return RollSupport(

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class ShellAhead:
+class ShellPrediction:
     """Temperatures under the middle of a wide face, some time ahead.
 
     Heat flows along the depth alone, since neither the edges nor the next pitch reach there, and

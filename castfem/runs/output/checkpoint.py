@@ -72,7 +72,7 @@ def load_checkpoint(
 
     Raises:
         InputError: No such file, not a checkpoint, damaged, of another castfem, or of another case;
-            the line names what differs and the mend.
+            the line names what differs and the fix.
     """
     import h5py
 

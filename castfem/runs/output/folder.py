@@ -341,7 +341,7 @@ class OutputFolder(Closing):
                 (self / name).rmdir()
 
     def _unusable(self, error: BaseException) -> InputError:
-        """The folder cannot be written, said in one line with the mend."""
+        """The folder cannot be written, said in one line with the fix."""
         _, reason = system_reason(error)
         return InputError(
             f"{self.path}: cannot be used as output folder ({reason}); choose another with -o"

@@ -92,9 +92,9 @@ class History(Closing):
             try:
                 time = float(row.split(",", 1)[0])
             except ValueError as error:
-                mend = "remove the line, or run again without --resume"
+                fix = "remove the line, or run again without --resume"
                 raise InputError(
-                    f"{path}: line {number} has no time ({row[:40]}); {mend}"
+                    f"{path}: line {number} has no time ({row[:40]}); {fix}"
                 ) from error
             if same_or_before(time, upto_time):
                 kept.append(row)

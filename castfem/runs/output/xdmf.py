@@ -194,7 +194,7 @@ class FieldWriter(Closing):
         self._xdmf.close()
 
     def _drop(self, everything: list[Step], kept: list[Step]) -> None:
-        """Takes up the times that are kept and removes the others from the disk."""
+        """Keeps some times and removes the others from the disk."""
         self._name_all(kept)  # before the numbers go: it never names what is gone
         field_files.remove_singles(self._folder, keep=kept)
         if any(not step.single for step in set(everything) - set(kept)):

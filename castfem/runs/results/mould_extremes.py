@@ -192,7 +192,7 @@ class BeyondData:
         }
 
     def recall(self, memory: dict[str, float | None]) -> None:
-        """Take up what `memory` gave; an older checkpoint has nothing of it."""
+        """Restore what `memory` gave; an older checkpoint has nothing of it."""
         from castfem.physics.constitutive.data_range import (
             KINDS,  # no part of a run without mechanics
         )

@@ -196,7 +196,7 @@ class Sampler:
         }
 
     def recall(self, memory: dict[str, float | None]) -> None:
-        """Take up what `memory` gave."""
+        """Restore what `memory` gave."""
         self.worst_balance = memory["worst_balance"] or 0.0
         self.metallurgical_length = memory["metallurgical_length"]
         self.liquid_end = memory.get("liquid_end")  # of an older checkpoint they are not there
