@@ -76,6 +76,7 @@ class QuantityDefinition:
         of_way: Whether it hangs on all steps so far, not on the last alone.
         smooth_twin_of: The maximum to which it is a smooth approximation; such a quantity is
             computed where it is asked for.
+        says: What docs/output.md says of it, if not the docstring of the function.
         compute: The function: its value in SI from the sample of a step, at the probes from a
             sample and the probe's name; None where it does not exist.
     """
@@ -94,6 +95,7 @@ class QuantityDefinition:
     axis: str = ""
     of_way: bool = False
     smooth_twin_of: str = ""
+    says: str = ""
     compute: Callable[..., float | None] = _nothing
 
     def __call__(self, compute: Computed) -> Computed:
@@ -112,7 +114,7 @@ class QuantityDefinition:
     @property
     def about(self) -> str:
         """What docs/output.md says of it."""
-        return " ".join((inspect.getdoc(self.compute) or "").split())
+        return " ".join((self.says or inspect.getdoc(self.compute) or "").split())
 
     @property
     def axis_label(self) -> str:

@@ -86,8 +86,8 @@ def _even(folder: Path) -> str:
     if not zones:
         return ""
     return (
-        f"zone {', '.join(zones)} has {EVEN_FLUX}. A mould takes less heat there: the surface of the "
-        "corner comes out too cold and its shell too thick. Use [mould] with [mechanics], or "
+        f"zone {', '.join(zones)} has {EVEN_FLUX}. A mould takes less heat there: the surface of "
+        "the corner comes out too cold and its shell too thick. Use [mould] with [mechanics], or "
         + fix(case)
     )
 

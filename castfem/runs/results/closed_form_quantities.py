@@ -31,13 +31,13 @@ def _temperature_off(sample: Sample) -> tuple[Array, Array]:
     return (ours - exact.temperature(depth, time))[inside], area[inside]
 
 
-@quantity(
+quantity(
     "error_temperature", "mK", "temperature off the closed form, rms of what has frozen",
     column=False, needs=("closed_form",),
+    says="Root mean square over what has frozen of the temperature less that of the closed form.",
+)(
+    lambda sample: _rms(sample, *_temperature_off(sample)) if sample.time > 0.0 else None
 )  # fmt: skip
-def error_temperature(sample: Sample) -> float | None:
-    """Root mean square over what has frozen of the temperature less that of the closed form."""
-    return _rms(sample, *_temperature_off(sample)) if sample.time > 0.0 else None
 
 
 @quantity(

@@ -27,22 +27,21 @@ def place(at: Iterable[float]) -> str:
     return f"at x = {x:.1f}, y = {y:.1f} mm"
 
 
-@of_slice("newton_mechanics", "-", "Newton iterations of the mechanics", row=False)
-def newton_mechanics(sample: Sample) -> float:
-    """Newton iterations of the mechanics in the step."""
-    return float(sample.strained.newton)
+of_slice(
+    "newton_mechanics", "-", "Newton iterations of the mechanics", row=False,
+    says="Newton iterations of the mechanics in the step.",
+)(lambda sample: float(sample.strained.newton))  # fmt: skip
 
 
 def _largest_here(sample: Sample) -> str:
     return place(sample.strained.peak_at)
 
 
-@of_slice(
-    "von_mises_max", "MPa", "largest von Mises stress", place=_largest_here, axis="von Mises stress"
-)
-def von_mises_max(sample: Sample) -> float:
-    """Largest von Mises stress at an integration point of the section."""
-    return sample.strained.peak
+of_slice(
+    "von_mises_max", "MPa", "largest von Mises stress", place=_largest_here,
+    axis="von Mises stress",
+    says="Largest von Mises stress at an integration point of the section.",
+)(lambda sample: sample.strained.peak)  # fmt: skip
 
 
 def _largest_there(sample: Sample) -> str:
@@ -50,13 +49,11 @@ def _largest_there(sample: Sample) -> str:
     return f"{place((most.x, most.y))}, {below_meniscus(most.position)}"
 
 
-@of_slice(
+of_slice(
     "way_von_mises_max", "MPa", "largest von Mises stress on the way", column=False,
     place=_largest_there, of_way=True,
-)  # fmt: skip
-def way_von_mises_max(sample: Sample) -> float:
-    """Largest von Mises stress from the meniscus to here."""
-    return sample.largest_stress.stress
+    says="Largest von Mises stress from the meniscus to here.",
+)(lambda sample: sample.largest_stress.stress)  # fmt: skip
 
 
 @smooth_twin(
@@ -83,48 +80,33 @@ def way_von_mises_smooth(sample: Sample) -> float:
     return sample.smooth_stress.stress
 
 
-@of_slice("von_mises", "MPa", "von Mises stress, {}", each="probe")
-def von_mises(sample: Sample, probe: str) -> float:
-    """Von Mises stress at the surface."""
-    return sample.strained.surface_stress[probe]
-
-
-@of_slice("displacement", "mm", "outward displacement, {}", each="probe")
-def displacement(sample: Sample, probe: str) -> float:
-    """Displacement of the surface, outwards."""
-    return sample.strained.moved[probe]
-
-
-@of_slice(
-    "size", "mm", "size at {}", axis="size", labels={"corner": "diagonal"}, each="centred_probe"
-)
-def size(sample: Sample, probe: str) -> float:
-    """Size of the section through each probe that ends in its centre.
-
-    It is the distance between the surfaces on both sides of the centre; of `corner` the diagonal.
-    """
-    return sample.strained.across[probe]
-
-
-@of_slice("axial_strain", "-", "axial strain")
-def axial_strain(sample: Sample) -> float:
-    """Axial strain of the slice at the origin."""
-    return sample.strained.strain
-
-
-@quantity("tilt_x", "1/m", "tilt: axial strain along x", needs=("tilt_x",))
-def tilt_x(sample: Sample) -> float:
-    """Gradient a1 of the axial strain along x, the curvature that uneven cooling gives.
-
-    Of a slice that is free to tilt so, as whole sections are by default, and that no machine bends.
-    """
-    return sample.strained.gradients[0]
-
-
-@quantity("tilt_y", "1/m", "tilt: axial strain along y", needs=("tilt_y",))
-def tilt_y(sample: Sample) -> float:
-    """Gradient a2 of the axial strain along y, likewise."""
-    return sample.strained.gradients[1]
+of_slice(
+    "von_mises", "MPa", "von Mises stress, {}", each="probe",
+    says="Von Mises stress at the surface.",
+)(lambda sample, probe: sample.strained.surface_stress[probe])  # fmt: skip
+of_slice(
+    "displacement", "mm", "outward displacement, {}", each="probe",
+    says="Displacement of the surface, outwards.",
+)(lambda sample, probe: sample.strained.moved[probe])  # fmt: skip
+of_slice(
+    "size", "mm", "size at {}", axis="size", labels={"corner": "diagonal"}, each="centred_probe",
+    says="Size of the section through each probe that ends in its centre. It is the distance "
+    "between the surfaces on both sides of the centre; of `corner` the diagonal.",
+)(lambda sample, probe: sample.strained.across[probe])  # fmt: skip
+of_slice(
+    "axial_strain", "-", "axial strain",
+    says="Axial strain of the slice at the origin.",
+)(lambda sample: sample.strained.strain)  # fmt: skip
+quantity(
+    "tilt_x", "1/m", "tilt: axial strain along x", needs=("tilt_x",),
+    says="Gradient a1 of the axial strain along x, the curvature that uneven cooling gives. Of a "
+    "slice that is free to tilt so, as whole sections are by default, and that no machine "
+    "bends.",
+)(lambda sample: sample.strained.gradients[0])  # fmt: skip
+quantity(
+    "tilt_y", "1/m", "tilt: axial strain along y", needs=("tilt_y",),
+    says="Gradient a2 of the axial strain along y, likewise.",
+)(lambda sample: sample.strained.gradients[1])  # fmt: skip
 
 
 @of_slice(
@@ -165,40 +147,26 @@ def _beyond(sample: Sample, kind: str) -> float:
     return sample.beyond_data.worst.get(kind, (0.0, 0.0))[0]
 
 
-@beyond_data(
+beyond_data(
     "colder_than_data", "percent", "most of the shell colder than the law's data",
     place=_beyond_at("colder"),
-)  # fmt: skip
-def colder_than_data(sample: Sample) -> float:
-    """Largest share of the shell on the way that was colder than the data of its law.
-
-    It is counted from when a twentieth of the section is solid, like the two that follow.
-    """
-    return _beyond(sample, "colder")
-
-
-@beyond_data(
+    says="Largest share of the shell on the way that was colder than the data of its law. It is "
+    "counted from when a twentieth of the section is solid, like the two that follow.",
+)(lambda sample: _beyond(sample, "colder"))  # fmt: skip
+beyond_data(
     "hotter_than_data", "percent", "most of the shell hotter than the law's data",
     place=_beyond_at("hotter"),
-)  # fmt: skip
-def hotter_than_data(sample: Sample) -> float:
-    """Largest share of the shell on the way that was hotter than the data of its law."""
-    return _beyond(sample, "hotter")
-
-
-@beyond_data(
+    says="Largest share of the shell on the way that was hotter than the data of its law.",
+)(lambda sample: _beyond(sample, "hotter"))  # fmt: skip
+beyond_data(
     "faster_than_data", "percent", "most of the shell strained faster than the law's data",
     place=_beyond_at("faster"),
-)  # fmt: skip
-def faster_than_data(sample: Sample) -> float:
-    """Largest share of the shell on the way that was strained faster than the data of its law."""
-    return _beyond(sample, "faster")
-
-
-@of_bent("axial_stress", "MPa", "axial stress, {}", each="probe")
-def axial_stress(sample: Sample, probe: str) -> float:
-    """Stress along the strand at the surface, where a machine bends it."""
-    return sample.strained.axial_stress[probe]
+    says="Largest share of the shell on the way that was strained faster than the data of its law.",
+)(lambda sample: _beyond(sample, "faster"))  # fmt: skip
+of_bent(
+    "axial_stress", "MPa", "axial stress, {}", each="probe",
+    says="Stress along the strand at the surface, where a machine bends it.",
+)(lambda sample, probe: sample.strained.axial_stress[probe])  # fmt: skip
 
 
 def _declare_thickness(place: str, share: float) -> None:
@@ -218,62 +186,37 @@ for _place, _share in (("intrados", 0.5), ("centre", 0.0), ("extrados", -0.5)):
     _declare_thickness(_place, _share)
 
 
-@of_bent("curvature", "1/m", "curvature of the strand's middle")
-def curvature(sample: Sample) -> float:
-    """Curvature that the rolls give the middle of the strand."""
-    return sample.bending.curvature
-
-
-@of_bent(
+of_bent(
+    "curvature", "1/m", "curvature of the strand's middle",
+    says="Curvature that the rolls give the middle of the strand.",
+)(lambda sample: sample.bending.curvature)  # fmt: skip
+of_bent(
     "neutral_axis", "mm", "neutral axis, y from the middle towards the intrados",
     axis="neutral axis (y)",
-)  # fmt: skip
-def neutral_axis(sample: Sample) -> float | None:
-    """Where the thickness of the slice has not changed in the step, y from the middle.
-
-    The intrados lies at y > 0. There is none where the curvature stays.
-    """
-    return sample.bending.axis
-
-
-@of_bent(
+    says="Where the thickness of the slice has not changed in the step, y from the middle. The "
+    "intrados lies at y > 0. There is none where the curvature stays.",
+)(lambda sample: sample.bending.axis)  # fmt: skip
+of_bent(
     "bending_moment", "kN m",
     "bending moment of the whole strand, positive where it pulls the intrados",
     axis="bending moment",
-)  # fmt: skip
-def bending_moment(sample: Sample) -> float:
-    """Moment M = int sigma_zz y da of the whole strand about its middle."""
-    return sample.bending.moment * sample.simulation.section.multiplicity
-
-
-@of_bent(
+    says="Moment M = int sigma_zz y da of the whole strand about its middle.",
+)(lambda sample: sample.bending.moment * sample.simulation.section.multiplicity)  # fmt: skip
+of_bent(
     "bending_work", "kJ/m", "work of bending and straightening, whole strand",
     axis="work of bending and straightening",
-)  # fmt: skip
-def bending_work(sample: Sample) -> float:
-    """Work - int M dk that a metre of the whole strand has taken from the drives to here."""
-    return -sample.bending.work * sample.simulation.section.multiplicity
-
-
-@of_rolls(
-    "roll_resistance", "kN", "resistance of the rolls down to here, whole strand", axis="resistance"
-)
-def roll_resistance(sample: Sample) -> float:
-    """What the rolls above resist to the whole strand, the work of bending in it."""
-    return sample.withdrawal.resistance
-
-
-@of_rolls(
-    "drive_force", "kN", "pull of the drives down to here, whole strand", axis="pull of the drives"
-)
-def drive_force(sample: Sample) -> float:
-    """What the drives above pull the whole strand with."""
-    return sample.withdrawal.drives
-
-
-@of_rolls(
-    "effort", "kN", "axial effort between rolls and drives, whole strand", axis="axial effort"
-)
-def effort(sample: Sample) -> float:
-    """Resistance less drives, of the whole strand: N - kM of the slice, or N by the thesis."""
-    return sample.withdrawal.effort
+    says="Work - int M dk that a metre of the whole strand has taken from the drives to here.",
+)(lambda sample: -sample.bending.work * sample.simulation.section.multiplicity)  # fmt: skip
+of_rolls(
+    "roll_resistance", "kN", "resistance of the rolls down to here, whole strand",
+    axis="resistance",
+    says="What the rolls above resist to the whole strand, the work of bending in it.",
+)(lambda sample: sample.withdrawal.resistance)  # fmt: skip
+of_rolls(
+    "drive_force", "kN", "pull of the drives down to here, whole strand", axis="pull of the drives",
+    says="What the drives above pull the whole strand with.",
+)(lambda sample: sample.withdrawal.drives)  # fmt: skip
+of_rolls(
+    "effort", "kN", "axial effort between rolls and drives, whole strand", axis="axial effort",
+    says="Resistance less drives, of the whole strand: N - kM of the slice, or N by the thesis.",
+)(lambda sample: sample.withdrawal.effort)  # fmt: skip

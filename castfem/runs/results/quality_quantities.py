@@ -81,10 +81,10 @@ def critical_share(sample: Sample) -> float | None:
     return None if critical is None else sample.judged.worst["brittle_strain"].value / critical
 
 
-@quantity("centre_solid_fraction", "-", "solid fraction, centre", needs=("quality",))
-def centre_solid_fraction(sample: Sample) -> float | None:
-    """Solid fraction on the centre line."""
-    return sample.judged.solid_fraction
+quantity(
+    "centre_solid_fraction", "-", "solid fraction, centre", needs=("quality",),
+    says="Solid fraction on the centre line.",
+)(lambda sample: sample.judged.solid_fraction)  # fmt: skip
 
 
 def _declare_pool_end(fraction: float) -> Callable[[Sample], float | None]:

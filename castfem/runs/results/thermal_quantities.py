@@ -14,96 +14,64 @@ if TYPE_CHECKING:
     from castfem.runs.results.sample import Sample
 
 
-@quantity("solidus", "degC", "solidus", column=False)
-def solidus(sample: Sample) -> float:
-    """Solidus of the steel."""
-    return sample.simulation.steel.solidus
-
-
-@quantity("liquidus", "degC", "liquidus", column=False)
-def liquidus(sample: Sample) -> float:
-    """Liquidus of the steel."""
-    return sample.simulation.steel.liquidus
-
-
-@quantity("time", "s", "time", after="position")
-def time(sample: Sample) -> float:
-    """Time since the meniscus."""
-    return sample.time
-
-
-@quantity("position", "m", "position")
-def position(sample: Sample) -> float:
-    """Position of the slice below the meniscus."""
-    return sample.position
-
-
-@quantity("step", "s", "time step", row=False)
-def step(sample: Sample) -> float:
-    """Time step of the thermal problem."""
-    return sample.step
-
-
-@quantity("newton", "-", "Newton iterations of the temperature", row=False)
-def newton(sample: Sample) -> float:
-    """Newton iterations of the temperature in the step."""
-    return float(sample.newton)
-
-
-@quantity(
+quantity(
+    "solidus", "degC", "solidus", column=False,
+    says="Solidus of the steel.",
+)(lambda sample: sample.simulation.steel.solidus)  # fmt: skip
+quantity(
+    "liquidus", "degC", "liquidus", column=False,
+    says="Liquidus of the steel.",
+)(lambda sample: sample.simulation.steel.liquidus)  # fmt: skip
+quantity(
+    "time", "s", "time", after="position",
+    says="Time since the meniscus.",
+)(lambda sample: sample.time)  # fmt: skip
+quantity(
+    "position", "m", "position",
+    says="Position of the slice below the meniscus.",
+)(lambda sample: sample.position)  # fmt: skip
+quantity(
+    "step", "s", "time step", row=False,
+    says="Time step of the thermal problem.",
+)(lambda sample: sample.step)  # fmt: skip
+quantity(
+    "newton", "-", "Newton iterations of the temperature", row=False,
+    says="Newton iterations of the temperature in the step.",
+)(lambda sample: float(sample.newton))  # fmt: skip
+quantity(
     "surface_temperature", "degC", "surface, {}", each="probe", axis="temperature",
     after="liquidus_depth",
-)  # fmt: skip
-def surface_temperature(sample: Sample, probe: str) -> float:
-    """Temperature of the surface."""
-    return float(sample.profiles[probe].temperature[0])
-
-
-@quantity("shell", "mm", "shell, {}", each="probe", axis="depth below the surface")
-def shell(sample: Sample, probe: str) -> float:
-    """Depth of the solidus below the surface, along the probe's line."""
-    return sample.shell[probe]
-
-
-@quantity("solidus_cell", "mm", "cell of the solidus, {}", each="probe", row=False)
-def solidus_cell(sample: Sample, probe: str) -> float:
-    """Size of the cell in which that solidus lies, along the line; empty without one.
-
-    The curve of the shell is a staircase of cells: a vertex cools fast once all round it is solid.
-    It lies within a sixth of the cell of what fine cells give (cells of 4 mm against 0.8 mm in
-    `billet125/thermal` down to 13 m: -0.63 to +0.50 mm, 0.03 mm in the mean).
-    """
-    return sample.cell[probe]
-
-
-@quantity(
+    says="Temperature of the surface.",
+)(lambda sample, probe: float(sample.profiles[probe].temperature[0]))  # fmt: skip
+quantity(
+    "shell", "mm", "shell, {}", each="probe", axis="depth below the surface",
+    says="Depth of the solidus below the surface, along the probe's line.",
+)(lambda sample, probe: sample.shell[probe])  # fmt: skip
+quantity(
+    "solidus_cell", "mm", "cell of the solidus, {}", each="probe", row=False,
+    says="Size of the cell in which that solidus lies, along the line; empty without one. The "
+    "curve of the shell is a staircase of cells: a vertex cools fast once all round it is "
+    "solid. It lies within a sixth of the cell of what fine cells give (cells of 4 mm against "
+    "0.8 mm in `billet125/thermal` down to 13 m: -0.63 to +0.50 mm, 0.03 mm in the mean).",
+)(lambda sample, probe: sample.cell[probe])  # fmt: skip
+quantity(
     "liquidus_depth", "mm", "depth of the liquidus, {}", each="probe",
     axis="depth below the surface",
-)  # fmt: skip
-def liquidus_depth(sample: Sample, probe: str) -> float:
-    """Depth of the liquidus below the surface, along the probe's line."""
-    return sample.liquidus[probe]
-
-
-@quantity("heat_flux", "kW/m^2", "heat flux, {}", each="probe")
-def heat_flux(sample: Sample, probe: str) -> float:
-    """Heat flux that leaves the surface."""
-    return sample.flux[probe]
-
-
-@quantity("heat_removed", unit="J/m", shown="MJ/m", label="heat removed per m", axis="heat removed")
-def heat_removed(sample: Sample) -> float:
-    """Heat removed since the meniscus, per metre of the whole strand."""
-    return sample.removed
-
-
-@quantity("cooling_power", "kW", "cooling power to here")
-def cooling_power(sample: Sample) -> float:
-    """Heat removed, at the casting speed: what the machine takes down to here.
-
-    Where the speed changes it is the mean one on the way.
-    """
-    return sample.removed * sample.simulation.machine.mean_speed(sample.time)
+    says="Depth of the liquidus below the surface, along the probe's line.",
+)(lambda sample, probe: sample.liquidus[probe])  # fmt: skip
+quantity(
+    "heat_flux", "kW/m^2", "heat flux, {}", each="probe",
+    says="Heat flux that leaves the surface.",
+)(lambda sample, probe: sample.flux[probe])  # fmt: skip
+quantity(
+    "heat_removed", unit="J/m", shown="MJ/m", label="heat removed per m", axis="heat removed",
+    says="Heat removed since the meniscus, per metre of the whole strand.",
+)(lambda sample: sample.removed)  # fmt: skip
+quantity(
+    "cooling_power", "kW", "cooling power to here",
+    says="Heat removed, at the casting speed: what the machine takes down to here. Where the speed "
+    "changes it is the mean one on the way.",
+)(lambda sample: sample.removed * sample.simulation.machine.mean_speed(sample.time))  # fmt: skip
 
 
 @quantity("heat_removed_slice", "kJ", "heat removed in 1 s of casting, modelled part", column=False)
@@ -114,61 +82,41 @@ def heat_removed_slice(sample: Sample) -> float:
     return sample.removed / simulation.section.multiplicity * speed
 
 
-@quantity("temperature_core", "degC", "core", row=False)
-def temperature_core(sample: Sample) -> float:
-    """Temperature at the inner end of the first probe's line."""
-    return next((float(p.temperature[-1]) for p in sample.profiles.values()), np.nan)
-
-
-@quantity("temperature_min", "degC", "lowest temperature", row=False)
-def temperature_min(sample: Sample) -> float:
-    """Lowest temperature of the section."""
-    return sample.temperature_range[0]
-
-
-@quantity("temperature_max", "degC", "highest temperature")
-def temperature_max(sample: Sample) -> float:
-    """Highest temperature of the section."""
-    return sample.temperature_range[1]
-
-
-@quantity(
+quantity(
+    "temperature_core", "degC", "core", row=False,
+    says="Temperature at the inner end of the first probe's line.",
+)(
+    lambda sample: next((float(p.temperature[-1]) for p in sample.profiles.values()), np.nan)
+)  # fmt: skip
+quantity(
+    "temperature_min", "degC", "lowest temperature", row=False,
+    says="Lowest temperature of the section.",
+)(lambda sample: sample.temperature_range[0])  # fmt: skip
+quantity(
+    "temperature_max", "degC", "highest temperature",
+    says="Highest temperature of the section.",
+)(lambda sample: sample.temperature_range[1])  # fmt: skip
+quantity(
     "energy_error", "-", "relative error of the energy", row=False,
     axis="relative error of\nthe energy",
-)  # fmt: skip
-def energy_error(sample: Sample) -> float:
-    """Heat in less heat out less change of enthalpy in the step, relative."""
-    return sample.balance
-
-
-@quantity(
+    says="Heat in less heat out less change of enthalpy in the step, relative.",
+)(lambda sample: sample.balance)  # fmt: skip
+quantity(
     "metallurgical_length", "m", "metallurgical length", column=False,
     after="mould_penetration_max", of_way=True,
-)  # fmt: skip
-def metallurgical_length(sample: Sample) -> float | None:
-    """Where the last of the section passed the solidus; none while liquid is left."""
-    return sample.metallurgical_length
-
-
-@quantity(
+    says="Where the last of the section passed the solidus; none while liquid is left.",
+)(lambda sample: sample.metallurgical_length)  # fmt: skip
+quantity(
     "liquid_end", "m", "end of the liquid core, fs = 0", column=False,
     after="mould_penetration_max", of_way=True,
-)  # fmt: skip
-def liquid_end(sample: Sample) -> float | None:
-    """Where the last of the section passed the liquidus; none while some is above it."""
-    return sample.liquid_end
-
-
-@quantity(
+    says="Where the last of the section passed the liquidus; none while some is above it.",
+)(lambda sample: sample.liquid_end)  # fmt: skip
+quantity(
     "mould_mean_flux", "kW/m^2", "mean heat flux in the mould", column=False, after="cooling_power",
     of_way=True,
-)  # fmt: skip
-def mould_mean_flux(sample: Sample) -> float | None:
-    """Heat removed in the mould so far, over the surface of the strand and the time there.
-
-    The end of the mould is `mould.length`, or that of the zones which are called a mould.
-    """
-    return sample.mould_flux
+    says="Heat removed in the mould so far, over the surface of the strand and the time there. The "
+    "end of the mould is `mould.length`, or that of the zones which are called a mould.",
+)(lambda sample: sample.mould_flux)  # fmt: skip
 
 
 @lru_cache(maxsize=128)
