@@ -144,7 +144,11 @@ class Table:
         )
 
 
-def as_function(value: float | Table) -> Constant | Table:
+Tabled = float | Table
+"""A number, or a table of it over an argument."""
+
+
+def as_function(value: Tabled) -> Constant | Table:
     """Return a value that was given as one number or a table, as a function of its argument."""
     return value if isinstance(value, Table) else Constant(value)
 

@@ -12,7 +12,7 @@ from castfem.base.constants import ROUNDING
 from castfem.base.quantities import Kind, Length, Percent, Temperature, Time
 from castfem.base.shown_units import ShownUnits, UnitsNotation
 from castfem.base.table_notation import Curve
-from castfem.base.tables import Table
+from castfem.base.tables import Table, Tabled
 from castfem.base.units import in_mm
 from castfem.model.base import TableModel
 from castfem.model.checks import Faults, check, check_test, one_of
@@ -47,7 +47,7 @@ def _is_table(profile: float | Table) -> float | Table:
 
 
 SpeedOverTime = Annotated[
-    float | Table, Curve(Kind("m/s", "m/min", least=0.0), over="time"), AfterValidator(_goes)
+    Tabled, Curve(Kind("m/s", "m/min", least=0.0), "time"), AfterValidator(_goes)
 ]
 FieldName = Literal[ThermalField, MechanicalField, ContactField]
 """Fields that can be written."""
@@ -57,14 +57,12 @@ CONTACT_FIELDS: tuple[FieldName, ...] = get_args(ContactField)
 
 
 TemperatureOverDepth = Annotated[
-    float | Table, Curve(Kind("K", "degC"), over="depth"), AfterValidator(_is_table)
+    Tabled, Curve(Kind("K", "degC"), "depth"), AfterValidator(_is_table)
 ]
 
 
 Instant = Annotated[float, Kind("s", "s", least=0.0)]
-SuperheatOverTime = Annotated[
-    float | Table, Curve(Kind("K", "K", difference=True, least=0.0), over="time")
-]
+SuperheatOverTime = Annotated[Tabled, Curve(Kind("K", "K", difference=True, least=0.0), "time")]
 
 
 class Start(TableModel):

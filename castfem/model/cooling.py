@@ -25,7 +25,7 @@ from castfem.base.quantities import (
     WaterTemperature,
 )
 from castfem.base.table_notation import Curve
-from castfem.base.tables import Table
+from castfem.base.tables import Table, Tabled
 from castfem.model.base import TableModel, written
 from castfem.model.heat_law import (
     GAP,
@@ -54,15 +54,14 @@ __all__ = [
 
 FORMULA = "the name of a formula, "
 GivenFlux = Annotated[
-    str | float | Table,
+    str | Tabled,
     OrWord(Curve(Kind("W/m^2", "MW/m^2"), "time", ("position",)), MOULD_FLUXES, FORMULA),
 ]
 ContactCoefficient = Annotated[
-    float | Table,
-    Curve(Kind("W/(m^2 K)", "W/(m^2 K)", least=0.0), "position", ("time", "temperature")),
+    Tabled, Curve(Kind("W/(m^2 K)", "W/(m^2 K)", least=0.0), "position", ("time", "temperature"))
 ]
 ContactFlux = Annotated[
-    str | float | Table,
+    str | Tabled,
     OrWord(
         Curve(Kind("W/m^2", "MW/m^2", least=0.0), "position", ("time", "temperature")),
         MOULD_FLUXES,
@@ -71,7 +70,7 @@ ContactFlux = Annotated[
 ]
 
 MOULD = "mould"
-WallTemperature = Annotated[str | float | Table, OrWord(Curve(Kind("K", "degC"), "time"), (MOULD,))]
+WallTemperature = Annotated[str | Tabled, OrWord(Curve(Kind("K", "degC"), "time"), (MOULD,))]
 
 
 class Contact(ScaledLaw):
@@ -217,14 +216,10 @@ class Spray(HeatLaw):
 
 
 CoefficientOfTemperature = Annotated[
-    float | Table, Curve(Kind("W/(m^2 K)", "W/(m^2 K)", least=0.0), over="temperature")
+    Tabled, Curve(Kind("W/(m^2 K)", "W/(m^2 K)", least=0.0), "temperature")
 ]
 EmissivityOfTemperature = Annotated[
-    float | Table,
-    Curve(
-        Kind("1", least=0.0, most=1.0, label="emissivity", sample="0.8"),
-        over="temperature",
-    ),
+    Tabled, Curve(Kind("1", least=0.0, most=1.0, label="emissivity", sample="0.8"), "temperature")
 ]
 
 

@@ -13,7 +13,7 @@ from pydantic import Field
 from castfem.base.constants import ROUNDING
 from castfem.base.quantities import Kind, OrWord
 from castfem.base.table_notation import Curve
-from castfem.base.tables import Table
+from castfem.base.tables import Table, Tabled
 from castfem.model.base import TableModel
 from castfem.model.checks import Faults, caution, check
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 COUPLED = "coupled"
 ResistanceOverPosition = Annotated[
-    str | float | Table,
+    str | Tabled,
     OrWord(
         Curve(Kind("N", "kN", least=0.0, label="force", sample="700 kN"), "position"), (COUPLED,)
     ),

@@ -12,7 +12,7 @@ from pydantic import Field
 from castfem.base.errors import InputError
 from castfem.base.quantities import Kind, OrWord
 from castfem.base.table_notation import Curve
-from castfem.base.tables import Table
+from castfem.base.tables import Table, Tabled
 from castfem.model.base import Variants
 from castfem.model.water import Supply, Water, Watered
 from castfem.physics.machine import Machine
@@ -147,16 +147,12 @@ TOTALS = ("power", "water", "water_rise")
 """Keys of a measured total."""
 
 HeatFlow = Annotated[
-    float | Table, Curve(Kind("W", "kW", above=0.0, label="heat flow", sample="1450 kW"), "speed")
+    Tabled, Curve(Kind("W", "kW", above=0.0, label="heat flow", sample="1450 kW"), "speed")
 ]
 VolumeFlow = Annotated[
-    float | Table,
-    Curve(Kind("m^3/s", "L/min", above=0.0, label="water", sample="1800 L/min"), "speed"),
+    Tabled, Curve(Kind("m^3/s", "L/min", above=0.0, label="water", sample="1800 L/min"), "speed")
 ]
-Rise = Annotated[
-    float | Table,
-    Curve(Kind("K", "K", difference=True, above=0.0, sample="7 K"), "speed"),
-]
+Rise = Annotated[Tabled, Curve(Kind("K", "K", difference=True, above=0.0, sample="7 K"), "speed")]
 MeasuredAt = Annotated[float | str, OrWord(Kind("m/s", "m/min", above=0.0), (ANY_SPEED,))]
 
 

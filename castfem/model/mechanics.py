@@ -15,7 +15,7 @@ from castfem.base.constants import ROUNDING, ZERO_STRENGTH
 from castfem.base.errors import choices
 from castfem.base.quantities import Kind, Notation, OrWord, PositiveDifference, Time
 from castfem.base.table_notation import Curve
-from castfem.base.tables import Table
+from castfem.base.tables import Tabled
 from castfem.base.types import MushyZone
 from castfem.base.units import in_mm, parse_any
 from castfem.model.base import OneWord, TableModel, written
@@ -36,22 +36,21 @@ Solid = Annotated[float, Kind("1", least=0.0, most=0.99, label="solid fraction",
 Growth = Annotated[float, Kind("1", least=1.0, most=100.0, label="growth", sample="8")]
 Tolerance = Annotated[float, Kind("1", above=0.0, most=0.1, label="tolerance", sample="1e-8")]
 Force = Annotated[
-    float | Table,
-    Curve(Kind("N", "kN", label="force", sample="10 kN"), over="time", others=("position",)),
+    Tabled, Curve(Kind("N", "kN", label="force", sample="10 kN"), "time", ("position",))
 ]
 MomentOfTime = Annotated[
-    float | Table, Curve(Kind("N m", "kN m", label="moment", sample="1 kN m"), over="time")
+    Tabled, Curve(Kind("N m", "kN m", label="moment", sample="1 kN m"), "time")
 ]
 DisplacementOfTime = Annotated[
-    float | Table, Curve(Kind("m", "mm", label="displacement", sample="0.1 mm"), over="time")
+    Tabled, Curve(Kind("m", "mm", label="displacement", sample="0.1 mm"), "time")
 ]
 
 
 AxialStrain = Annotated[
-    str | float | Table, OrWord(Curve(Kind("1", label="strain", sample="0.001"), "time"), (FREE,))
+    str | Tabled, OrWord(Curve(Kind("1", label="strain", sample="0.001"), "time"), (FREE,))
 ]
 Gradient = Annotated[
-    str | float | Table,
+    str | Tabled,
     OrWord(Curve(Kind("1/m", "1/m", label="gradient", sample="0.1 1/m"), "time"), (FREE,)),
 ]
 

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from castfem.base.quantities import Distance, Kind, Length, PositiveNumber, Speed, Temperature
 from castfem.base.table_notation import Curve
-from castfem.base.tables import Table
+from castfem.base.tables import Tabled
 from castfem.base.units import in_mm
 from castfem.model.base import OneWord, TableModel, Variants, written
 from castfem.model.checks import Faults, check
@@ -24,13 +24,11 @@ if TYPE_CHECKING:
     from castfem.physics.contact.friction import Friction as FrictionLaw
 
 
-FluxOfPosition = Annotated[
-    float | Table, Curve(Kind("W/m^2", "MW/m^2", least=0.0), over="position")
-]
+FluxOfPosition = Annotated[Tabled, Curve(Kind("W/m^2", "MW/m^2", least=0.0), "position")]
 CoefficientOfPosition = Annotated[
-    float | Table, Curve(Kind("W/(m^2 K)", "W/(m^2 K)", above=0.0), over="position")
+    Tabled, Curve(Kind("W/(m^2 K)", "W/(m^2 K)", above=0.0), "position")
 ]
-TemperatureOfPosition = Annotated[float | Table, Curve(Kind("K", "degC"), over="position")]
+TemperatureOfPosition = Annotated[Tabled, Curve(Kind("K", "degC"), "position")]
 Cells = Annotated[float, Kind("1", least=1.0, most=64.0, label="number of cells", sample="2")]
 CornerShare = Annotated[float, Kind("1", least=0.0, most=2.0, label="share", sample="0.6")]
 
@@ -94,17 +92,15 @@ def _surrounds(case: Case, table: MouldTube) -> Faults:
 
 
 ConductivityOfTemperature = Annotated[
-    float | Table, Curve(Kind("W/(m K)", "W/(m K)", above=0.0), over="temperature")
+    Tabled, Curve(Kind("W/(m K)", "W/(m K)", above=0.0), "temperature")
 ]
-ExpansionOfTemperature = Annotated[
-    float | Table, Curve(Kind("1/K", "1/K", above=0.0), over="temperature")
-]
+ExpansionOfTemperature = Annotated[Tabled, Curve(Kind("1/K", "1/K", above=0.0), "temperature")]
 ModulusOfTemperature = Annotated[
-    float | Table,
+    Tabled,
     Curve(Kind("Pa", "GPa", above=0.0, label="Young's modulus", sample="117 GPa"), "temperature"),
 ]
 PoissonOfTemperature = Annotated[
-    float | Table,
+    Tabled,
     Curve(Kind("1", least=0.0, most=0.49, label="Poisson's ratio", sample="0.34"), "temperature"),
 ]
 ExpansionCoefficient = Annotated[float, Kind("1/K", "1/K", above=0.0)]

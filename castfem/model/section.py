@@ -15,7 +15,7 @@ from pydantic import Field
 from castfem.base.errors import CaseError
 from castfem.base.quantities import Distance, Kind, Length
 from castfem.base.table_notation import Curve
-from castfem.base.tables import Table
+from castfem.base.tables import Tabled
 from castfem.base.units import in_mm
 from castfem.model.base import TableModel, Unreadable, Variants, written
 from castfem.model.checks import Faults, caution, check
@@ -28,9 +28,7 @@ if TYPE_CHECKING:
 Size = Callable[[str], float]
 """Size of a cavity at the meniscus by the name that [mould] and [section] give it, m."""
 Symmetry = Literal["quarter", "half", "whole"]
-Bulge = Annotated[
-    float | Table, Curve(Kind("m", "mm", label="offset", sample="0.2 mm"), over="way")
-]
+Bulge = Annotated[Tabled, Curve(Kind("m", "mm", label="offset", sample="0.2 mm"), "way")]
 _SYMMETRY = "part that is modelled; half is the side x >= 0"
 
 

@@ -12,7 +12,7 @@ from pydantic import AfterValidator, Field, PlainValidator, WithJsonSchema
 from castfem.base.errors import grouped
 from castfem.base.quantities import Kind, Percent, Time
 from castfem.base.table_notation import Curve
-from castfem.base.tables import Table
+from castfem.base.tables import Table, Tabled
 from castfem.model.base import TableModel, written
 from castfem.model.casting import Reference
 from castfem.model.checks import Faults, check_test
@@ -42,13 +42,13 @@ Material = Annotated[
 ]
 StrainRate = Annotated[float, Kind("1/s", "1/s", label="strain rate", sample="1e-3 1/s")]
 Expansion = Annotated[float, Kind("1/K", "1/K", least=0.0)]
-TemperatureOfTime = Annotated[float | Table, Curve(Kind("K", "degC"), over="time")]
+TemperatureOfTime = Annotated[Tabled, Curve(Kind("K", "degC"), "time")]
 YoungOfTemperature = Annotated[
-    float | Table,
+    Tabled,
     Curve(Kind("Pa", "GPa", above=0.0, label="Young's modulus", sample="20 GPa"), "temperature"),
 ]
 PoissonOfTemperature = Annotated[
-    float | Table,
+    Tabled,
     Curve(Kind("1", least=0.0, most=0.499, label="Poisson's ratio", sample="0.3"), "temperature"),
 ]
 

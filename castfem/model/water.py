@@ -15,7 +15,7 @@ from pydantic import Field
 
 from castfem.base.quantities import Kind
 from castfem.base.table_notation import Curve
-from castfem.base.tables import Table
+from castfem.base.tables import Table, Tabled
 from castfem.model.base import TableModel
 from castfem.model.checks import Faults, check, given, one_of
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 Flow = float | Table
 ZoneFlow = Annotated[
-    float | Table,
+    Tabled,
     Curve(
         Kind("m^3/s", "L/min", least=0.0, label="water flow", sample="240 L/min"),
         "speed",
@@ -35,8 +35,7 @@ ZoneFlow = Annotated[
     ),
 ]
 SpecificWater = Annotated[
-    float,
-    Kind("m^3/kg", "L/kg", least=0.0, label="water per mass of steel", sample="0.8 L/kg"),
+    float, Kind("m^3/kg", "L/kg", least=0.0, label="water per mass of steel", sample="0.8 L/kg")
 ]
 WaterShare = Annotated[float, Kind("1", least=0.0, most=1.0, label="share", sample="0.3")]
 _SAMPLES = {
