@@ -166,9 +166,6 @@ class GrowingFile:
 
         Args:
             durable: Force it to disk, so that it survives a power cut too.
-
-        Raises:
-            RunFailure: The file cannot be written; the old one is untouched.
         """
         copy = temporary_name(self._path)
         link = self._path.with_name(f"{copy.name}2")

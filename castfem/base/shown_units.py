@@ -264,11 +264,7 @@ def difference_of(unit: str) -> str:
 
 
 def check(what: str, si: str, unit: str) -> None:
-    """Refuse the unit of another dimension.
-
-    Raises:
-        ValueError: With `what` in front.
-    """
+    """Refuse the unit of another dimension."""
     try:
         units.convert(1.0, si, unit)
     except ValueError as error:

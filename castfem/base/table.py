@@ -115,11 +115,7 @@ class Table:
         return text.getvalue()
 
     def write_csv(self, path: Path) -> Path:
-        """Write it as comma-separated values.
-
-        Raises:
-            RunFailure: It cannot be written.
-        """
+        """Write it as comma-separated values."""
         write_text(path, self.csv(), durable=False)
         return path
 

@@ -274,11 +274,7 @@ def _written(values: Sequence[float], kind: Kind) -> tuple[list[float], str | No
 
 
 def _column(name: str, cells: object, unit: object, kind: Kind) -> tuple[float, ...]:
-    """Read one column in SI; `unit` is that of bare numbers, None if there is none.
-
-    Raises:
-        ValueError: Not a list, empty, or a bad cell, which is named by its row.
-    """
+    """Read one column in SI; `unit` is that of bare numbers, None if there is none."""
     if not isinstance(cells, Sequence) or isinstance(cells, str):
         raise ValueError(f"'{name}' must be a list of values")
     if not cells:
@@ -308,9 +304,6 @@ def _columns_of_file(path: Path, over: str, kind: Kind) -> dict[str, Any]:
     """Return the columns of a CSV file with the header `temperature [degC], value [...]`.
 
     The second column may have any name.
-
-    Raises:
-        ValueError: The file cannot be read, or its header or a row is not as it must be.
     """
     try:
         file = read_csv(path)

@@ -182,11 +182,7 @@ def describe(si: str, difference: bool) -> tuple[str, str]:
 def _conversion(
     unit: str, si: str, difference: bool, kind: tuple[str, str] | None = None
 ) -> tuple[Fraction, Fraction]:
-    """Return scale and offset with `value_in_si = scale * value + offset`.
-
-    Raises:
-        ValueError: The unit is unknown or measures something else.
-    """
+    """Return scale and offset with `value_in_si = scale * value + offset`."""
     scale, names = COMMON.get(unit, (Fraction(1), ()))
     if si in names:
         return scale, Fraction(0)
@@ -215,11 +211,7 @@ def _conversion(
 
 
 def split(text: str) -> tuple[str, str]:
-    """Split a quantity into its number and its unit (empty when there is none).
-
-    Raises:
-        ValueError: The text does not begin with a number.
-    """
+    """Split a quantity into its number and its unit (empty when there is none)."""
     found = _QUANTITY.fullmatch(text)
     if not found:
         raise ValueError(f'"{text}" does not begin with a number')
@@ -302,11 +294,7 @@ def parse_any(text: object) -> tuple[float, str]:
 
 @lru_cache(maxsize=1024)  # a sweep reads the same units again for each of its cases
 def _si_of(unit: str) -> str:
-    """Return the name of the SI unit of the same dimension, as `parse_any`.
-
-    Raises:
-        ValueError: The unit is unknown.
-    """
+    """Return the name of the SI unit of the same dimension, as `parse_any`."""
     if unit in COMMON:
         return COMMON[unit][1][0]
     if unit == "degC":
@@ -334,11 +322,7 @@ def number_in(text: object, unit: str) -> float | None:
 
 
 def convert(value: float, si: str, unit: str, *, difference: bool = False) -> float:
-    """Return an SI value in another unit: `convert(433.15, "K", "degC")` is 160.
-
-    Raises:
-        ValueError: The unit is unknown or of another dimension.
-    """
+    """Return an SI value in another unit: `convert(433.15, "K", "degC")` is 160."""
     scale, offset = _conversion("" if unit == "1" else unit, si, difference)
     return float((Fraction(value) - offset) / scale)
 
@@ -347,9 +331,6 @@ def factor_and_zero(si: str, unit: str) -> tuple[float, float]:
     """Return what turns many SI values into a unit: factor * value - zero; (1.0, 273.15) to degC.
 
     `convert` rounds once and takes its time; this rounds the factor, and is quick.
-
-    Raises:
-        ValueError: The unit is unknown or of another dimension.
     """
     scale, offset = _conversion("" if unit == "1" else unit, si, False)
     return float(1 / scale), float(offset / scale)

@@ -111,11 +111,7 @@ def full_key(root: type[TableModel], data: Mapping[str, Any], key: str) -> str:
 
 
 def _with_law(root: type[TableModel], data: Mapping[str, Any], parts: list[str]) -> str:
-    """Return a key of a zone with the heat law that it leaves out; "" where it leaves out none.
-
-    Raises:
-        ValueError: Several laws have it.
-    """
+    """Return a key of a zone with the heat law that it leaves out; "" where it leaves out none."""
     zones = data.get("cooling")
     if parts[0] != "cooling" or len(parts) < 3 or not isinstance(zones, list):
         return ""

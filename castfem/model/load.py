@@ -109,11 +109,7 @@ def read_case(path: str | Path, overrides: Iterable[str] = ()) -> Reading:
 
 
 def from_document(data: Mapping[str, Any], label: str = "case") -> Case:
-    """Validate the tables of a case that was made in memory, written as in a case file.
-
-    Raises:
-        InputError: As `load_case`.
-    """
+    """Validate the tables of a case that was made in memory, written as in a case file."""
     sound = _without_none(dict(data))
     return _or_raise(_validate(document.Document(copy.deepcopy(sound), label)))
 
@@ -160,11 +156,7 @@ def changed(
 
 
 def value_of(case: Case, key: str) -> Any:
-    """Return what a case has under a key, as a case file has it; None where it has nothing.
-
-    Raises:
-        ValueError: No key has this bare name, or several have.
-    """
+    """Return what a case has under a key, as a case file has it; None where it has nothing."""
     data = case.document()
     return key_names.value_at(data, key_names.full_key(Case, data, key))
 

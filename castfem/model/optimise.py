@@ -54,11 +54,7 @@ class Bound:
 
 
 def bound(text: str) -> Bound:
-    """Read a constraint.
-
-    Raises:
-        ValueError: It is not written as one.
-    """
+    """Read a constraint."""
     found = _CONSTRAINT.fullmatch(text)
     if found is None:
         other = re.search(r"[<>=]+", text)

@@ -326,11 +326,7 @@ def _coarse(case: Case, mesh: Mesh) -> Faults:
 
 @contextmanager
 def meshing() -> Iterator[None]:
-    """Return a block in which the section of a case is meshed.
-
-    Raises:
-        CaseError: What the mesher refuses: too many cells, cells that would be bad.
-    """
+    """Return a block in which the section of a case is meshed."""
     try:
         yield
     except ValueError as error:

@@ -88,11 +88,7 @@ def gathered(rows: Array) -> WallDisplacement:
 
 
 def write_wall(path: Path, wall: WallDisplacement, about: str) -> None:
-    """Write a displaced wall to a CSV file, whole or not at all.
-
-    Raises:
-        InputError: It cannot be written.
-    """
+    """Write a displaced wall to a CSV file, whole or not at all."""
     lines = [f"# {about}", _COLUMNS.header]
     lines += [", ".join(f"{1e3 * cell:.9g}" for cell in row) for row in flat(wall)]
     try:

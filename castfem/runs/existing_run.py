@@ -51,9 +51,6 @@ def check(
         overwrite: Whether any run there may be replaced.
         script: Whether messages speak to a script; otherwise to the command line.
         goes_on: Whether a run that was cut short there is taken up all the same: one of several.
-
-    Raises:
-        InputError: It is, or has, or it cannot be told; or the folder is a file.
     """
     other, fresh, replace = _SCRIPT if script else _COMMAND
     if folder.exists() and not folder.is_dir():

@@ -42,11 +42,7 @@ class Interrupt(Closing):
         self._previous: dict[signal.Signals, Any] = {}
 
     def check(self) -> None:
-        """Stop here if that is wanted (collective).
-
-        Raises:
-            Stopped: It is.
-        """
+        """Stop here if that is wanted (collective)."""
         comm = self._comm
         number = self.wanted if comm.size == 1 else comm.allreduce(self.wanted, op=MPI.MAX)
         if number:

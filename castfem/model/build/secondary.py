@@ -53,9 +53,6 @@ class SecondaryCooling:
     Attributes:
         positions: Where something changes, from `start` on, m.
         coolings: What holds from there on, as many.
-
-    Raises:
-        InputError: The steel has no emissivity, and the case gives none.
     """
 
     def __init__(

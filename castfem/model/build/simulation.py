@@ -327,11 +327,7 @@ def step_control(case: Case, milestones: list[float], least: float = 0.0) -> Ste
 
 
 def build_mesh(case: Case) -> SectionMesh:
-    """The section's mesh, from the user's cache if it is there.
-
-    Raises:
-        CaseError: The mesh cannot be built, or would have bad cells.
-    """
+    """The section's mesh, from the user's cache if it is there."""
     from castfem import meshes
 
     with meshing():

@@ -51,9 +51,6 @@ def save_checkpoint(
         arrays: Name to array; a "/" in a name groups. They come back bit by bit.
         physics: Hash of everything in the case that the state depends on.
         case: The same in words: the tables of the case.
-
-    Raises:
-        RunFailure: The file cannot be written; the old one is untouched.
     """
     image = _image(dict(meta), arrays, physics, dict(case or {}))
     with replacing(Path(path)) as temporary:

@@ -99,9 +99,6 @@ def begin(
         cells: (m, k) nodes of the cells in VTK order.
         facts: Attributes of the file.
         dtype: Of the values.
-
-    Raises:
-        RunFailure: It cannot be written.
     """
     remove_singles(folder)
 
@@ -122,11 +119,7 @@ def add(
     position: float,
     fields: Mapping[str, tuple[str, Values]],
 ) -> Step:
-    """Puts one time on disk; it is there whole, or not at all.
-
-    Raises:
-        RunFailure: It cannot be written; whatever there was stays as it was.
-    """
+    """Puts one time on disk; it is there whole, or not at all."""
     path = folder / SINGLE_NAME / f"{number:06d}.h5"
     step = Step(number, time, position, f"{SINGLE_NAME}/{path.name}")
 
@@ -204,11 +197,7 @@ def singles(folder: Path) -> list[Path]:
 
 
 def remove_singles(folder: Path, keep: Iterable[Step] = ()) -> None:
-    """Removes the files of single times but those to keep, the last first; no file of the user.
-
-    Raises:
-        RunFailure: They cannot be removed.
-    """
+    """Removes the files of single times but those to keep, the last first; no file of the user."""
     kept = {folder / step.file for step in keep}
     for path in [*reversed(singles(folder)), *_named(folder, _LEFTOVER)]:
         if path not in kept:

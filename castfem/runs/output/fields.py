@@ -32,11 +32,7 @@ class Fields(Closing):
     """
 
     def __init__(self, folder: Path | str) -> None:
-        """Opens the fields of a folder; also while a run is writing them.
-
-        Raises:
-            InputError: There are none, or they cannot be read.
-        """
+        """Opens the fields of a folder; also while a run is writing them."""
         self.folder = Path(folder)
         self._path = self.folder / HDF5_NAME
         if not self._path.is_file():
@@ -93,11 +89,7 @@ class Fields(Closing):
         return self._centres[name]
 
     def values(self, name: str, index: int = -1) -> NDArray[np.float64]:
-        """A field at one time: (rows,), (rows, 3) or (rows, 9); `index` as in a list.
-
-        Raises:
-            InputError: No such field, or it cannot be read.
-        """
+        """A field at one time: (rows,), (rows, 3) or (rows, 9); `index` as in a list."""
         if name not in self.names:
             raise InputError(f"{self._path}: no field {name}; there are {self.names}")
         place = range(len(self._steps))[index]

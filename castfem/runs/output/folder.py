@@ -153,9 +153,6 @@ class OutputFolder(Closing):
         """Changes entries of run.json, named as in `RunRecord`.
 
         wall_time is that of this process; it is added to what the run had taken before a resume.
-
-        Raises:
-            RunFailure: It cannot be written.
         """
         if changes:
             self._before = None  # the run is on its way
@@ -169,11 +166,7 @@ class OutputFolder(Closing):
         self.record.write(self.path)
 
     def write_summary(self, summary: Summary) -> None:
-        """Writes summary.json.
-
-        Raises:
-            RunFailure: It cannot be written.
-        """
+        """Writes summary.json."""
         write_json(self / SUMMARY_NAME, summary.to_json())
 
     def finish(self, **changes: Any) -> None:

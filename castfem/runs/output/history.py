@@ -133,11 +133,7 @@ class History(Closing):
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     def sync(self) -> None:
-        """Forces the rows to disk: a state that outlives a power cut must not lack them.
-
-        Raises:
-            RunFailure: That fails.
-        """
+        """Forces the rows to disk: a state that outlives a power cut must not lack them."""
         if self._handle >= 0:
             with saving(self._path):
                 os.fsync(self._handle)
@@ -160,9 +156,6 @@ def read_history(path: Path | str) -> pandas.DataFrame:
 
     The units are in `table.attrs["units"]`, a dict of name to unit. A last row cut off by a kill is
     left out.
-
-    Raises:
-        InputError: No such file, or it is not a history.
     """
     import pandas
 

@@ -63,11 +63,7 @@ class RunRecord:
 
     @classmethod
     def load(cls, folder: Path | str) -> RunRecord:
-        """Reads run.json.
-
-        Raises:
-            InputError: There is none, or it is not castfem's.
-        """
+        """Reads run.json."""
         path = Path(folder) / RUN_NAME
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
@@ -96,11 +92,7 @@ class RunRecord:
         return found
 
     def write(self, folder: Path) -> None:
-        """Writes run.json.
-
-        Raises:
-            RunFailure: It cannot be written.
-        """
+        """Writes run.json."""
         write_json(folder / RUN_NAME, {"format": _FORMAT, **asdict(self)})
 
 

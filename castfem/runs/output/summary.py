@@ -239,11 +239,7 @@ class Summary:
 
     @classmethod
     def load(cls, folder: Path | str) -> Summary | None:
-        """Reads summary.json; None if the folder has none yet.
-
-        Raises:
-            InputError: It cannot be read.
-        """
+        """Reads summary.json; None if the folder has none yet."""
         path = Path(folder) / SUMMARY_NAME
         if not path.is_file():
             return None

@@ -95,11 +95,7 @@ class Heading:
 
     @classmethod
     def read(cls, text: str) -> Heading:
-        """The inverse of `text`.
-
-        Raises:
-            ValueError: It is none.
-        """
+        """The inverse of `text`."""
         found = json.loads(text)
         if not isinstance(found, dict) or found.get("format") != FORMAT:
             raise ValueError("not written by castfem")
@@ -111,11 +107,7 @@ class Heading:
 
 
 class MapWriter(Closing):
-    """Adds a row a step; keeps one file open.
-
-    Raises:
-        RunFailure: The file cannot be written.
-    """
+    """Adds a row a step; keeps one file open."""
 
     def __init__(self, folder: Path, heading: Heading, kept: bytes = b"") -> None:
         self._folder, self._heading = folder, heading
@@ -127,12 +119,7 @@ class MapWriter(Closing):
 
     @classmethod
     def resume(cls, folder: Path, heading: Heading, rows: int) -> MapWriter:
-        """Goes on with the maps of an earlier run behind so many rows.
-
-        Raises:
-            InputError: There are none, they cannot be read, or they are others.
-            RunFailure: They cannot be written.
-        """
+        """Goes on with the maps of an earlier run behind so many rows."""
         there, found = _read(folder)
         path = folder / (ROWS_NAME if (folder / ROWS_NAME).is_file() else MAPS_NAME)
         if there.text() != heading.text():
@@ -145,11 +132,7 @@ class MapWriter(Closing):
         return cls(folder, heading, found[:rows].tobytes())
 
     def append(self, time: float, position: float, values: Array) -> None:
-        """Adds a row.
-
-        Raises:
-            RunFailure: It cannot be written.
-        """
+        """Adds a row."""
         row = np.zeros(1, self._heading.row)
         row["time"], row["position"], row["values"] = time, position, values
         with saving(self._folder / ROWS_NAME):
@@ -182,9 +165,6 @@ class SurfaceMaps:
     Attributes:
         heading: Vertices, names and units, band, rolls.
         time: (rows,), s. position: (rows,), m.
-
-    Raises:
-        InputError: There are none, or they cannot be read.
     """
 
     def __init__(self, folder: Path | str) -> None:

@@ -114,12 +114,7 @@ class FieldWriter(Closing):
     def resume(
         cls, folder: Path | str, time: float, names: Iterable[str] | None = None
     ) -> FieldWriter:
-        """Goes on with the files of an earlier run and drops what was written after `time` [s].
-
-        Raises:
-            InputError: There are none, they cannot be read, or they have other fields.
-            RunFailure: They cannot be written.
-        """
+        """Goes on with the files of an earlier run and drops what was written after `time` [s]."""
         path = Path(folder) / HDF5_NAME
         if not path.is_file():
             raise InputError(

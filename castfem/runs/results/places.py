@@ -23,11 +23,7 @@ if TYPE_CHECKING:
 
 
 def read_positions(given: Sequence[str]) -> list[float]:
-    """Return positions a user has written, "800 mm", in m.
-
-    Raises:
-        InputError: One is none.
-    """
+    """Return positions a user has written, "800 mm", in m."""
     found, problems = [], []
     for text in given:
         try:
