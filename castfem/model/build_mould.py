@@ -90,7 +90,7 @@ def _goes_with(case: Case, table: Mould) -> Faults:
 
 
 def nominal_mould(table: Mould, section: Section) -> wall.Mould:
-    """Return the mould of the sizes and the taper as they are written, neither hot nor displaced."""
+    """Return the mould of sizes and taper as they are written, neither hot nor displaced."""
     return wall.Mould(_cavity(table, section, 1.0), table.length, _tapers(table))
 
 
