@@ -200,6 +200,46 @@ class GrowingFile:
             temporary_name(self._path).unlink()
 
 
+class AppendedFile(Closing):
+    """A file that grows by whole pieces: one that a full disk or a kill cuts off is not in it.
+
+    Raises:
+        CannotWrite: It cannot be opened, and so of its methods.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        with saving(path):
+            self._handle = os.open(path, os.O_WRONLY | os.O_APPEND)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it has not been closed."""
+        return self._handle >= 0
+
+    def append(self, piece: bytes) -> None:
+        """Adds a piece, which goes to the operating system at once."""
+        with saving(self._path):
+            before = os.fstat(self._handle).st_size
+            if os.write(self._handle, piece) != len(piece):  # the disk was full in the middle
+                os.ftruncate(self._handle, before)
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def sync(self) -> None:
+        """Forces the file to disk: a state that outlives a power cut must not lack its pieces."""
+        if self.is_open:
+            with saving(self._path):
+                os.fsync(self._handle)
+
+    def close(self) -> None:
+        """Closes the file; nothing is lost without it."""
+        if self.is_open:
+            with suppress(OSError):
+                os.fsync(self._handle)
+            os.close(self._handle)
+        self._handle = -1
+
+
 def write_text(path: Path, text: str, durable: bool = True) -> None:
     """Writes a text file atomically (see `replacing`)."""
     with replacing(path, durable) as temporary:

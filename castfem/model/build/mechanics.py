@@ -149,7 +149,11 @@ def _planes(
     """What constrains the planes: the rolls of a machine that bends the strand, or the case."""
     force = _shared(table.force, machine, section.multiplicity)
     if case.bends:
-        effort = _effort(case, table, machine, steel, section)
+        effort = None
+        if case.machine is not None and case.machine.extraction is not None:
+            from castfem.model.build.extraction import build_effort
+
+            effort = build_effort(case, table, machine, steel, section)
         return _bent(case, table, machine, force, effort, section.multiplicity)
     free = given.free_strains(table, allowed_strains(section.groups))
     imposed = {
@@ -164,21 +168,6 @@ def _planes(
         moment_x=_shared(table.moment_x, machine, section.multiplicity),
         moment_y=_shared(table.moment_y, machine, section.multiplicity),
     )
-
-
-def _effort(
-    case: Case,
-    table: given.GeneralizedPlaneStrain,
-    machine: Machine,
-    steel: Steel,
-    section: Section,
-) -> Effort | None:
-    """The effort of rolls and drives; a case without [machine.extraction] does not import it."""
-    if case.machine is None or case.machine.extraction is None:
-        return None
-    from castfem.model.build.extraction import build_effort
-
-    return build_effort(case, table, machine, steel, section)
 
 
 def _bent(

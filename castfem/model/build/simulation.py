@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -118,7 +119,11 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
         section = Section(comm, on_root(comm, lambda: build_mesh(case)))
         probes = LineProbes(section, _probe_lines(case, section))
     with watch.section("setup: mechanics"):
-        mechanics = _mechanics(case, machine, steel, section, probes, watch)
+        mechanics = None
+        if case.mechanics is not None:  # a thermal simulation does not even import them
+            from castfem.model.build.mechanics import build_mechanics
+
+            mechanics = build_mechanics(case, machine, steel, section, probes, watch)
     shape = None
     if mechanics is not None and case.coupling.follow_shape:
         shape = Shape(section, mechanics.problem.space, steel.solidus)
@@ -164,22 +169,15 @@ def _probe_lines(case: Case, section: Section) -> dict[str, tuple[Array, Array]]
 
 def _windows(case: Case, machine: Machine, milestones: list[float]) -> StepControl:
     """Choice of the coupling windows, of equal times or of equal lengths of strand."""
-    duration, given = case.casting.duration, case.coupling.interval
-    allowed, most = case.coupling.window_error or ALLOWED, case.coupling.growth or 1.0
+    given, choice = case.coupling.interval, partial(
+        StepControl, case.casting.duration, milestones, order=ORDER,
+        tolerance=case.coupling.window_error or ALLOWED, most=case.coupling.growth or 1.0,
+    )  # fmt: skip
     if not isinstance(given, Way):
-        return StepControl(
-            duration, milestones, fixed=given, tolerance=allowed, order=ORDER, most=most
-        )
-    length = given.length
-    return StepControl(
-        duration,
-        milestones,
-        fixed=STANDING * machine.window_time(length),
-        tolerance=allowed,
-        order=ORDER,
-        longest=lambda time: machine.window(time, length),
-        unit=machine.window_time(length),
-        most=most,
+        return choice(fixed=given)
+    length, unit = given.length, machine.window_time(given.length)
+    return choice(
+        fixed=STANDING * unit, longest=lambda time: machine.window(time, length), unit=unit
     )
 
 
@@ -224,22 +222,6 @@ def _reach(section: Section) -> tuple[float, float]:
     place = np.abs(section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2])
     x, y = (reductions.largest(section.comm, values) for values in place.T)
     return x, y
-
-
-def _mechanics(
-    case: Case,
-    machine: Machine,
-    steel: Steel,
-    section: Section,
-    probes: LineProbes,
-    watch: Stopwatch,
-) -> MechanicalStepper | None:
-    """The mechanics of a case that has some; a thermal simulation does not even import them."""
-    if case.mechanics is None:
-        return None
-    from castfem.model.build.mechanics import build_mechanics
-
-    return build_mechanics(case, machine, steel, section, probes, watch)
 
 
 def case_steel(case: Case) -> Steel:

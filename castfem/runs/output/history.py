@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import errno
 import math
 import os
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from castfem.base.atomic_files import Closing, saving, write_text
+from castfem.base.atomic_files import AppendedFile, Closing, write_text
 from castfem.base.constants import same_or_before
 from castfem.base.errors import InputError
 
@@ -31,9 +29,8 @@ class History(Closing):
     goes to the operating system in one piece, so that a killed run leaves whole rows.
     """
 
-    _path: Path
     _names: tuple[str, ...]
-    _handle: int
+    _file: AppendedFile
 
     def __init__(self, path: Path | str, columns: Sequence[tuple[str, str]]) -> None:
         """Begins the file anew.
@@ -54,10 +51,9 @@ class History(Closing):
             raise ValueError("two columns have the same name")
         if not columns or columns[0] != ("time", "s"):
             raise ValueError("the first column is time in s")
-        self._path = Path(path)
         self._names = tuple(name for name, _ in columns)
-        write_text(self._path, _line([f"{name} [{unit}]" for name, unit in columns]))
-        self._open()
+        write_text(Path(path), _line([f"{name} [{unit}]" for name, unit in columns]))
+        self._file = AppendedFile(Path(path))
 
     @classmethod
     def resume(
@@ -107,10 +103,9 @@ class History(Closing):
         if any(later <= time for time, later in pairwise(times)):
             raise InputError(f"{path}: its times do not increase; put it right, or {_ANEW}")
         history = cls.__new__(cls)
-        history._path = path
         history._names = tuple(name for name, _ in found)
         write_text(path, "".join(f"{line}\n" for line in kept))
-        history._open()
+        history._file = AppendedFile(path)
         return history
 
     def append(self, row: Mapping[str, float]) -> None:
@@ -124,31 +119,16 @@ class History(Closing):
         if unknown:
             raise ValueError(f"no such column: {', '.join(sorted(unknown))}")
         cells = [f"{float(row.get(name, math.nan)):.12g}" for name in self._names]
-        text = _line([cell if math.isfinite(float(cell)) else "" for cell in cells]).encode()
-        with saving(self._path):
-            before = os.fstat(self._handle).st_size
-            written = os.write(self._handle, text)
-            if written != len(text):  # the disk was full in the middle of the row
-                os.ftruncate(self._handle, before)
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        text = _line([cell if math.isfinite(float(cell)) else "" for cell in cells])
+        self._file.append(text.encode())
 
     def sync(self) -> None:
-        """Forces the rows to disk: a state that outlives a power cut must not lack them."""
-        if self._handle >= 0:
-            with saving(self._path):
-                os.fsync(self._handle)
+        """Forces the rows to disk."""
+        self._file.sync()
 
     def close(self) -> None:
         """Closes the file; nothing is lost without it."""
-        if self._handle >= 0:
-            with suppress(OSError):
-                os.fsync(self._handle)
-            os.close(self._handle)
-        self._handle = -1
-
-    def _open(self) -> None:
-        with saving(self._path):
-            self._handle = os.open(self._path, os.O_WRONLY | os.O_APPEND)
+        self._file.close()
 
 
 def read_history(path: Path | str) -> pandas.DataFrame:

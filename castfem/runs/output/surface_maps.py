@@ -17,7 +17,6 @@ the end all rows are put into surface_maps.h5, which is written whole:
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -26,7 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from castfem.base.atomic_files import Closing, replacing, saving
+from castfem.base.atomic_files import AppendedFile, Closing, replacing
 from castfem.base.errors import InputError
 from castfem.base.types import Array
 from castfem.runs.output.field_files import UNREADABLE, open_hdf5, store, write_image
@@ -114,8 +113,7 @@ class MapWriter(Closing):
         path = folder / ROWS_NAME
         with replacing(path) as temporary:
             temporary.write_bytes(heading.text().encode() + kept)
-        with saving(path):
-            self._handle = os.open(path, os.O_WRONLY | os.O_APPEND)
+        self._file = AppendedFile(path)
 
     @classmethod
     def resume(cls, folder: Path, heading: Heading, rows: int) -> MapWriter:
@@ -135,24 +133,17 @@ class MapWriter(Closing):
         """Adds a row."""
         row = np.zeros(1, self._heading.row)
         row["time"], row["position"], row["values"] = time, position, values
-        with saving(self._folder / ROWS_NAME):
-            before, text = os.fstat(self._handle).st_size, row.tobytes()
-            if os.write(self._handle, text) != len(text):  # the disk was full in the middle
-                os.ftruncate(self._handle, before)
-                raise OSError(28, os.strerror(28))
+        self._file.append(row.tobytes())
 
     def sync(self) -> None:
-        """Forces the rows to disk: a state that outlives a power cut must not lack them."""
-        if self._handle >= 0:
-            with saving(self._folder / ROWS_NAME):
-                os.fsync(self._handle)
+        """Forces the rows to disk."""
+        self._file.sync()
 
     def close(self) -> None:
         """Puts all rows into surface_maps.h5; nothing is lost without it."""
-        if self._handle < 0:
+        if not self._file.is_open:
             return
-        os.close(self._handle)
-        self._handle = -1
+        self._file.close()
         _, rows = _read(self._folder)
         write_image(self._folder / MAPS_NAME, lambda file: _fill(file, self._heading, rows))
         with suppress(OSError):
