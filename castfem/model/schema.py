@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.resources
 import json
 import types
 import typing
@@ -18,94 +19,11 @@ from castfem.model.problems import Table, submodels, tables
 from castfem.model.section import Section
 from castfem.model.tensile import TABLE, TensileCase, TensileOutput
 
-_HEAD = """\
-# Case files
-
-A case is one TOML file. This page is written by `castfem schema --markdown`; `castfem schema`
-prints the JSON schema, by which editors complete case files, and `castfem init NAME` writes a
-commented case to start from. `castfem check CASE` tells all problems of a file at once. Equation
-numbers are those of [Pascon2003](references.md).
-
-## Quantities
-
-A quantity is a text of a number and its unit: `"3.6 m/min"`, `"1600 W/(m^2 K)"`, `"5 L/(m^2 s)"`.
-Any unit of the right dimension will do (`"0.125 m"`, `"4.92 inch"`); a number without unit is
-accepted only where there is none. A divisor of several units stands in brackets: `W/(m^2 K)`, not
-`W/m^2 K`. Temperatures are `"160 degC"`, `"433.15 K"` or `"320 degF"`; a *difference* of
-temperatures is written in kelvin, `"40 K"`.
-
-Where a quantity may depend on temperature, time or position, a table may stand in its place: two
-columns, their units named once (or a unit in each entry, `["20 degC", "100 degC"]`),
-
-```toml
-[cooling.surface.coefficient]
-temperature = [700, 900, 1100]
-temperature_unit = "degC"
-value = [400, 300, 250]
-unit = "W/(m^2 K)"
-```
-
-or a CSV file, `coefficient = { file = "spray.csv" }`, its path relative to the case file, that
-begins with a line such as `temperature [degC], value [W/(m^2 K)]`
-(the second column may have any name); lines that begin with `#` are
-skipped, and so are empty rows and columns and a first line `sep=;`. Commas, semicolons or tabs
-separate columns; between the latter two numbers may have decimal commas. All numbers of a file
-have the same decimal mark and no thousands separators; a file in which `1,200` may be 1200 or 1.2
-is refused, with the line. A table has at least two rows in increasing order; it is linear between
-them and constant beyond.
-
-## Inheriting and changing
-
-`extends = "base.toml"` takes over another case file (relative to this one), which may extend a
-third; `extends = "billet125/thermal"` a shipped case, by its name in `castfem cases`. Tables merge
-key by key; arrays, `[[cooling]]` among them, are replaced as a whole. Single entries of an
-inherited array change by their names: `[cooling.spray]` with `to = "6 m"` and `flow = "200 L/min"`
-changes the zone `spray` and its heat law that has a `flow`, `[cooling.spray.radiation]` the law of
-that name, `[[cooling.spray.surface]]` gives the zone other laws. Of two keys that exclude each
-other (`superheat` and `temperature`, `step` and `adaptive`) the later one wins; a `[section]` of
-another `shape` replaces the inherited one, and so does any `mould.taper`. What was inherited and
-the new shape does not know (`mesh.corner_size`, sizes and tapers of the `[mould]`) is left out, and
-`castfem check` says so: any shipped case with mechanics may become a round by
-`--set 'section={shape="round", diameter="125 mm"}'`. Of the name of the steel and its
-composition the later one wins, too: a steel that is named does away with an inherited
-`[steel.composition]`, unless it is computed from one and has none of its own; a composition that
-comes after a steel of fixed numbers is that of `plain_carbon`. `[steel.overrides]` stay, whatever
-the steel.
-
-On the command line `--set key=value` changes single keys, `--set casting.length="20 m"`. An entry
-of an array is addressed by its index or, if it has one, by its name:
-`--set cooling.mould.surface.0.coefficient="1200 W/(m^2 K)"`. The heat law of a zone may be left
-out where one alone has the key, `--set cooling.mould.coefficient="1200 W/(m^2 K)"`, or be named,
-`--set cooling.spray.radiation.emissivity=0.7`; a key without dots is looked for in all tables,
-`--set superheat="25 K"`.
-
-## The folder of a run
-
-`castfem run` writes to `results/<family>/<name>`, or to the folder given with `-o`: the case as
-resolved (`case.toml`, it runs again by itself), `fields.xdmf` with `fields.h5`, `history.csv`,
-`summary.json`, `run.json`, `run.log`, `checkpoint.h5` and `figures/`. It never touches a file of
-another name. A new run into the folder of a run with the same physics replaces that run; a run of
-other physics is refused unless `--overwrite` is given, files of these names that castfem has not
-written are refused in any case. `--resume` goes on from the last
-checkpoint; output settings (other than which fields are written), title, references and
-`casting.length` may have changed since, all else must be the same.
-
-## Keys
-"""
-
-_TOP = """
-### top of the file
-
-| key | takes | default | meaning |
-|---|---|---|---|
-| `title` | text | required | one line that says what the case is |
-| `extends` | text | none | case this one adds to: a file, relative to this one, or a shipped case |
-"""
-
 
 def markdown_page() -> str:
     """Return the whole reference page."""
-    parts = [_HEAD, _TOP]
+    head = importlib.resources.files("castfem.model").joinpath("case_files.md")
+    parts = [head.read_text(encoding="utf-8")]
     parts += ["".join(_table(one)) for one in tables(Case) if one.path]
     parts += ["".join(_table(one)) for one in tables(TensileCase) if one.path != ("reference",)]
     return "".join(parts) + "".join(_groups())
