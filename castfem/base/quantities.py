@@ -25,12 +25,15 @@ class Notation(ABC):
 
     Attributes:
         takes: What the field takes, in words of the reference page.
-        quantity: The kind of quantity that is written; None where it is none, or several.
     """
 
     __slots__ = ()
     takes = ""
-    quantity: Kind | None = None
+
+    @property
+    def quantity(self) -> Kind | None:
+        """The kind of quantity that is written; None where it is none, or several."""
+        return None
 
     @abstractmethod
     def read(self, given: object) -> Any:

@@ -24,9 +24,8 @@ class Range(Notation):
     kind: Kind
     example: str
 
-    @property
-    def takes(self) -> str:
-        """What the field takes, in words."""
+    def described(self, example: object = None) -> str:
+        """See `Notation.described`."""
         return f"range of {self.kind.name}: lower and upper end"
 
     def read(self, given: object) -> tuple[float, float]:

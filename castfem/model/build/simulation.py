@@ -169,14 +169,15 @@ def _probe_lines(case: Case, section: Section) -> dict[str, tuple[Array, Array]]
 
 def _windows(case: Case, machine: Machine, milestones: list[float]) -> StepControl:
     """Choice of the coupling windows, of equal times or of equal lengths of strand."""
-    given, choice = case.coupling.interval, partial(
+    given = case.coupling.interval
+    windows = partial(
         StepControl, case.casting.duration, milestones, order=ORDER,
         tolerance=case.coupling.window_error or ALLOWED, most=case.coupling.growth or 1.0,
     )  # fmt: skip
     if not isinstance(given, Way):
-        return choice(fixed=given)
+        return windows(fixed=given)
     length, unit = given.length, machine.window_time(given.length)
-    return choice(
+    return windows(
         fixed=STANDING * unit, longest=lambda time: machine.window(time, length), unit=unit
     )
 

@@ -288,7 +288,8 @@ def _quantities(writer: _Writer, record: Tension) -> dict[str, Quantity]:
 def _of_cycles(stress: Array, cycles: list[slice]) -> dict[str, Quantity]:
     """Largest and smallest stress of some of the cycles that are complete, and their growth."""
     whole = [c for c in cycles if c.stop <= len(stress)]
-    found, stable = {}, 3  # from there on a law that does not harden without end repeats itself
+    found = {}
+    stable = 3  # from there on a law that does not harden without end repeats itself
     for k in sorted({1, stable, len(whole)} & set(range(1, len(whole) + 1))):
         part = stress[whole[k - 1]]
         top, low = float(part.max()), float(part.min())
