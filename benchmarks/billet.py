@@ -15,8 +15,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from castfem.base.constants import ZERO_CELSIUS
-from castfem.base.tolerances import same_instant
+from castfem.base.constants import ZERO_CELSIUS, same_instant
 from castfem.base.types import Array
 from castfem.model import Case, from_document, load_case
 from castfem.model.build.simulation import build

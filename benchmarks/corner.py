@@ -87,7 +87,7 @@ def cells(size: str) -> tuple[str, ...]:
 def run(
     case: str, changes: Sequence[str], columns: Iterable[str], at: float | None = None
 ) -> list[dict[str, float]]:
-    """Results of a case with some keys changed: on the way at `at` (m), if given, and at its end."""
+    """Results of a case with some keys changed: at `at` (m), if given, and at its end."""
     found = load_case(CASES.parent / f"{case}.toml", changes)
     with castfem.run(found) as result:
         table = result.history

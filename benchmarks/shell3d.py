@@ -26,7 +26,7 @@ from castfem import meshes
 from castfem.base.types import Array
 from castfem.fem import compat
 from castfem.fem.section import Section
-from castfem.model.build.bulging import LEAST_BULGE
+from castfem.model.build.bulging import LIMITS
 from castfem.physics.constitutive import Elasticity, ThermoElastic
 from castfem.physics.contact.roll_support import Bed, GivenFoundation, RollSupport
 from castfem.physics.machine.bulging import ElasticStrip, Shell, Span
@@ -172,7 +172,7 @@ class Face:
 def slice_of(box: Box, layers: int = 2) -> Face:
     """The slice of castfem in the middle of the pitch, on the bed of the elastic strip."""
     section = Section(MPI.COMM_SELF, section_of(box, layers))
-    stiffness = box.pressure / max(box.strip, LEAST_BULGE)
+    stiffness = box.pressure / max(box.strip, LIMITS.least_bulge)
     bed = Bed(box.pressure, stiffness, box.strip)
     problem = MechanicalProblem(
         section,

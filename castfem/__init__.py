@@ -32,7 +32,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from castfem.base import dolfinx_import
+from castfem.base import libraries
 
 if TYPE_CHECKING:
     from castfem.api import Result, Snapshot, run, sensitivities
@@ -64,7 +64,7 @@ __all__ = [
     "run",
     "sensitivities",
 ]
-dolfinx_import.watch()
+libraries.watch()
 _STUDIES = ("comparison", "error_table", "find_section", "mould_at_work", "optimise")
 
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.base.errors import InputError
-from castfem.base.one_at_a_time import one_at_a_time
+from castfem.base.process import one_at_a_time
 from castfem.model.shipped_cases import as_case, load
 from castfem.runs.result import RunResult, Snapshot, nearest_index
 
@@ -167,7 +167,7 @@ class Result(RunResult):
         """
         from castfem.base.shown_units import shown_in
         from castfem.post.plots.interactive import plot_columns
-        from castfem.runs.output.chosen_units import units_of_run
+        from castfem.runs.results.run_case import units_of_run
 
         with shown_in(units_of_run(self.folder)):
             return plot_columns(self.history, names, axes)
@@ -187,8 +187,8 @@ class Result(RunResult):
         """
         from castfem.base.shown_units import shown_in
         from castfem.post.plots.interactive import plot_field
-        from castfem.runs.output.chosen_units import units_of_run
         from castfem.runs.results.places import read_number
+        from castfem.runs.results.run_case import units_of_run
 
         place = read_number("at", at, "m")
         with self.open_fields() as file:

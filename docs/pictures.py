@@ -28,7 +28,6 @@ from castfem.post.plots.style import new_figure
 from castfem.post.plots.tornado import draw_tornado
 from castfem.runs import loop
 from castfem.runs.tensile.tensile_test import TensileTest
-from castfem.runs.tensile.thesis_tests import plot_tensile_tests
 from castfem.studies.identification.fit import identify
 from castfem.studies.identification.measured import TensileData
 
@@ -173,6 +172,9 @@ def sensitivity() -> None:
 
 def laws() -> None:
     """Draw the tensile tests of the thesis, and a law fitted to curves at four temperatures."""
+    sys.path.insert(0, str(HERE.parent))
+    from benchmarks.thesis_tensile import plot_tensile_tests
+
     plot_tensile_tests(HERE / "figures" / "tensile_tests.png")
     celsius, rates, strains = [900.0, 1050.0, 1200.0, 1350.0], [1e-4, 1e-3, 5e-3], (2e-3, 5e-2, 20)
     grid = np.meshgrid(np.array(celsius) + 273.15, rates, np.geomspace(*strains), indexing="ij")

@@ -74,7 +74,7 @@ def reason_against() -> str | None:
     if sys.version_info < (3, 11):  # noqa: UP036
         return f"Python {sys.version_info[0]}.{sys.version_info[1]} is older than 3.11"
     try:
-        for earlier in ("h5py", "mpi4py.MPI"):  # see castfem/base/dolfinx_import.py
+        for earlier in ("h5py", "mpi4py.MPI"):  # see castfem/base/libraries.py
             with suppress(ModuleNotFoundError):
                 __import__(earlier)
         import dolfinx

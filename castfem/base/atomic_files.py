@@ -9,19 +9,53 @@ from __future__ import annotations
 
 import csv
 import errno
+import fcntl
 import io
 import json
 import math
 import os
 import re
+import time
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from castfem.base.errors import CannotWrite, RunFailure
+
+if TYPE_CHECKING:
+    from filelock import FileLock
+
+
+class Closing(ABC):
+    """Closes itself at the end of a `with`, whatever has happened in it."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Let go of what is held; safe to call twice."""
+
+    def leave(self, error: BaseException) -> None:  # noqa: B027 - most have nothing to add
+        """Take note of the error that ends the `with`, before closing."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        try:
+            if error is not None:
+                self.leave(error)
+        finally:
+            self.close()
+
 
 UNWRITTEN = "cannot be written"  # stands in the reason of a run that ends so
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -39,9 +73,6 @@ def system_reason(error: BaseException) -> tuple[int | None, str]:
     """The errno and the operating system's words behind an error.
 
     h5py often hides both inside HDF5's own message ("errno = 28, error message = '...'").
-
-    Args:
-        error: An OSError, or what h5py raised.
     """
     number = getattr(error, "errno", None)
     hidden = re.search(r"errno = (\d+)", str(error))
@@ -53,17 +84,12 @@ def system_reason(error: BaseException) -> tuple[int | None, str]:
 
 
 def folder_refused(folder: Path, error: BaseException) -> str:
-    """What is said of a folder that cannot be written, before anything is run in it.
-
-    Args:
-        folder: The folder.
-        error: An OSError, or what `saving` raised.
-    """
+    """What is said of a folder that cannot be written, before anything is run in it."""
     _, reason = system_reason(error.__cause__ or error)
     return f"{folder}: {UNWRITTEN} ({reason}); choose another with -o"
 
 
-def mend_for(number: int | None) -> str:
+def fix_for(number: int | None) -> str:
     """What the user can do about an operating system error while a run writes."""
     if number in _NO_SPACE:
         return f"free some space{_AGAIN}"
@@ -71,12 +97,12 @@ def mend_for(number: int | None) -> str:
         return f"make the folder writable{_AGAIN}"
     if number in _NO_PLACE:
         return f"make the folder, or name another place{_AGAIN}"
-    return f"mend the disk or the folder{_AGAIN}"
+    return f"repair the disk or the folder{_AGAIN}"
 
 
 @contextmanager
 def saving(path: Path) -> Iterator[None]:
-    """Turns any operating system or HDF5 error inside into a RunFailure of one line with the mend.
+    """Turns any operating system or HDF5 error inside into a RunFailure of one line with the fix.
 
     Raises:
         CannotWrite: The file cannot be written.
@@ -87,7 +113,7 @@ def saving(path: Path) -> Iterator[None]:
         if isinstance(error, RunFailure):
             raise
         number, reason = system_reason(error)
-        raise CannotWrite(f"{path}: {UNWRITTEN} ({reason}); {mend_for(number)}") from error
+        raise CannotWrite(f"{path}: {UNWRITTEN} ({reason}); {fix_for(number)}") from error
 
 
 @contextmanager
@@ -140,9 +166,6 @@ class GrowingFile:
 
         Args:
             durable: Force it to disk, so that it survives a power cut too.
-
-        Raises:
-            RunFailure: The file cannot be written; the old one is untouched.
         """
         copy = temporary_name(self._path)
         link = self._path.with_name(f"{copy.name}2")
@@ -175,6 +198,46 @@ class GrowingFile:
         self._hidden = 0
         with suppress(OSError):
             temporary_name(self._path).unlink()
+
+
+class AppendedFile(Closing):
+    """A file that grows by whole pieces: one that a full disk or a kill cuts off is not in it.
+
+    Raises:
+        CannotWrite: It cannot be opened, and so of its methods.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        with saving(path):
+            self._handle = os.open(path, os.O_WRONLY | os.O_APPEND)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it has not been closed."""
+        return self._handle >= 0
+
+    def append(self, piece: bytes) -> None:
+        """Adds a piece, which goes to the operating system at once."""
+        with saving(self._path):
+            before = os.fstat(self._handle).st_size
+            if os.write(self._handle, piece) != len(piece):  # the disk was full in the middle
+                os.ftruncate(self._handle, before)
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def sync(self) -> None:
+        """Forces the file to disk: a state that outlives a power cut must not lack its pieces."""
+        if self.is_open:
+            with saving(self._path):
+                os.fsync(self._handle)
+
+    def close(self) -> None:
+        """Closes the file; nothing is lost without it."""
+        if self.is_open:
+            with suppress(OSError):
+                os.fsync(self._handle)
+            os.close(self._handle)
+        self._handle = -1
 
 
 def write_text(path: Path, text: str, durable: bool = True) -> None:
@@ -220,3 +283,46 @@ def _force_to_disk(path: Path) -> None:
             raise
     finally:
         os.close(handle)
+
+
+# What flock() answers where there are none; the last is ENOTSUPP, which has no name in Python.
+_NONE = {errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOTSUP, 524}
+
+
+def taken(lock: FileLock) -> bool:
+    """Whether the lock was taken; False where the file system has none, as on some network mounts.
+
+    There processes cannot be kept apart, and what they write has to do: that is no fault of the
+    run, which must write its results there, too.
+
+    Args:
+        lock: Of filelock; a `timeout` of 0 does not wait, any other waits as long as it takes.
+
+    Raises:
+        filelock.Timeout: Another process has it.
+    """
+    from filelock import Timeout
+
+    while True:
+        try:
+            lock.acquire(timeout=0)
+        except NotImplementedError:  # reason: filelock raises it for ENOSYS, no locks on this disk
+            return False
+        except Timeout:
+            if not _has_locks(Path(lock.lock_file)):
+                return False
+            if lock.timeout == 0:
+                raise
+            time.sleep(0.05)
+        else:
+            return True
+
+
+def _has_locks(path: Path) -> bool:
+    """Whether files may be locked there: filelock takes any other answer for a lock of others."""
+    with open(path, "ab") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            return error.errno not in _NONE
+    return True

@@ -131,12 +131,7 @@ def _rows(kept: list[tuple[int, str]], separator: str) -> list[Row]:
 
 
 def _with_points(rows: list[Row], separator: str) -> list[Row]:
-    """The rows, the numbers in them with a decimal point.
-
-    Raises:
-        UnreadableError: The file has both decimal marks, thousands separators, or numbers that may
-            have either.
-    """
+    """The rows, the numbers in them with a decimal point."""
     seen: dict[str, list[tuple[Row, str]]] = {",": [], ".": []}
     for row in rows:
         for cell in row.cells:

@@ -1,8 +1,9 @@
-"""The two ways a run can end badly, each with the exit status the command line gives it."""
+"""Errors, each with the exit status of the command line; how keys and values are worded."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 
 class CastfemError(Exception):
@@ -15,7 +16,7 @@ class InputError(CastfemError):
     """What the user wrote cannot be used.
 
     Attributes:
-        problems: One line for each thing that is wrong; it names the file, the key and the mend.
+        problems: One line for each thing that is wrong; it names the file, the key and the fix.
     """
 
     exit_status = 1
@@ -45,3 +46,88 @@ class RunFailure(CastfemError):
 
 class CannotWrite(RunFailure):
     """A file cannot be written: a full disk, a folder without rights; the run itself is sound."""
+
+
+Path = tuple[str | int, ...]
+
+
+def dotted(path: Path) -> str:
+    """Return the path as users write it: cooling.0.surface.1.law."""
+    return ".".join(str(part) for part in path)
+
+
+def shown(value: object) -> str:
+    """Return a value as it stands in a TOML file, shortened."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        text = f'"{value}"'
+    elif isinstance(value, Mapping):
+        text = "{ " + ", ".join(f"{k} = {shown(v)}" for k, v in value.items()) + " }"
+    elif isinstance(value, Sequence):
+        text = "[" + ", ".join(shown(v) for v in value) + "]"
+    else:
+        text = str(value)
+    return text if len(text) <= 60 else text[:56] + " ..."
+
+
+def said_in_a_line(error: BaseException) -> str:
+    """Return what an error says in one line; its kind, too, if nobody has worded it for a user."""
+    lines = str(error).splitlines() or [""]
+    said = lines[0] if isinstance(error, CastfemError) else f"{type(error).__name__}: {lines[0]}"
+    return said.removesuffix(": ")
+
+
+def choices(names: Iterable[object]) -> str:
+    """Return names as a list in a sentence."""
+    return ", ".join(str(name) for name in names)
+
+
+def grouped(count: float) -> str:
+    """Return a count with its thousands apart: 10 000 000; far beyond that as a power of ten."""
+    return f"{count:,.0f}".replace(",", " ") if count < 1e13 else f"{count:.0e}"
+
+
+def differences(
+    there: Mapping[str, Any], here: Mapping[str, Any], leave_out: Iterable[str] = ()
+) -> str:
+    """Return the keys in which two documents of cases differ, with both values; "" if they do not.
+
+    Args:
+        there: The one, nested tables and arrays of plain values.
+        here: The other.
+        leave_out: Dotted keys that do not count, with all below them.
+    """
+    found = list(_differences(there, here, "", tuple(leave_out)))
+    more = [f"and {len(found) - 5} more"] if len(found) > 5 else []
+    return "; ".join([*found[:5], *more])
+
+
+def _differences(there: Any, here: Any, key: str, leave_out: tuple[str, ...]) -> Iterator[str]:
+    if key in leave_out:
+        return
+    if there == here:
+        return
+    one, other = _parts(there), _parts(here)
+    if one is not None and other is not None:
+        for name in dict.fromkeys([*one, *other]):
+            below = f"{key}.{name}" if key else str(name)
+            yield from _differences(one.get(name), other.get(name), below, leave_out)
+    else:
+        yield f"{key}: {_brief(there)} there, {_brief(here)} here"
+
+
+def _parts(value: Any) -> Mapping[Any, Any] | None:
+    """What stands in a table, an array or nothing by its key; None of a plain value."""
+    if isinstance(value, Mapping):
+        return value
+    if isinstance(value, list | tuple):
+        return dict(enumerate(value))
+    return {} if value is None else None
+
+
+def _brief(value: Any) -> str:
+    if value is None:
+        return "nothing"
+    text = str(value)
+    return text if len(text) <= 40 else text[:36] + " ..."

@@ -18,13 +18,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Bar
     from rich.progress import TaskID
 
-_REFRESH = 0.1  # s between two pictures of the bar
-_SHARE = 0.05  # of the way between two plain lines ...
-_SOONEST, _LATEST = 1.0, 10.0  # ... but not faster than this, and not slower, s
-# A run that would take hours is told once, early: by the way it makes between these
-# two, since it begins with short steps.
-_FROM, _UNTIL = 3.0, 10.0  # s
-_LONG = 3600.0  # s
+_SHARE = 0.05  # of the way, between two plain lines
 _LINE = re.compile(r" *\d+ %  [\d.]+ of [\d.]+ m  .* elapsed [\d:]+  left ([\d:]+)")
 _logger = logging.getLogger("castfem.base.progress")
 
@@ -51,12 +45,7 @@ class Progress:
         self._told = False
 
     def start(self, total_length: float, position: float = 0.0) -> None:
-        """Begin.
-
-        Args:
-            total_length: Where the run ends, m from the meniscus.
-            position: Where it begins: not 0 when a run is resumed, m.
-        """
+        """Begin a run to `total_length` (m) at a position, not 0 m when it is resumed."""
         self._total, self._from, self._position = total_length, position, position
         self._begun = self._last_line = time.perf_counter()
         self._next_picture = 0.0
@@ -89,26 +78,27 @@ class Progress:
         if not self._told:
             self._foresee(now)
         if self._bar is not None and now >= self._next_picture:
-            self._next_picture = now + _REFRESH
+            self._next_picture = now + 0.1
             self._draw()
         since = now - self._last_line
-        if since >= _LATEST or (
-            since >= _SOONEST and _share(position, self._total) >= self._next_share
-        ):
+        if since >= 10.0 or (since >= 1.0 and _share(position, self._total) >= self._next_share):
             self._line(now)
 
     def _foresee(self, now: float) -> None:
-        """Warn, once and early, of a run that takes hours at its pace."""
+        """Warn, once and early, of a run that takes hours at its pace.
+
+        That is the way between 3 and 10 s, since a run begins with short steps.
+        """
         if self._pace is None:
-            if now - self._begun >= _FROM:
+            if now - self._begun >= 3.0:
                 self._pace = now, self._position
             return
         since, place = self._pace
-        if now - self._begun < _UNTIL or not self._position > place:
+        if now - self._begun < 10.0 or not self._position > place:
             return
         self._told = True
         left = (self._total - self._position) * (now - since) / (self._position - place)
-        if left > _LONG:
+        if left > 3600.0:
             _logger.warning(
                 "at this pace the run takes some %.1f hours more; Ctrl-C stops it and --resume "
                 "goes on; larger cells, steps and coupling windows (--accuracy coarse) or a "

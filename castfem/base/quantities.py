@@ -7,7 +7,7 @@ and bounds, and written back with its unit by `model_dump(mode="json")`.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -22,9 +22,18 @@ class Notation(ABC):
     """How a value is written in a file, as an annotation of the fields of pydantic models.
 
     A model reads it in SI; `model_dump(mode="json")` writes what reads back to the same value.
+
+    Attributes:
+        takes: What the field takes, in words of the reference page.
     """
 
     __slots__ = ()
+    takes = ""
+
+    @property
+    def quantity(self) -> Kind | None:
+        """The kind of quantity that is written; None where it is none, or several."""
+        return None
 
     @abstractmethod
     def read(self, given: object) -> Any:
@@ -37,6 +46,10 @@ class Notation(ABC):
     @abstractmethod
     def json_schema(self) -> dict[str, Any]:
         """Return the JSON schema of what is written."""
+
+    def described(self, example: object = None) -> str:
+        """Return what the field takes, in words of the reference page, with an example."""
+        return self.takes
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
@@ -84,6 +97,10 @@ class NameOf(Notation):
         """See `Notation.json_schema`."""
         return {"enum": list(self.register), "type": "string"}
 
+    def described(self, example: object = None) -> str:
+        """See `Notation.described`."""
+        return ", ".join(f'`"{name}"`' for name in self.register)
+
 
 @dataclass(frozen=True, slots=True)
 class Kind(Notation):
@@ -109,6 +126,11 @@ class Kind(Notation):
 
     label: str = ""
     sample: str = ""
+
+    @property
+    def quantity(self) -> Kind:
+        """See `Notation`: itself."""
+        return self
 
     @property
     def name(self) -> str:
@@ -181,35 +203,63 @@ class Kind(Notation):
         }
         return {"anyOf": [number, percent], "description": self.name}
 
+    def described(self, example: object = None) -> str:
+        """See `Notation.described`."""
+        single = None if isinstance(example, Mapping) else example  # of a table in a file
+        text = str(single or self.example)
+        return f"{self.name}: `{text}`" if self.unit == "1" else f'{self.name}: `"{text}"`'
+
 
 @dataclass(frozen=True, slots=True)
-class KindOr(Notation):
-    """Annotation of a field that takes a quantity or a certain word.
+class OrWord(Notation):
+    """Annotation of a field that takes a quantity, or a table of it, or one of some words.
 
     Attributes:
-        kind: The quantity.
-        word: The word.
+        inner: How the quantity is written.
+        words: The words; a register of them may grow.
+        called: What the words are, where there are several.
     """
 
-    kind: Kind
-    word: str
+    inner: Notation
+    words: Collection[str] = field(hash=False)
+    called: str = ""
 
-    def read(self, given: object) -> float | str:
-        """Return the word or the value in SI; raise ValueError if it is neither."""
-        if given == self.word:
-            return self.word
+    @property
+    def quantity(self) -> Kind | None:
+        """See `Notation`."""
+        return self.inner.quantity
+
+    def read(self, given: object) -> Any:
+        """Return the word, or what is written instead; raise ValueError if it is neither."""
+        if isinstance(given, str) and given in self.words:
+            return given
         try:
-            return self.kind.read(given)
+            return self.inner.read(given)
         except ValueError as error:
-            raise ValueError(f'{error}; or "{self.word}"') from None
+            if isinstance(given, Mapping):
+                raise
+            names = ", ".join(self.words if self.called else (f'"{word}"' for word in self.words))
+            near = (
+                units.nearest(given, self.words) if self.called and isinstance(given, str) else ""
+            )
+            raise ValueError(f"{error}; or {self.called}{names}{near}") from None
 
-    def write(self, value: float | str) -> str | float:
+    def write(self, value: Any) -> Any:
         """Return what reads back to the same value."""
-        return value if isinstance(value, str) else self.kind.write(value)
+        return value if isinstance(value, str) else self.inner.write(value)
 
     def json_schema(self) -> dict[str, Any]:
         """See `Notation.json_schema`."""
-        return {"anyOf": [{"const": self.word}, self.kind.json_schema()]}
+        found, words = self.inner.json_schema(), list(self.words)
+        of_words = {"enum": words} if self.called else {"const": words[0]}
+        if (others := found.pop("anyOf", None)) is None:
+            return {"anyOf": [of_words, found]}
+        return {"anyOf": [of_words, *others], **found}
+
+    def described(self, example: object = None) -> str:
+        """See `Notation.described`."""
+        words = ", ".join(f'`"{word}"`' for word in self.words)
+        return f"{self.inner.described(None if example in self.words else example)}, or {words}"
 
 
 @dataclass(frozen=True, slots=True)

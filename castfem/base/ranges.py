@@ -57,13 +57,11 @@ def of(key: str) -> Bounds | None:
 
 
 _MM, _PER_MIN, _LITRES = 1e-3, 1.0 / 60.0, 1e-3 / 60.0
-_HOT = 3300.0  # K: no metal that is cast melts above
-_COLD = 200.0  # K: no winter is colder
 _SIDE = Bounds((20 * _MM, 4.0), (0.1 * _MM, 20.0), "strands measure")
 _RADIUS = Bounds((0.0, 1.0), (0.0, 20.0), "strands measure")
 _AWAY = Bounds((_MM, 100.0), (1e-6, 1e4), "casting machines measure")
-_SURROUNDINGS = Bounds((_COLD, 1500.0), (0.0, 5e3), "walls and surroundings have")
-_STEEL = Bounds((_COLD, _HOT), (50.0, 6e3), "cast metal has")
+_SURROUNDINGS = Bounds((200.0, 1500.0), (0.0, 5e3), "walls and surroundings have")
+_STEEL = Bounds((200.0, 3300.0), (50.0, 6e3), "cast metal has")  # no metal that is cast melts above
 _COEFFICIENT = Bounds((1.0, 1e5), (1e-3, 1e9), "cooled surfaces have")
 _FLUX = Bounds((1e3, 2e7), (-1e9, 1e9), "moulds and sprays take")
 _ZONE_WATER = Bounds(
@@ -80,8 +78,8 @@ _COPPER = "copper and its alloys have"
 _METAL = "metals have"
 
 _GROUPS: Mapping[tuple[str, ...], Bounds] = {
-    ("casting.speed", "mould.friction.viscous.speed"): _SPEED,
-    ("casting.length", "cooling.to"): _AWAY,
+    ("casting.speed", "cooling.surface.measured_at", "mould.friction.viscous.speed"): _SPEED,
+    ("casting.length", "cooling.to", "mechanics.until"): _AWAY,
     ("casting.superheat",): Bounds((0.0, 150.0), (0.0, 1e4), "metal is poured with"),
     ("casting.temperature", "casting.start.profile", "cooling.surface.temperature.value"): _STEEL,
     ("casting.start.meniscus",): Bounds((0.5 * _MM, 50 * _MM), (1e-6, 0.3), "menisci measure"),

@@ -33,11 +33,9 @@ from castfem.base.shown_quantity import Quantity, si_unit
 MODULES = (
     "castfem.runs.results.thermal_quantities",
     "castfem.runs.results.mechanical_quantities",
-    "castfem.runs.results.mould_quantities",
-    "castfem.runs.results.bulging_quantities",
+    "castfem.runs.results.contact_quantities",
     "castfem.runs.results.quality_quantities",
     "castfem.runs.results.closed_form_quantities",
-    "castfem.runs.results.fraction_depths",
 )
 """Modules that declare quantities, in the order of the columns; others come behind."""
 _NEEDS_MODULE = (
@@ -53,7 +51,6 @@ Each = Literal["", "probe", "centred_probe"]
 
 
 def _nothing(*_: Any) -> float | None:
-    """Stand for what is not declared yet."""
     return None
 
 
@@ -79,13 +76,14 @@ class QuantityDefinition:
         of_way: Whether it hangs on all steps so far, not on the last alone.
         smooth_twin_of: The maximum to which it is a smooth approximation; such a quantity is
             computed where it is asked for.
+        says: What docs/output.md says of it, if not the docstring of the function.
         compute: The function: its value in SI from the sample of a step, at the probes from a
             sample and the probe's name; None where it does not exist.
     """
 
     name: str = field(kw_only=False)
-    unit: str
-    label: str
+    unit: str = field(kw_only=False)
+    label: str = field(kw_only=False)
     needs: tuple[str, ...] = ()
     each: Each = ""
     shown: str = ""
@@ -97,6 +95,7 @@ class QuantityDefinition:
     axis: str = ""
     of_way: bool = False
     smooth_twin_of: str = ""
+    says: str = ""
     compute: Callable[..., float | None] = _nothing
 
     def __call__(self, compute: Computed) -> Computed:
@@ -115,7 +114,7 @@ class QuantityDefinition:
     @property
     def about(self) -> str:
         """What docs/output.md says of it."""
-        return " ".join((inspect.getdoc(self.compute) or "").split())
+        return " ".join((self.says or inspect.getdoc(self.compute) or "").split())
 
     @property
     def axis_label(self) -> str:
@@ -257,12 +256,7 @@ def smooth_twins() -> dict[str, str]:
 
 
 def fault(name: str, value: str) -> tuple[str, str] | None:
-    """The key of a reference that is wrong and why; None if it can be compared.
-
-    Args:
-        name: Of the result.
-        value: What it is expected to be, with its unit.
-    """
+    """The key of a reference that is wrong and why; None if it can be compared."""
     unit = unit_of(name)
     if unit is None:
         near = units.nearest(name, result_names())

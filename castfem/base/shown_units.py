@@ -216,14 +216,7 @@ def said(value: float, unit: str, digits: str, name: str = "") -> str:
 
 
 def place_said(position: float, *, near: str = ".6g", far: str = ".4g", beyond: float = 2.0) -> str:
-    """A position below the meniscus [m] in words: in mm, beyond so many metres in m.
-
-    Args:
-        position: m.
-        near: Digits of mm.
-        far: Digits of m.
-        beyond: m.
-    """
+    """A position below the meniscus [m] in words: in mm, beyond so many metres in m."""
     if position > beyond:
         return said(position, "m", far, "position")
     return said(1e3 * position, "mm", near, "position")
@@ -271,11 +264,7 @@ def difference_of(unit: str) -> str:
 
 
 def check(what: str, si: str, unit: str) -> None:
-    """Refuse the unit of another dimension.
-
-    Raises:
-        ValueError: With `what` in front.
-    """
+    """Refuse the unit of another dimension."""
     try:
         units.convert(1.0, si, unit)
     except ValueError as error:
@@ -295,7 +284,6 @@ def coherent(unit: str) -> str:
 
 @lru_cache(maxsize=256)
 def _measures(unit: str, usual: str) -> bool:
-    """Whether two units measure the same."""
     try:
         units.convert(1.0, coherent(usual), unit)
     except ValueError:

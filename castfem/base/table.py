@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
 _GAP = "  "  # between columns
-_LEAST, _INDENT = 42, 11  # characters to leave behind labels; else further lines begin here
 _WHOLE = "\N{NO-BREAK SPACE}"  # inside what no end of a line may part
 FAILED = "failed"
 """Mark of a row: a run that has failed."""
@@ -104,7 +103,8 @@ class Table:
             if width is None:
                 yield (start + row[-1]).rstrip().replace(_WHOLE, " ")
                 continue
-            indent = " " * (len(start) if width - len(start) >= _LEAST else _INDENT)
+            # Further lines stand behind the label where that leaves them 42 characters.
+            indent = " " * (len(start) if width - len(start) >= 42 else 11)
             for line in _wrapped(row[-1], width, start, indent):
                 yield line.replace(_WHOLE, " ")
 
@@ -115,11 +115,7 @@ class Table:
         return text.getvalue()
 
     def write_csv(self, path: Path) -> Path:
-        """Write it as comma-separated values.
-
-        Raises:
-            RunFailure: It cannot be written.
-        """
+        """Write it as comma-separated values."""
         write_text(path, self.csv(), durable=False)
         return path
 
@@ -216,12 +212,7 @@ def _wrapped(text: str, width: int, start: str, indent: str) -> list[str]:
 
 
 def keep_words(table: RichTable, width: int) -> None:
-    """Let the cells of a table of rich go on between words, where it is wider than the screen.
-
-    Args:
-        table: Without an edge, of plain cells.
-        width: Of the screen, in characters.
-    """
+    """Let the cells of a table of rich go on between words, where it is wider than the screen."""
     cells = [[str(column.header), *map(str, column.cells)] for column in table.columns]
     beside = sum(table.padding[i] for i in (1, 3)) - len(_GAP) + 1  # of each column
     widths = _widths(cells, width - 1 - len(cells) * beside)

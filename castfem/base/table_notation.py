@@ -15,18 +15,20 @@ or a CSV file, `{ file = "spray.csv" }`, whose header names the columns and thei
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn, TypeVar
+
+import numpy as np
 
 from castfem.base import units
 from castfem.base.csv_files import DECIMAL_COMMAS, UnreadableError, read_csv
 from castfem.base.quantities import Kind, Notation
 from castfem.base.tables import ARGUMENTS, Table
+from castfem.base.types import Array
 
-if TYPE_CHECKING:
-    pass
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,120 +38,193 @@ class Curve(Notation):
     Attributes:
         kind: Unit and bounds of the value.
         over: What a table of it depends on, "temperature", "time" or "position".
+        others: What a table may depend on instead.
     """
 
     kind: Kind
     over: str
+    others: tuple[str, ...] = ()
+
+    @property
+    def quantity(self) -> Kind:
+        """See `Notation`."""
+        return self.kind
 
     @property
     def arguments(self) -> str:
         """What a table of it may depend on, in words."""
-        return self.over
+        *most, last = (self.over, *self.others)
+        return f"{', '.join(most)} or {last}" if most else last
 
     def read(self, given: object) -> float | Table:
         """Return the value in SI, or a table; raise ValueError if it is neither."""
+        over = self._over(given)
         if isinstance(given, Table):
-            if given.over != self.over:
-                raise ValueError(f"a table over {self.over} is needed, not over {given.over}")
-            self._check(given.arguments, given.values)
+            if given.over != over:
+                raise ValueError(f"a table over {over} is needed, not over {given.over}")
+            _check(over, given.arguments, given.values)
             return given
-        if isinstance(given, Mapping) and "file" in given:
-            columns = self._columns(given)
-            try:
-                return self._from_columns(columns)
-            except ValueError as error:
-                raise ValueError(f"'{given['file']}': {error}") from None
-        if isinstance(given, Mapping):
-            return self._from_columns(self._columns(given))
-        return self.kind.read(given)
+        if not isinstance(given, Mapping):
+            return self.kind.read(given)
+        columns = _columns(given, over, self.kind)
+        try:
+            x = _column(over, columns[over], columns.get(f"{over}_unit"), ARGUMENTS[over])
+            y = _column("value", columns["value"], columns.get("unit"), self.kind)
+            _check(over, x, y)
+        except ValueError as error:
+            raise ValueError(f"'{given['file']}': {error}" if "file" in given else error) from None
+        return Table(over, x, y)
+
+    def _over(self, given: object) -> str:
+        """What a table that is given depends on, of what it may."""
+        over = self.over
+        for other in self.others:
+            of_other = isinstance(given, Table) and given.over == other
+            if isinstance(given, Mapping):
+                of_other = other in given or _first_of_file(given.get("file")) == other
+            over = other if of_other else over
+        return over
 
     def write(self, value: float | Table) -> Any:
         """Return what reads back to the same value: a text, a number, or a dict of columns."""
         if not isinstance(value, Table):
             return self.kind.write(value)
-        argument = ARGUMENTS[self.over]
-        x, x_unit = _written(value.arguments, argument)
+        x, x_unit = _written(value.arguments, ARGUMENTS[value.over])
         y, y_unit = _written(value.values, self.kind)
-        columns = {self.over: x, f"{self.over}_unit": x_unit, "value": y, "unit": y_unit}
+        columns = {value.over: x, f"{value.over}_unit": x_unit, "value": y, "unit": y_unit}
         return {key: entry for key, entry in columns.items() if entry is not None}
-
-    def _columns(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the columns and their units, from the table itself or from its file."""
-        if "file" in given:
-            if len(given) > 1:
-                raise ValueError("a table with a file takes no other key")
-            return _columns_of_file(Path(str(given["file"])), self.over, self.kind)
-        allowed = (self.over, f"{self.over}_unit", "value", "unit")
-        for key in given:
-            if key not in allowed:
-                mend = units.nearest(str(key), (*allowed, "file"))
-                raise ValueError(
-                    f"unknown key '{key}' in a table over {self.over}; "
-                    f"allowed: {', '.join((*allowed, 'file'))}{mend}"
-                )
-        for key in (self.over, "value"):
-            if key not in given:
-                raise ValueError(f"a table over {self.over} needs the column '{key}'")
-        return dict(given)
-
-    def _from_columns(self, columns: dict[str, Any]) -> Table:
-        argument = ARGUMENTS[self.over]
-        x = _column(self.over, columns[self.over], columns.get(f"{self.over}_unit"), argument)
-        y = _column("value", columns["value"], columns.get("unit"), self.kind)
-        self._check(x, y)
-        return Table(self.over, x, y)
-
-    def _check(self, x: Sequence[float], y: Sequence[float]) -> None:
-        """Refuse rows that are too few or do not increase, by number."""
-        if len(x) != len(y):
-            raise ValueError(f"{len(x)} rows of {self.over}, but {len(y)} of value")
-        if len(x) < 2:
-            raise ValueError(f"a table needs at least two rows, this one has {len(x)}")
-        for row in range(1, len(x)):
-            if not x[row] > x[row - 1]:
-                raise ValueError(
-                    f"{self.over} must increase from row to row; "
-                    f"row {row + 1} does not exceed row {row}"
-                )
 
     def json_schema(self) -> dict[str, Any]:
         """See `Notation.json_schema`."""
         single = self.kind.json_schema()
-        file, columns = schema_of_columns(
-            (self.over, "value"), (f"{self.over}_unit", "unit"), least=2
+        (file, columns), *more = (
+            schema_of_columns((over, "value"), (f"{over}_unit", "unit"), least=2)
+            for over in (self.over, *self.others)
         )
-        text = f"{single['description']}; or a table over {self.over}"
-        return {"anyOf": [single, columns, file], "description": text}
+        text = f"{single['description']}; or a table over {self.arguments}"
+        others = (columns for _, columns in more)
+        return {"anyOf": [single, columns, file, *others], "description": text}
+
+    def described(self, example: object = None) -> str:
+        """See `Notation.described`."""
+        return f"{self.kind.described(example)}, or a table over {self.arguments}"
+
+
+def _columns(given: Mapping[str, Any], over: str, kind: Kind) -> dict[str, Any]:
+    """Return the columns and their units, from the table itself or from its file."""
+    if "file" in given:
+        if len(given) > 1:
+            raise ValueError("a table with a file takes no other key")
+        return _columns_of_file(Path(str(given["file"])), over, kind)
+    allowed = (over, f"{over}_unit", "value", "unit", "file")
+    for key in given:
+        if key not in allowed:
+            fix = f"allowed: {', '.join(allowed)}{units.nearest(str(key), allowed)}"
+            raise ValueError(f"unknown key '{key}' in a table over {over}; {fix}")
+    for key in (over, "value"):
+        if key not in given:
+            raise ValueError(f"a table over {over} needs the column '{key}'")
+    return dict(given)
+
+
+def _check(over: str, x: Sequence[float], y: Sequence[float]) -> None:
+    """Refuse rows that are too few or do not increase, by number."""
+    if len(x) != len(y):
+        raise ValueError(f"{len(x)} rows of {over}, but {len(y)} of value")
+    if len(x) < 2:
+        raise ValueError(f"a table needs at least two rows, this one has {len(x)}")
+    for row in range(1, len(x)):
+        if not x[row] > x[row - 1]:
+            text = f"row {row + 1} does not exceed row {row}"
+            raise ValueError(f"{over} must increase from row to row; {text}")
 
 
 @dataclass(frozen=True, slots=True)
-class CurveOr(Curve):
-    """Annotation of a field that takes a certain word, too.
+class Columns:
+    """Columns of quantities that make up a table, in a case or in a CSV file.
 
     Attributes:
-        word: The word.
+        kinds: What each column holds, by its name.
+        units: Key that has the unit of the bare numbers of each column.
+        what: What they make up, for messages.
+        header: First line of a file, likewise.
     """
 
-    word: str
+    kinds: Mapping[str, Kind]
+    units: Mapping[str, str]
+    what: str
+    header: str
 
-    def read(self, given: object) -> Any:
-        """Return the word, the value in SI, or a table; raise ValueError if it is none of them."""
-        if given == self.word:
-            return self.word
+    def read(self, given: Mapping[str, Any], make: Callable[[Array, Sequence[str]], Made]) -> Made:
+        """Return what is made of the rows (n, columns) in SI, and of where each row stands.
+
+        Raises:
+            ValueError: A column or a cell is not as it must be, or nothing can be made of them.
+        """
+        if "file" not in given:
+            return make(*self._rows(given, ""))
+        if len(given) > 1:
+            raise ValueError("a table with a file takes no other key")
+        path = Path(str(given["file"]))
         try:
-            return Curve.read(self, given)
+            file = read_csv(path)
+        except UnreadableError as error:
+            raise ValueError(f"cannot read the table '{path}': {error}") from None
+        names = [heading.name for heading in file.headings]
+        if sorted(names) != sorted(self.kinds) or not file.rows:
+            text = f"a header and rows are needed: {self.header}"
+            raise ValueError(f"'{path}' line {file.line}: {text}")
+        for row in file.rows:
+            if len(row.cells) != len(names):
+                text = f"{len(row.cells)} cells, not {len(names)}"
+                raise ValueError(f"'{path}' line {row.line}: {text}")
+        columns = {
+            heading.name: [f"{row.cells[i]} {heading.unit}".strip() for row in file.rows]
+            for i, heading in enumerate(file.headings)
+        }
+        try:
+            return make(*self._rows(columns, [row.line for row in file.rows]))
         except ValueError as error:
-            raise ValueError(f'{error}; or "{self.word}"') from None
+            colon = "" if str(error).startswith("line ") else ":"
+            raise ValueError(f"'{path}'{colon} {error}") from None
 
-    def write(self, value: Any) -> Any:
-        """Return what reads back to the same value."""
-        return value if value == self.word else Curve.write(self, value)
+    def _rows(self, given: Mapping[str, Any], lines: Sequence[int] = ()) -> tuple[Array, list[str]]:
+        allowed = (*self.kinds, *dict.fromkeys(self.units.values()), "file")
+        for key in given:
+            if key not in allowed:
+                fix = f"allowed: {', '.join(allowed)}{units.nearest(str(key), allowed)}"
+                raise ValueError(f"unknown key '{key}' in {self.what}; {fix}")
+        for name in self.kinds:
+            cells = given.get(name)
+            if not isinstance(cells, Sequence) or isinstance(cells, str) or not cells:
+                raise ValueError(f"{self.what} needs the column '{name}', a list of values")
+        counts = {len(given[name]) for name in self.kinds}
+        if len(counts) > 1:
+            raise ValueError(f"the columns of {self.what} must be equally long")
+        places = [f"line {n}" for n in lines] or [f"row {i + 1}" for i in range(counts.pop())]
+        columns = [
+            [
+                _cell(name, kind, cell, given.get(self.units[name]), where)
+                for cell, where in zip(given[name], places, strict=True)
+            ]
+            for name, kind in self.kinds.items()
+        ]
+        return np.transpose(columns), places
 
-    def json_schema(self) -> dict[str, Any]:
-        """Return the schema: that of a `Curve`, or the word."""
-        known = Curve.json_schema(self)
-        known["anyOf"] = [{"const": self.word}, *known["anyOf"]]
-        return known
+
+def _cell(name: str, kind: Kind, cell: object, unit: object, where: str) -> float:
+    """Read a cell, in the unit of its column where it has none itself."""
+    text = str(cell).strip()
+    try:
+        try:
+            float(text)
+        except ValueError:
+            return kind.read(text)
+        if not unit:
+            raise ValueError(f"name the unit of the column, {name} [{kind.shown}]")
+        return kind.read(f"{text} {unit}")
+    except ValueError as error:
+        raise ValueError(f"{where}: {name} ({text}): {error}") from None
 
 
 def schema_of_columns(
@@ -199,11 +274,7 @@ def _written(values: Sequence[float], kind: Kind) -> tuple[list[float], str | No
 
 
 def _column(name: str, cells: object, unit: object, kind: Kind) -> tuple[float, ...]:
-    """Read one column in SI; `unit` is that of bare numbers, None if there is none.
-
-    Raises:
-        ValueError: Not a list, empty, or a bad cell, which is named by its row.
-    """
+    """Read one column in SI; `unit` is that of bare numbers, None if there is none."""
     if not isinstance(cells, Sequence) or isinstance(cells, str):
         raise ValueError(f"'{name}' must be a list of values")
     if not cells:
@@ -233,14 +304,6 @@ def _columns_of_file(path: Path, over: str, kind: Kind) -> dict[str, Any]:
     """Return the columns of a CSV file with the header `temperature [degC], value [...]`.
 
     The second column may have any name.
-
-    Args:
-        path: The file.
-        over: What the table is over.
-        kind: Of its values.
-
-    Raises:
-        ValueError: The file cannot be read, or its header or a row is not as it must be.
     """
     try:
         file = read_csv(path)
@@ -269,8 +332,17 @@ def _columns_of_file(path: Path, over: str, kind: Kind) -> dict[str, Any]:
         try:
             x, y = (float(cell) for cell in row.cells)
         except ValueError:
-            mend = f"; {DECIMAL_COMMAS}" if len(row.cells) > 2 else ""
-            raise ValueError(f"line {row.line} of '{path}' must hold two numbers{mend}") from None
+            fix = f"; {DECIMAL_COMMAS}" if len(row.cells) > 2 else ""
+            raise ValueError(f"line {row.line} of '{path}' must hold two numbers{fix}") from None
         columns[over].append(x)
         columns["value"].append(y)
     return columns
+
+
+def _first_of_file(path: object) -> str | None:
+    """Name of the first column of a CSV file; None of one that `Curve` will refuse."""
+    try:
+        headings = read_csv(Path(str(path))).headings if isinstance(path, str) else []
+    except UnreadableError:
+        return None
+    return headings[0].name if headings else None

@@ -130,7 +130,6 @@ class Table:
         return np.interp(argument, self.arguments, self.values)
 
     def _refuse(self, argument: Array) -> None:
-        """Refuse what lies outside of the rows."""
         ends = self.arguments[0], self.arguments[-1]
         if not argument.size or (ends[0] <= argument.min() and argument.max() <= ends[1]):
             return
@@ -145,7 +144,11 @@ class Table:
         )
 
 
-def as_function(value: float | Table) -> Constant | Table:
+Tabled = float | Table
+"""A number, or a table of it over an argument."""
+
+
+def as_function(value: Tabled) -> Constant | Table:
     """Return a value that was given as one number or a table, as a function of its argument."""
     return value if isinstance(value, Table) else Constant(value)
 

@@ -19,10 +19,30 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from castfem.base.common_units import COMMON
-
 if TYPE_CHECKING:
     import pint
+
+
+# Unit -> factor to SI, and the names of the SI units it may be read in: first that of its dimension
+# among `units.NAMES`, then others of the same dimension.
+_WRITTEN = {
+    "%": ("1/100", "1"), "percent": ("1/100", "1"), "%/m": ("1/100", "1/m"),
+    "percent/m": ("1/100", "1/m"), "1/m": ("1", "1/m"), "1/K": ("1", "1/K"), "1/s": ("1", "1/s"),
+    "K": ("1", "K"), "m": ("1", "m"), "mm": ("1/1000", "m"), "um": ("1/1000000", "m"),
+    "s": ("1", "s"), "ms": ("1/1000", "s"), "m/s": ("1", "m/s"), "m/min": ("1/60", "m/s"),
+    "L/(m^2 s)": ("1/1000", "m/s"), "L/min": ("1/60000", "m^3/s"),
+    "W/(m^2 K)": ("1", "W/(m^2 K)"), "W/(m K)": ("1", "W/(m K)"), "W/m^2": ("1", "W/m^2"),
+    "kW/m^2": ("1000", "W/m^2"), "MW/m^2": ("1000000", "W/m^2"), "kW": ("1000", "W"),
+    "kg/m^3": ("1", "kg/m^3"), "J/(kg K)": ("1", "J/(kg K)"), "J/kg": ("1", "J/kg"),
+    "kJ/kg": ("1000", "J/kg"), "Pa": ("1", "Pa"), "MPa": ("1000000", "Pa"),
+    "GPa": ("1000000000", "Pa"), "J": ("1", "J"), "kJ": ("1000", "J"), "J/m": ("1", "J/m"),
+    "kJ/m": ("1000", "J/m"), "MJ/m": ("1000000", "J/m"), "kN": ("1000", "J/m", "N"),
+    "kN m": ("1000", "J", "N m"), "kN/m": ("1000", "kilogram/second**2"),
+}  # fmt: skip
+COMMON: Mapping[str, tuple[Fraction, tuple[str, ...]]] = {
+    unit: (Fraction(factor), tuple(names)) for unit, (factor, *names) in _WRITTEN.items()
+}
+
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)\s*(.*?)\s*")
 
@@ -113,7 +133,6 @@ def _letters(unit: str) -> str:
 
 
 def _a(name: str) -> str:
-    """Return the name with its article."""
     return f"{'an' if name[0] in 'aeiou' else 'a'} {name}"
 
 
@@ -163,11 +182,7 @@ def describe(si: str, difference: bool) -> tuple[str, str]:
 def _conversion(
     unit: str, si: str, difference: bool, kind: tuple[str, str] | None = None
 ) -> tuple[Fraction, Fraction]:
-    """Return scale and offset with `value_in_si = scale * value + offset`.
-
-    Raises:
-        ValueError: The unit is unknown or measures something else.
-    """
+    """Return scale and offset with `value_in_si = scale * value + offset`."""
     scale, names = COMMON.get(unit, (Fraction(1), ()))
     if si in names:
         return scale, Fraction(0)
@@ -180,10 +195,10 @@ def _conversion(
         raise ValueError(f'{_a(name)} needs its unit, such as "{example}"')
     parsed, target = _parse_unit(unit), _registry().parse_units("" if si == "1" else si)
     if parsed.dimensionality != target.dimensionality:
-        mend = "; put a divisor of several units in brackets" if "/" in unit and " " in unit else ""
+        fix = "; put a divisor of several units in brackets" if "/" in unit and " " in unit else ""
         found = _name_of(parsed)
         problem = f"is the unit of {_a(found)}" if found else "does not fit"
-        raise ValueError(f"'{unit}' {problem}, {_a(name)} is needed, such as \"{example}\"{mend}")
+        raise ValueError(f"'{unit}' {problem}, {_a(name)} is needed, such as \"{example}\"{fix}")
     if str(parsed) in _OFFSET_SCALES:
         if difference:
             raise ValueError(f'{_a(name)} is written in kelvin, such as "{example}", not in {unit}')
@@ -196,11 +211,7 @@ def _conversion(
 
 
 def split(text: str) -> tuple[str, str]:
-    """Split a quantity into its number and its unit (empty when there is none).
-
-    Raises:
-        ValueError: The text does not begin with a number.
-    """
+    """Split a quantity into its number and its unit (empty when there is none)."""
     found = _QUANTITY.fullmatch(text)
     if not found:
         raise ValueError(f'"{text}" does not begin with a number')
@@ -256,7 +267,6 @@ def _plain(number: float, unit: str, name: str, example: str) -> float:
 
 
 def _check(value: float, unit: str, difference: bool) -> float:
-    """Refuse a temperature below absolute zero."""
     if unit == "K" and not difference and value < 0.0:
         raise ValueError("this is below absolute zero")
     return value
@@ -284,11 +294,7 @@ def parse_any(text: object) -> tuple[float, str]:
 
 @lru_cache(maxsize=1024)  # a sweep reads the same units again for each of its cases
 def _si_of(unit: str) -> str:
-    """Return the name of the SI unit of the same dimension, as `parse_any`.
-
-    Raises:
-        ValueError: The unit is unknown.
-    """
+    """Return the name of the SI unit of the same dimension, as `parse_any`."""
     if unit in COMMON:
         return COMMON[unit][1][0]
     if unit == "degC":
@@ -316,11 +322,7 @@ def number_in(text: object, unit: str) -> float | None:
 
 
 def convert(value: float, si: str, unit: str, *, difference: bool = False) -> float:
-    """Return an SI value in another unit: `convert(433.15, "K", "degC")` is 160.
-
-    Raises:
-        ValueError: The unit is unknown or of another dimension.
-    """
+    """Return an SI value in another unit: `convert(433.15, "K", "degC")` is 160."""
     scale, offset = _conversion("" if unit == "1" else unit, si, difference)
     return float((Fraction(value) - offset) / scale)
 
@@ -329,9 +331,6 @@ def factor_and_zero(si: str, unit: str) -> tuple[float, float]:
     """Return what turns many SI values into a unit: factor * value - zero; (1.0, 273.15) to degC.
 
     `convert` rounds once and takes its time; this rounds the factor, and is quick.
-
-    Raises:
-        ValueError: The unit is unknown or of another dimension.
     """
     scale, offset = _conversion("" if unit == "1" else unit, si, False)
     return float(1 / scale), float(offset / scale)

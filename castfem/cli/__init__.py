@@ -10,7 +10,7 @@ import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
-from castfem.base import signals
+from castfem.base import process
 from castfem.base.errors import CastfemError, InputError
 from castfem.cli import parallel
 
@@ -22,9 +22,9 @@ ALL_RANKS = ("run", "sweep", "error", "optimise", "calibrate", "sensitivity", "s
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and leave the process with its exit status."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    signals.keep_hangup()
+    process.keep_hangup()
     if parallel.rank_and_size()[1] == 1:  # a rank that is ended takes the others with it
-        signals.stop_by_all()
+        process.stop_by_all()
     status = execute(words)
     if status != 0 and _on_all_ranks(words):
         parallel.settle()

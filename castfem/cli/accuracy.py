@@ -15,11 +15,11 @@ from castfem.cli.options import Request, chosen, read_from
 from castfem.model import load_case, shipped_cases
 from castfem.post.compare.study_tables import error_tables, without_error
 from castfem.post.report.error_table import main_names, quantity_of
-from castfem.runs.output.chosen_units import units_of_run
 from castfem.runs.output.folder import ERROR_ENDING, ERROR_NAME
 from castfem.runs.output.run_record import RUN_NAME
 from castfem.runs.results.headline import plain_label
 from castfem.runs.results.numbers import duration
+from castfem.runs.results.run_case import units_of_run
 from castfem.studies.accuracy.ladder import BASE, levels
 from castfem.studies.accuracy.memo import Ladder, prepare
 from castfem.studies.accuracy.proposal import propose, read_share

@@ -205,9 +205,8 @@ def compare(
     from castfem.post.compare import drawing, table
     from castfem.post.compare.remarks import remarks
     from castfem.post.compare.runs import base_of, read_runs
-    from castfem.runs.output.chosen_units import units_of_run
     from castfem.runs.results.places import read_positions
-    from castfem.runs.results.run_case import error_lines
+    from castfem.runs.results.run_case import error_lines, units_of_run
 
     places, runs = read_positions(at), read_runs(folders)
     measure, target = base_of(runs, base), output or _beside([run.folder for run in runs])
@@ -270,8 +269,7 @@ def report(
 @click.option("--markdown", is_flag=True, help="Print the reference page of case files instead.")
 def schema(markdown: bool) -> None:
     """Print the JSON schema of case files, for editors."""
-    from castfem.model.json_schema import schema_text
-    from castfem.model.reference_page import markdown_page
+    from castfem.model.schema import markdown_page, schema_text
 
     sys.stdout.write(markdown_page() if markdown else schema_text())
 

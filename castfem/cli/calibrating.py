@@ -20,8 +20,8 @@ from castfem.model.load import faults_of_key
 from castfem.model.shown_units import units_of
 from castfem.post.plots.calibration import Compared, draw_calibration
 from castfem.post.plots.style import save
+from castfem.runs.results.needs import faults_of
 from castfem.runs.results.numbers import error_shown, shown, unit_shown
-from castfem.runs.results.of_case import faults_of
 from castfem.studies.optimisation.calibrate import (
     Calibration,
     Free,

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.base import log
+from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError
 from castfem.base.tables import Table
-from castfem.base.tolerances import ROUNDING
 from castfem.base.units import convert
 from castfem.cli.options import read_from
 from castfem.model import AnyCase, Case, Reading, TensileCase, plausibility, read_case

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError
-from castfem.base.tolerances import ROUNDING
 from castfem.base.types import Array
 from castfem.base.units import factor_and_zero
 from castfem.model import Case, load_case

@@ -100,8 +100,8 @@ class Request:
         Raises:
             InputError: One lies beyond it, or above the meniscus.
         """
+        from castfem.base.constants import ROUNDING
         from castfem.base.shown_units import place_said
-        from castfem.base.tolerances import ROUNDING
 
         beyond = [place_said(one) for one in self.at if not 0.0 <= one <= length * (1.0 + ROUNDING)]
         if beyond:

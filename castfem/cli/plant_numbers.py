@@ -9,7 +9,7 @@ from castfem.model.build_machine import build_machine
 from castfem.model.check_cooling import law_groups
 from castfem.model.cooling import Contact, Spray
 from castfem.model.heat_law import Extent, ScaledLaw, Surroundings
-from castfem.model.shared_heat import TOLD, fixed_heat, is_even, mend
+from castfem.model.shared_heat import EVEN_FLUX, fix, fixed_heat, is_even
 from castfem.model.water import PER_LITRE_AND_KG, Supply, steel_per_length
 from castfem.physics.thermal.mould_flux import MOULD_FLUXES, heat_to_mould
 from castfem.physics.thermal.sprays import WATER_DENSITY
@@ -55,7 +55,7 @@ def heat_lines(case: Case, steel: Steel, mesh: SectionMesh) -> list[str]:
                     "measured, or a table over speed, before speeds are compared"
                 )
             if is_even(case, law):
-                lines.append(f"  {TOLD}; {mend(case)}")
+                lines.append(f"  {EVEN_FLUX}; {fix(case)}")
         start = end
     return lines
 

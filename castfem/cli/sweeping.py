@@ -18,8 +18,8 @@ from castfem.model import shipped_cases
 from castfem.model.shared_heat import shared_heat
 from castfem.post.compare.study_tables import sweep_table
 from castfem.post.report.cautions import cautions_of_all
-from castfem.runs.output.chosen_units import units_of_run
 from castfem.runs.output.summary import Summary
+from castfem.runs.results.run_case import units_of_run
 from castfem.studies.sweep.plan import Variant, plan
 from castfem.studies.sweep.record import Record, check_own
 from castfem.studies.sweep.results import TABLE_NAME, rows, write_table

@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from mpi4py import MPI
 
-from castfem.base.closing import Closing
+from castfem.base.atomic_files import Closing
 from castfem.base.errors import CastfemError
 
 T = TypeVar("T")

@@ -8,19 +8,15 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 from castfem.base import ranges
-from castfem.base.messages import Path, dotted, grouped
-from castfem.base.quantities import Kind
+from castfem.base.errors import Path, dotted, grouped
+from castfem.base.quantities import Kind, Notation
 from castfem.base.ranges import Bounds
-from castfem.base.table_notation import Curve
 from castfem.base.tables import ARGUMENTS, Table
 from castfem.base.units import convert, format
-from castfem.model.base import TableModel, Unreadable
+from castfem.model.base import TableModel, Unreadable, Variants
 from castfem.model.case import Case
 from castfem.model.checks import Faults, caution, check
 from castfem.model.mechanics import Way
-from castfem.model.variants import Variants
-
-_COLDEST = 200.0  # K; what is colder was mostly meant in degC
 
 
 class Given(NamedTuple):
@@ -86,7 +82,8 @@ def _unusual(given: Given, value: float) -> str:
     if text and given.path[-1] == "coefficient" and "friction" in given.path:
         near = f"; did you mean {0.01 * value:.3g}?" if 5.0 <= value <= 100.0 else ""
         return f"({value:g}) is more than {given.bounds.usual[1]:g} times the pressure{near}"
-    if text and given.kind.unit == "K" and not given.kind.difference and value < _COLDEST:
+    if text and given.kind.unit == "K" and not given.kind.difference and value < 200.0:
+        # What is colder was mostly meant in degC.
         written = format(value, "K", "K").removesuffix(" K")
         text = f"({written} K) is {convert(value, 'K', 'degC'):.4g} degC; did you mean "
         text += f'"{written} degC"?'
@@ -120,7 +117,6 @@ def _below(table: TableModel, value: Any, path: Path, key: str) -> Iterator[Give
 
 
 def _rolls(rolls: Any) -> Iterator[Given]:
-    """Yield the numbers of a table of rolls."""
     if rolls is None or isinstance(rolls, Unreadable):
         return
     from castfem.physics.machine.rolls import KINDS
@@ -134,7 +130,6 @@ def _rolls(rolls: Any) -> Iterator[Given]:
 
 
 def _kind(model: type[TableModel], name: str) -> Kind:
-    """Return the unit of a key."""
     field = model.model_fields[name]
     return next(_kinds([field.annotation, *field.metadata]))
 
@@ -142,21 +137,32 @@ def _kind(model: type[TableModel], name: str) -> Kind:
 def _kinds(annotations: typing.Iterable[Any]) -> Iterator[Kind]:
     """Yield the kinds of quantity in annotations, at any depth."""
     for one in annotations:
-        if isinstance(one, Curve):
-            yield one.kind
-        elif isinstance(one, Kind):
-            yield one
+        if isinstance(one, Notation):
+            yield from () if one.quantity is None else (one.quantity,)
         else:
             yield from _kinds([*typing.get_args(one), *getattr(one, "__metadata__", ())])
 
 
-_MOST = 1_000_000  # steps; of the cheapest, that is hours
-_MOST_STATES = 50_000  # written fields
-_SLOWEST, _LONGEST = 0.01 / 60.0, 1e4  # m/s, m: what lies beyond is no strand
-_MANY, _MANY_WINDOWS, _MANY_STATES = 100_000, 36_000, 5_000  # told before it is run: an hour
-_MANY_ROWS = 1_000  # of one table, each of which ends a step
-# Seconds that a step of each kind takes on an ordinary mesh, for a first estimate.
-_THERMAL, _MECHANICAL, _WRITTEN = 0.01, 0.1, 0.01
+class Steps(NamedTuple):
+    """What steps of one kind cost.
+
+    Attributes:
+        what: What they are.
+        most: How many are run; of the cheapest, that is hours.
+        much: How many are worth a warning before they are run: about an hour.
+        each: What one takes on an ordinary mesh, s of work, for a first estimate.
+    """
+
+    what: str
+    most: int
+    much: int
+    each: float
+
+
+_THERMAL = Steps("thermal steps", 1_000_000, 100_000, 0.01)
+_WINDOWS = Steps("coupling windows", 1_000_000, 36_000, 0.1)
+_MECHANICAL = _WINDOWS._replace(what="mechanical steps")
+_STATES = Steps("states of the fields", 50_000, 5_000, 0.01)
 
 
 class Demand(NamedTuple):
@@ -165,19 +171,13 @@ class Demand(NamedTuple):
     Attributes:
         key: Of their length.
         length: Of one, s.
-        what: What they are.
-        most: How many are run.
-        much: How many are worth a word.
-        each: What one takes, s of work.
+        steps: Their kind.
         share: Of the followed length, that they are taken on.
     """
 
     key: str
     length: float
-    what: str
-    most: int
-    much: int
-    each: float
+    steps: Steps
     share: float = 1.0
 
     def number(self, case: Case) -> float:
@@ -188,7 +188,7 @@ class Demand(NamedTuple):
         """Return what is said of them: how many there are, and the rest."""
         return (
             self.key,
-            f"({format(self.length, 's', 's')}) makes {grouped(count)} {self.what}{rest}",
+            f"({format(self.length, 's', 's')}) makes {grouped(count)} {self.steps.what}{rest}",
         )
 
 
@@ -199,16 +199,16 @@ def too_many(case: Case, _: object) -> Faults:
     Of a strand that is slower or longer than any it yields that, once.
     """
     demands = [(demand, demand.number(case)) for demand in _demands(case)]
-    demands = [(demand, count) for demand, count in demands if count > demand.most]
+    demands = [(demand, count) for demand, count in demands if count > demand.steps.most]
     length, time = case.casting.length, case.casting.duration
     found = []
-    if demands and length > _LONGEST:
+    if demands and length > 1e4:  # m
         found = [("casting.length", f"({length:.4g} m) is no strand's: give a shorter one")]
-    elif demands and length < _SLOWEST * time:
+    elif demands and length < 0.01 / 60.0 * time:  # 0.01 m/min
         speed = f"({60.0 * length / time:.4g} m/min) takes {_duration(time)} for {length:.4g} m"
         found = [("casting.speed", f"{speed}: give a higher one")]
     for demand, count in demands if not found else ():
-        most = f"at most {grouped(demand.most)}: give a longer one"
+        most = f"at most {grouped(demand.steps.most)}: give a longer one"
         found.append(demand.fault(count, f" of the {time:.4g} s that are followed; {most}"))
     known = {key for key, _ in impossible(case, case)}
     yield from (fault for fault in found if fault[0] not in known)
@@ -218,26 +218,23 @@ def too_many(case: Case, _: object) -> Faults:
 def many(case: Case, _: object) -> Faults:
     """Yield the steps of a sound case that will take long, with a first estimate of how long."""
     for demand in _demands(case):
-        if (count := demand.number(case)) > demand.much:
-            time = _duration(count * demand.each)
-            yield demand.fault(
-                count, f"; at some {1e3 * demand.each:.0f} ms each that takes {time}"
-            )
+        if (count := demand.number(case)) > demand.steps.much:
+            yield demand.fault(count, f"; {_takes(count, demand.steps)}")
 
 
 @caution()
 def _long_tables(case: Case, _: object) -> Faults:
     """Yield tables over time or position of so many rows that their steps take long."""
-    what, each = ("steps", _THERMAL)
+    what, steps = ("steps", _THERMAL)
     if case.mechanics is not None:
-        what, each = ("coupling windows", _MECHANICAL)
+        what, steps = (_WINDOWS.what, _WINDOWS)
     for given in numbers(case):
         table = given.value
         if not isinstance(table, Table) or table.over not in ("time", "position"):
             continue
-        if (count := len(table.arguments)) > _MANY_ROWS:
-            time = f"at some {1e3 * each:.0f} ms each that takes {_duration(count * each)}"
-            text = f"has {grouped(count)} rows, each of which ends one of the {what}; {time}"
+        if (count := len(table.arguments)) > 1_000:
+            text = f"has {grouped(count)} rows, each of which ends one of the {what}"
+            text += f"; {_takes(count, steps)}"
             yield dotted(given.path), f"{text}: fewer rows do"
 
 
@@ -248,23 +245,27 @@ def _demands(case: Case) -> Iterator[Demand]:
     time, coupling, output = case.thermal.time, case.coupling, case.output
     end = case.mechanics_end()
     share = 1.0 if end is None else end / case.casting.length
-    steps: tuple[Any, ...] = ("thermal steps", _MOST, _MANY, _THERMAL)
-    found: list[tuple[str, Any, tuple[Any, ...]]] = [
-        ("thermal.time.step", time.step, steps),
-        ("thermal.time.adaptive.largest", time.adaptive and time.adaptive.largest, steps),
+    found: list[tuple[str, Any, Steps]] = [
+        ("thermal.time.step", time.step, _THERMAL),
+        ("thermal.time.adaptive.largest", time.adaptive and time.adaptive.largest, _THERMAL),
     ]
     if case.mechanics is not None:
         window = coupling.interval
         if isinstance(window, Way):
             window = window.length / case.casting.length * case.casting.duration
-        steps = ("coupling windows", _MOST, _MANY_WINDOWS, _MECHANICAL, share)
-        found.append(("coupling.interval", window, steps))
-        steps = ("mechanical steps", _MOST, _MANY_WINDOWS, _MECHANICAL, share)
-        found.append(("coupling.mechanical_step", coupling.mechanical_step, steps))
+        found.append(("coupling.interval", window, _WINDOWS))
+        found.append(("coupling.mechanical_step", coupling.mechanical_step, _MECHANICAL))
     if output.fields != ():
-        states = ("states of the fields", _MOST_STATES, _MANY_STATES, _WRITTEN)
-        found.append(("output.every", output.every, states))
-    yield from (Demand(key, length, *of) for key, length, of in found if isinstance(length, float))
+        found.append(("output.every", output.every, _STATES))
+    for key, length, steps in found:
+        if isinstance(length, float):
+            part = share if key.startswith("coupling.") else 1.0
+            yield Demand(key, length, steps, part)
+
+
+def _takes(count: float, steps: Steps) -> str:
+    """Return how long so many steps take, as a first estimate."""
+    return f"at some {1e3 * steps.each:.0f} ms each that takes {_duration(count * steps.each)}"
 
 
 def _duration(seconds: float) -> str:

@@ -65,10 +65,6 @@ def known_resistance(table: Extraction, machine: MachineTable) -> KnownResistanc
 
     The curve is that of a machine in order: each defect says what becomes of it.
 
-    Args:
-        table: What the rolls resist with.
-        machine: With its rolls and their defects.
-
     Raises:
         StrandStopsError: The drives are weaker than the rolls.
     """

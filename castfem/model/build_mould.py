@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from castfem.base.constants import ROUNDING
 from castfem.base.tables import Table, as_function
-from castfem.base.tolerances import ROUNDING
 from castfem.base.units import in_mm
 from castfem.model.base import Unreadable
 from castfem.model.case import Case
@@ -25,10 +25,6 @@ def build_mould(table: Mould, section: Section) -> wall.Mould:
 
     Where a size is left out, the cavity in working condition has that of the strand at the
     meniscus: the liquid fills it.
-
-    Args:
-        table: A sound table.
-        section: One of the section models, sound.
 
     Raises:
         ValueError: The section has no mould, or the taper does not fit it; told by what is wrong.
@@ -82,7 +78,6 @@ def _tapers(table: Mould) -> wall.Tapers:
 
 @check("mould")
 def _goes_with(case: Case, table: Mould) -> Faults:
-    """Yield what does not fit between [mould] and [section]."""
     section = case.section
     if isinstance(section, Strip):
         yield "", "a strip has no mould; leave the table out"
@@ -95,11 +90,7 @@ def _goes_with(case: Case, table: Mould) -> Faults:
 
 
 def nominal_mould(table: Mould, section: Section) -> wall.Mould:
-    """Return the mould of the sizes and the taper as they are written, neither hot nor displaced.
-
-    Raises:
-        ValueError: As `build_mould`.
-    """
+    """Return the mould of sizes and taper as they are written, neither hot nor displaced."""
     return wall.Mould(_cavity(table, section, 1.0), table.length, _tapers(table))
 
 
@@ -175,22 +166,13 @@ def _fits(case: Case, table: Mould) -> Faults:
             yield key, str(error)
 
 
-_CLOSED = 0.07  # of the section, beyond what cases made to be extreme have (10 %/m over 0.6 m)
-_USUAL_TAPER = 0.03  # 1/m, single
-_FILLED = 1e-3  # of the section: a wider cavity is meant otherwise
-_SIZE = 0.5  # of half the section, that a table has at the meniscus: no wall has moved as far
-_STEP = 0.2  # 1/m, of half the section: a wall that moves faster has a step there
-_ENDS = 0.02  # of the mould's length, that a table may end above or below it
-_CELLS = 6.0  # along the radius of a corner; with fewer its gap and shell are off by a tenth
-
-
 @caution("mould")
 def _wider(case: Case, mould: Mould) -> Faults:
     """Yield a cavity that is wider than the strand at the meniscus, where liquid fills it."""
     hot = hot_lengths(mould) or 0.0
     for name in ("width", "height", "diameter"):
         size, own = getattr(mould, name), getattr(case.section, name, None)
-        if size is not None and own is not None and hot * size > own * (1.0 + _FILLED):
+        if size is not None and own is not None and hot * size > 1.001 * own:
             fix = f"liquid fills its mould: give section.{name} the size of the cavity"
             at = f"the strand at the meniscus ({in_mm(own)})"
             yield name, f"({in_mm(size)}) leaves a gap to {at}, but {fix}"
@@ -201,9 +183,9 @@ def _corner(case: Case, mesh: Mesh) -> Faults:
     """Yield that the cells at a round corner are too long for what happens there."""
     radius = getattr(case.section, "corner_radius", 0.0)
     key = "surface_size" if mesh.corner_size is None else "corner_size"
-    size = getattr(mesh, key)
-    if case.mould is not None and radius > 0.0 and size * _CELLS > radius * (1.0 + ROUNDING):
-        fix = f"gap and shell may be off by a tenth; {_mm(radius / _CELLS)} or less resolve it"
+    size, most = getattr(mesh, key), radius / 6.0
+    if case.mould is not None and radius > 0.0 and size > most * (1.0 + ROUNDING):
+        fix = f"gap and shell may be off by a tenth; {_mm(most)} or less resolve it"
         yield key, f"cells of {_mm(size)} along a corner of radius {_mm(radius)}: {fix}"
 
 
@@ -215,13 +197,13 @@ def _taper(case: Case, mould: Mould) -> Faults:
         if given.closing is not None:
             yield from (("taper", part + t) for t in _rows(given.closing, half, mould.length))
         closed = _closure(given.profile(mould.length), half, mould.length)
-        if abs(closed) <= _CLOSED:
+        if abs(closed) <= 0.07:  # more than cases made to be extreme have (10 %/m over 0.6 m)
             continue
         how, near = "closes" if closed > 0.0 else "opens", ""
         if len(given.segments) == 1:
             tenth = 0.1 * given.segments[0].mean
             single = given.segments[0].top == given.segments[0].bottom
-            if single and abs(tenth) <= _USUAL_TAPER:
+            if single and abs(tenth) <= 0.03:  # 1/m
                 near = f"; did you mean {100.0 * tenth:.3g} %/m?"
         yield "taper", f"{part}the mould {how} by {100.0 * abs(closed):.3g} %{near}"
 
@@ -229,7 +211,7 @@ def _taper(case: Case, mould: Mould) -> Faults:
 def _rows(closing: Table, half: float, length: float) -> Iterator[str]:
     """Yield why rows of a wall are no movement, or not from the meniscus of this mould."""
     first, last, there = closing.arguments[0], closing.arguments[-1], closing(0.0)
-    if abs(there) > _SIZE * half:
+    if abs(there) > 0.5 * half:  # no wall has moved as far at the meniscus
         what = "how far each face has moved in since the meniscus: half of what the size has lost"
         yield f"{_mm(there)} at the meniscus look like a size of the cavity; the table has {what}"
     elif first > ROUNDING * length and there != 0.0:
@@ -237,9 +219,11 @@ def _rows(closing: Table, half: float, length: float) -> Iterator[str]:
         yield f"the table begins {_mm(first)} below the meniscus with {_mm(there)}, {fix}"
     below = f"below the meniscus, the mould ends {_mm(length)} below it"
     asked = "are the positions from the meniscus, not from the top of the mould?"
-    if last > (1.0 + _ENDS) * length:
+    ends = 0.02  # of the mould's length, that a table may end above or below it
+    steep = 0.2 * half  # 1/m: a wall that moves faster has a step there
+    if last > (1.0 + ends) * length:
         yield f"the table goes on to {_mm(last)} {below}; {asked}"
-    elif last < (1.0 - _ENDS) * length and 0.0 < abs(_slope(closing)) < _STEP * half:
+    elif last < (1.0 - ends) * length and 0.0 < abs(_slope(closing)) < steep:
         yield f"the table ends {_mm(last)} {below}; the wall is straight from there on: {asked}"
 
 

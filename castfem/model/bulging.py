@@ -8,7 +8,7 @@ from pydantic import Field
 
 from castfem.base.quantities import Kind
 from castfem.base.table_notation import Curve
-from castfem.base.tables import Table
+from castfem.base.tables import Tabled
 from castfem.model.base import TableModel
 from castfem.model.checks import Faults, check
 from castfem.model.secondary import is_wide
@@ -20,7 +20,7 @@ Model = Literal["creep", "elastic", "thesis", "none"]
 MODELS: tuple[Model, ...] = get_args(Model)
 SolidFraction = Annotated[float, Kind("1", least=0.0, most=1.0, label="solid fraction", sample="1")]
 LargestBulge = Annotated[
-    float | Table, Curve(Kind("m", "mm", above=0.0, label="bulge", sample="0.5 mm"), "position")
+    Tabled, Curve(Kind("m", "mm", above=0.0, label="bulge", sample="0.5 mm"), "position")
 ]
 
 
@@ -69,7 +69,6 @@ def _no_effect(case: Case, table: Bulging) -> Faults:
 
 @check("mechanics.bulging")
 def _needs(case: Case, table: Bulging) -> Faults:
-    """Yield what keeps a case from bulging between rolls."""
     mechanics = case.mechanics
     if not table.bears or mechanics is None:
         return

@@ -12,9 +12,9 @@ from typing import Any
 
 from pydantic import Field, ModelWrapValidatorHandler, model_validator
 
+from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError
 from castfem.base.tables import Table as TableOfValues
-from castfem.base.tolerances import ROUNDING
 from castfem.model.base import FaultyError, TableModel
 from castfem.model.casting import (
     CONTACT_FIELDS,

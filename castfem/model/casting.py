@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from pydantic import AfterValidator, Field
 
 from castfem.base import result_registry, units
+from castfem.base.constants import ROUNDING
 from castfem.base.quantities import Kind, Length, Percent, Temperature, Time
 from castfem.base.shown_units import ShownUnits, UnitsNotation
 from castfem.base.table_notation import Curve
-from castfem.base.tables import Table
-from castfem.base.tolerances import ROUNDING
+from castfem.base.tables import Table, Tabled
 from castfem.base.units import in_mm
 from castfem.model.base import TableModel
 from castfem.model.checks import Faults, check, check_test, one_of
@@ -33,7 +33,6 @@ ReferenceKind = Literal["value", "at_least", "at_most"]
 
 
 def _goes(speed: float | Table) -> float | Table:
-    """Refuse a strand that never goes at all."""
     if max(speed.values if isinstance(speed, Table) else (speed,)) > 0.0:
         return speed
     raise ValueError("must be above 0 m/min")
@@ -48,7 +47,7 @@ def _is_table(profile: float | Table) -> float | Table:
 
 
 SpeedOverTime = Annotated[
-    float | Table, Curve(Kind("m/s", "m/min", least=0.0), over="time"), AfterValidator(_goes)
+    Tabled, Curve(Kind("m/s", "m/min", least=0.0), "time"), AfterValidator(_goes)
 ]
 FieldName = Literal[ThermalField, MechanicalField, ContactField]
 """Fields that can be written."""
@@ -58,17 +57,12 @@ CONTACT_FIELDS: tuple[FieldName, ...] = get_args(ContactField)
 
 
 TemperatureOverDepth = Annotated[
-    float | Table, Curve(Kind("K", "degC"), over="depth"), AfterValidator(_is_table)
+    Tabled, Curve(Kind("K", "degC"), "depth"), AfterValidator(_is_table)
 ]
-
-
-_ROUNDED = 1e-6  # of a per cent
 
 
 Instant = Annotated[float, Kind("s", "s", least=0.0)]
-SuperheatOverTime = Annotated[
-    float | Table, Curve(Kind("K", "K", difference=True, least=0.0), over="time")
-]
+SuperheatOverTime = Annotated[Tabled, Curve(Kind("K", "K", difference=True, least=0.0), "time")]
 
 
 class Start(TableModel):
@@ -146,7 +140,7 @@ class Steel(TableModel):
 
 def _whole_percent(fraction: float | None) -> float | None:
     """Refuse what has no name of two digits, and the solidus, whose shell is there anyway."""
-    if fraction is not None and abs(100.0 * fraction - round(100.0 * fraction)) > _ROUNDED:
+    if fraction is not None and abs(100.0 * fraction - round(100.0 * fraction)) > 1e-6:
         raise ValueError("whole per cents are needed, such as 0.7")
     if fraction is not None and not 0.005 < fraction < 0.995:
         raise ValueError("must lie between 0 and 1; at 0 it is liquidus_depth, at 1 the shell")
@@ -160,17 +154,13 @@ WholePercent = Annotated[
 
 MOST_STATES = 250
 """States of the fields, at most, of a case that does not say how often: a film of ten seconds."""
-_SHORTEST = 0.5  # s
 
 
 def usual_interval(duration: float) -> float:
-    """Return the time between two states of the fields of a case that gives none, s.
-
-    Args:
-        duration: Of the way that is followed, s; inf for one that has no end.
-    """
-    if not _SHORTEST * MOST_STATES < duration < math.inf:
-        return _SHORTEST
+    """Return the time between two states of the fields of a case that gives none, s."""
+    shortest = 0.5  # s
+    if not shortest * MOST_STATES < duration < math.inf:
+        return shortest
     least = duration / MOST_STATES * (1.0 - ROUNDING)
     decade = 10.0 ** math.floor(math.log10(least))
     return next(every for n in (1, 2, 5, 10) if (every := n * decade) >= least)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
-from castfem.base.messages import choices
+from castfem.base.constants import ROUNDING
+from castfem.base.errors import choices
 from castfem.base.tables import Table
-from castfem.base.tolerances import ROUNDING
 from castfem.base.units import format, in_mm, nearest
 from castfem.model.base import Unreadable
 from castfem.model.case import Case
@@ -17,9 +18,6 @@ from castfem.model.mould import Mould
 from castfem.model.section import Section
 from castfem.physics.thermal.mould_flux import MOULD_FLUXES
 
-_SHORTEST = 1e-6  # m: of a zone; less is what rounding makes of one and the same place
-_THINNEST = 1e-7  # m: a gap that halves the heat; surfaces are a hundred times as rough
-
 
 @check("cooling")
 def _zone_names(case: Case, zones: tuple[Zone, ...]) -> Faults:
@@ -29,6 +27,7 @@ def _zone_names(case: Case, zones: tuple[Zone, ...]) -> Faults:
 @check()
 def _zones(case: Case, _: object) -> Faults:
     zones, reached = case.cooling, 0.0
+    shortest = 1e-6  # m: less is what rounding makes of one and the same place
     for index, zone in enumerate(zones):
         key = f"cooling.{index}.to"
         if isinstance(zone, Unreadable) or isinstance(zone.to, Unreadable):
@@ -40,8 +39,8 @@ def _zones(case: Case, _: object) -> Faults:
         if zone.to <= reached:
             end = f"the end of the zone before ({in_mm(reached)}); give zones in casting order"
             yield key, f"({in_mm(zone.to)}) does not lie beyond {end}"
-        elif zone.to - reached < _SHORTEST:
-            least = f"a zone is at least {1e6 * _SHORTEST:g} um long: leave it out"
+        elif zone.to - reached < shortest:
+            least = f"a zone is at least {1e6 * shortest:g} um long: leave it out"
             yield key, f"lies {1e9 * (zone.to - reached):.3g} nm below the zone before; {least}"
         reached = max(reached, zone.to)
     last, length = len(zones) - 1, case.casting.length
@@ -127,8 +126,8 @@ def _wall(case: Case, law: HeatLaw) -> Faults:
 def _thin_gap(conductivity: float, coefficient: float | Table) -> Faults:
     """Yield a gap so thin that rounding decides on the heat."""
     best = max(coefficient.values) if isinstance(coefficient, Table) else coefficient
-    halving = conductivity / best if best > 0.0 else _THINNEST
-    if halving < _THINNEST:
+    halving = conductivity / best if best > 0.0 else math.inf
+    if halving < 1e-7:  # m: surfaces are a hundred times as rough
         text = f"({conductivity:g} W/(m K)): a gap of {1e9 * halving:.3g} nm would halve the heat"
         yield "gap_conductivity", f"{text}; gases and slags have 0.02 to 2 W/(m K)"
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from castfem.base.messages import choices
+from castfem.base.errors import choices
+from castfem.base.types import Array
 from castfem.base.units import format, in_mm, nearest
 from castfem.model.base import Unreadable
 from castfem.model.checks import Faults, caution, check, given, one_of, twice
@@ -19,11 +20,6 @@ if TYPE_CHECKING:
     from castfem.model.case import Case
     from castfem.model.secondary import Circuit, NozzleModel, RollContact, Secondary
     from castfem.physics.machine.rolls import Rolls
-
-_SAME = 1e-6  # m: two nozzles at one place
-_MISSING = 0.02  # of the water of a row: what may miss its face without a word
-_DENSITY = 7300.0  # kg/m3, of steel at its solidus
-_POINTS = 401  # across a face, at which its water is looked at
 
 
 def _rolls(case: Case) -> Rolls | None:
@@ -123,15 +119,16 @@ def _across(case: Case, circuit: Circuit) -> Faults:
     if not isinstance(section, Rectangle):
         return
     half, far = _half(case, circuit), max(ordered, key=abs)
+    same = 1e-6  # m: two nozzles at one place
     if abs(far) > half:
         text = f"the nozzle at {in_mm(far)} stands outside of the face"
         yield "across", f"{text}, which ends {in_mm(half)} from its middle"
     for here, there in itertools.pairwise(ordered):
-        if there - here < _SAME:
+        if there - here < same:
             yield "across", f"two nozzles stand at {in_mm(there)}; give more flow instead"
             return
     mirrored = section.symmetry == "quarter" or (circuit.wide and section.symmetry == "half")
-    if mirrored and any(abs(a + b) > _SAME for a, b in zip(ordered, ordered[::-1], strict=True)):
+    if mirrored and any(abs(a + b) > same for a, b in zip(ordered, ordered[::-1], strict=True)):
         fix = 'give a nozzle on the other side, too, or symmetry = "whole"'
         at = f'the middle, as section.symmetry = "{section.symmetry}" takes them to be'
         yield "across", f"the nozzles are not mirrored at {at}; {fix}"
@@ -188,8 +185,13 @@ def _unused(case: Case, table: Secondary) -> Faults:
             yield f"nozzle.{index}", "belongs to no circuit"
 
 
+def _places(case: Case, circuit: Circuit) -> Array:
+    """Places across the face that a circuit sprays, at which its water is looked at, m."""
+    half = _half(case, circuit)
+    return np.asarray(np.linspace(-half, half, 401))
+
+
 def _half(case: Case, circuit: Circuit) -> float:
-    """Half the size of the face that a circuit sprays, m."""
     width, height = case.section.outline()
     assert width is not None and height is not None, "the case has been checked"
     return 0.5 * (width if circuit.wide else height)
@@ -197,19 +199,18 @@ def _half(case: Case, circuit: Circuit) -> float:
 
 @caution("secondary.circuit.*")
 def _lost(case: Case, circuit: Circuit) -> Faults:
-    """Yield water that misses its face."""
     from castfem.physics.machine.sprays import footprint
 
     assert case.secondary is not None
-    model, half = case.secondary.model_of(circuit), _half(case, circuit)
-    width, places = footprint(circuit.stand_off, model.angle), np.linspace(-half, half, _POINTS)
+    model, places = case.secondary.model_of(circuit), _places(case, circuit)
+    width, half = footprint(circuit.stand_off, model.angle), places[-1]
     reached = float(np.trapezoid(_water(places, circuit, model), places)) / len(circuit.across)
-    if reached < 1.0 - _MISSING:
+    if reached < 0.98:
         size = f"sprays of {1e3 * width:.4g} mm on {2e3 * half:.4g} mm"
         yield "across", f"{100.0 * (1.0 - reached):.3g} % of the water misses the face: {size}"
 
 
-def _water(places: np.ndarray, circuit: Circuit, model: NozzleModel) -> np.ndarray:
+def _water(places: Array, circuit: Circuit, model: NozzleModel) -> Array:
     from castfem.physics.machine.sprays import footprint
     from castfem.physics.thermal.spray_water import water_across
 
@@ -226,8 +227,8 @@ def _ranges(case: Case, circuit: Circuit) -> Faults:
     table = case.secondary
     assert table is not None
     model = table.model_of(circuit)
-    half, supply = _half(case, circuit), _about(case)
-    places, total = np.linspace(-half, half, _POINTS), np.zeros(_POINTS)
+    supply, places = _about(case), _places(case, circuit)
+    total = np.zeros(len(places))
     for other in table.circuit:  # what falls on the same places besides
         gaps = set(range(*other.rolls)) & set(range(*circuit.rolls))
         shared = any(a.startswith(b) or b.startswith(a) for a in other.on for b in circuit.on)
@@ -252,5 +253,6 @@ def _ranges(case: Case, circuit: Circuit) -> Faults:
 
 def _about(case: Case) -> Supply:
     """What tells flows, but for the per cents by which steels differ in density."""
-    mass = _DENSITY * case.section.width * case.section.height  # type: ignore[attr-defined]
+    density = 7300.0  # kg/m3, of steel at its solidus
+    mass = density * case.section.width * case.section.height  # type: ignore[attr-defined]
     return Supply(mass, case.casting.travel, case.water, case.casting.clock)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
-from castfem.base.messages import Path
+from castfem.base.errors import Path
 from castfem.model.base import FaultyError, Unreadable
 from castfem.model.problems import Problem
 
@@ -81,7 +81,6 @@ own_caution = Checks(of_faults=False)
 
 
 def _tables(table: Any, path: tuple[str, ...], place: Path = ()) -> Iterator[tuple[Path, Any]]:
-    """Yield the tables at a path, each with its place."""
     if table is None or isinstance(table, Unreadable):
         return
     if not path:
@@ -105,12 +104,7 @@ def given(table: Any, *keys: str) -> list[str]:
 
 
 def one_of(table: Any, samples: dict[str, str]) -> Faults:
-    """Yield that none of some keys is given, or several.
-
-    Args:
-        table: Has them.
-        samples: The keys, and what each may be.
-    """
+    """Yield that none of some keys is given, or several."""
     names, found = list(samples), given(table, *samples)
     if not found:
         written = ", ".join(f"{key} = {sample}" for key, sample in samples.items())

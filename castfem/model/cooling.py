@@ -10,7 +10,6 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import ConfigDict, Field
 
-from castfem.base.curves import CurveOrName, CurveOverEither
 from castfem.base.errors import InputError
 from castfem.base.quantities import (
     Conductivity,
@@ -19,13 +18,14 @@ from castfem.base.quantities import (
     Kind,
     Length,
     NameOf,
+    OrWord,
     PositiveNumber,
     Temperature,
     WaterFlow,
     WaterTemperature,
 )
-from castfem.base.table_notation import Curve, CurveOr
-from castfem.base.tables import Table
+from castfem.base.table_notation import Curve
+from castfem.base.tables import Table, Tabled
 from castfem.model.base import TableModel, written
 from castfem.model.heat_law import (
     GAP,
@@ -52,23 +52,25 @@ __all__ = [
     "Zone",
 ]
 
+FORMULA = "the name of a formula, "
 GivenFlux = Annotated[
-    str | float | Table,
-    CurveOrName(Kind("W/m^2", "MW/m^2"), "time", ("position",), MOULD_FLUXES),
+    str | Tabled,
+    OrWord(Curve(Kind("W/m^2", "MW/m^2"), "time", ("position",)), MOULD_FLUXES, FORMULA),
 ]
 ContactCoefficient = Annotated[
-    float | Table,
-    CurveOverEither(Kind("W/(m^2 K)", "W/(m^2 K)", least=0.0), "position", ("time", "temperature")),
+    Tabled, Curve(Kind("W/(m^2 K)", "W/(m^2 K)", least=0.0), "position", ("time", "temperature"))
 ]
 ContactFlux = Annotated[
-    str | float | Table,
-    CurveOrName(
-        Kind("W/m^2", "MW/m^2", least=0.0), "position", ("time", "temperature"), MOULD_FLUXES
+    str | Tabled,
+    OrWord(
+        Curve(Kind("W/m^2", "MW/m^2", least=0.0), "position", ("time", "temperature")),
+        MOULD_FLUXES,
+        FORMULA,
     ),
 ]
 
 MOULD = "mould"
-WallTemperature = Annotated[str | float | Table, CurveOr(Kind("K", "degC"), "time", MOULD)]
+WallTemperature = Annotated[str | Tabled, OrWord(Curve(Kind("K", "degC"), "time"), (MOULD,))]
 
 
 class Contact(ScaledLaw):
@@ -104,14 +106,13 @@ class Contact(ScaledLaw):
         return flux_laws.Contact(
             coefficient=self._good(around),
             wall=wall,
-            # Without a gap its conductivity is of no account.
+            # Without a gap its conductivity is not used.
             gap_conductivity=1.0 if self.gap_conductivity is None else self.gap_conductivity,
             gap=self.gap or 0.0,
             follows=self.gap is None,
         )
 
     def _good(self, around: Surroundings) -> float | mould_flux.Curve:
-        """Return the coefficient without a gap."""
         if self.flux is not None:
             table = _over_temperature(self.flux)
             if table is not None:
@@ -215,14 +216,10 @@ class Spray(HeatLaw):
 
 
 CoefficientOfTemperature = Annotated[
-    float | Table, Curve(Kind("W/(m^2 K)", "W/(m^2 K)", least=0.0), over="temperature")
+    Tabled, Curve(Kind("W/(m^2 K)", "W/(m^2 K)", least=0.0), "temperature")
 ]
 EmissivityOfTemperature = Annotated[
-    float | Table,
-    Curve(
-        Kind("1", least=0.0, most=1.0, label="emissivity", sample="0.8"),
-        over="temperature",
-    ),
+    Tabled, Curve(Kind("1", least=0.0, most=1.0, label="emissivity", sample="0.8"), "temperature")
 ]
 
 

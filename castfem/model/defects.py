@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from castfem.base.quantities import Kind
+from castfem.model.base import Variants
 from castfem.model.checks import Faults, check
 from castfem.model.extraction import COUPLED
-from castfem.model.variants import Variants
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from castfem.physics.machine.rolls import Pair, Rolls
     from castfem.physics.machine.sprays import Row
 
-MOST_OFF = 0.1  # of a pitch, by which a pair is off
 Offset = Annotated[float, Kind("m", "mm", label="distance", sample="2 mm")]
 WaterShare = Annotated[  # no nozzle has ten times its water: 66 is meant as 66 percent
     float, Kind("1", "percent", least=0.0, most=10.0, label="share", sample="66 percent")
@@ -153,8 +152,8 @@ class Misaligned(RollDefect):
         """Yield a pair that is farther off than a strand would follow, or (329) holds."""
         places = [pair.position for pair in normal.pairs[max(self.roll - 2, 0) : self.roll + 1]]
         pitch = min((b - a for a, b in pairwise(places)), default=math.inf)
-        if abs(self.by) > MOST_OFF * pitch:
-            most = f"more than {MOST_OFF:g} of the {1e3 * pitch:.4g} mm to the next pair"
+        if abs(self.by) > 0.1 * pitch:
+            most = f"more than 0.1 of the {1e3 * pitch:.4g} mm to the next pair"
             yield "by", f"({1e3 * self.by:g} mm): by {most} roll {self.roll} cannot be off"
 
     def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:

@@ -20,8 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from castfem.base.errors import InputError
-from castfem.base.messages import shown
+from castfem.base.errors import InputError, shown
 from castfem.base.units import nearest
 from castfem.model import key_names, layers
 from castfem.model.key_names import no_entry, step_into
@@ -29,7 +28,7 @@ from castfem.model.shipped_cases import find
 
 Keys = tuple[str | int, ...]
 
-_EACH = -1  # stands for any entry of an array
+_EACH = "*"  # stands for any entry of an array
 _EXCLUSIVE: tuple[tuple[Keys, str, str], ...] = (
     (("casting",), "superheat", "temperature"),
     (("thermal", "time"), "step", "adaptive"),
@@ -88,7 +87,7 @@ class Document:
         return self.label
 
     def place(self, path: Keys) -> str:
-        """Return the file to mend: of a table that several have written in, the last of them."""
+        """Return the file to correct: of a table that several have written in, the last of them."""
         return self.joined.get(path) or self.origin(path)
 
 
@@ -335,15 +334,9 @@ def override(
     entitle(document)
 
 
-_NAMED = 3  # changes in a title
 _LESS_NEWS = ("mesh", "thermal", "coupling")  # which change how well it is computed
-_NO_NEWS = (
-    "title",
-    "output",
-    "reference",
-    "verification",
-    "optimise",
-)  # keys, and what is below them, that change no result
+# Keys, and what is below them, that change no result.
+_NO_NEWS = ("title", "output", "reference", "verification", "optimise")
 
 
 def entitle(document: Document) -> None:
@@ -355,8 +348,8 @@ def entitle(document: Document) -> None:
         return
     parts = [p for p in title.split("; ") if p.partition(" = ")[0] not in listed]
     named = [f"{key} = {shown(value).strip(chr(34))}" for key, value in listed.items()]
-    more = [f"and {len(named) - _NAMED} more"] if len(named) > _NAMED else []
-    document.data["title"] = "; ".join([*parts, *named[:_NAMED], *more])
+    more = [f"and {len(named) - 3} more"] if len(named) > 3 else []
+    document.data["title"] = "; ".join([*parts, *named[:3], *more])
 
 
 def put(document: Document, key: str, value: Any, label: str) -> None:

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
-from castfem.base.quantities import Kind
-from castfem.base.table_notation import CurveOr
-from castfem.base.tables import Table
-from castfem.base.tolerances import ROUNDING
+from castfem.base.constants import ROUNDING
+from castfem.base.quantities import Kind, OrWord
+from castfem.base.table_notation import Curve
+from castfem.base.tables import Table, Tabled
 from castfem.model.base import TableModel
 from castfem.model.checks import Faults, caution, check
 
@@ -22,8 +22,10 @@ if TYPE_CHECKING:
 
 COUPLED = "coupled"
 ResistanceOverPosition = Annotated[
-    str | float | Table,
-    CurveOr(Kind("N", "kN", least=0.0, label="force", sample="700 kN"), "position", COUPLED),
+    str | Tabled,
+    OrWord(
+        Curve(Kind("N", "kN", least=0.0, label="force", sample="700 kN"), "position"), (COUPLED,)
+    ),
 ]
 FrictionCoefficient = Annotated[
     float, Kind("1", least=0.0, label="friction coefficient", sample="0.3")

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from pydantic import Field
 
 from castfem.base.errors import InputError
-from castfem.base.quantities import Kind, KindOr
+from castfem.base.quantities import Kind, OrWord
 from castfem.base.table_notation import Curve
-from castfem.base.tables import Table
-from castfem.model.variants import Variants
+from castfem.base.tables import Table, Tabled
+from castfem.model.base import Variants
 from castfem.model.water import Supply, Water, Watered
 from castfem.physics.machine import Machine
-from castfem.physics.machine.time_functions import over_time
+from castfem.physics.machine.machine import over_time
 from castfem.physics.machine.travel import Steady
 from castfem.physics.thermal import flux_laws, mould_flux
 from castfem.physics.thermal.mould_flux import MOULD_FLUXES
@@ -126,12 +126,7 @@ def times(factor: float, value: mould_flux.Value) -> mould_flux.Value:
 
 
 def no_emissivity(given: object, steel: Steel) -> str:
-    """Return that neither a table nor the steel gives an emissivity; "" where one of them does.
-
-    Args:
-        given: That of the table, None for the steel's.
-        steel: Of the case.
-    """
+    """Return that neither a table nor the steel gives an emissivity; "" where one of them does."""
     if given is not None or steel.has("emissivity"):
         return ""
     return f"steel {steel.name} has no emissivity; give one, emissivity = 0.8"
@@ -152,17 +147,13 @@ TOTALS = ("power", "water", "water_rise")
 """Keys of a measured total."""
 
 HeatFlow = Annotated[
-    float | Table, Curve(Kind("W", "kW", above=0.0, label="heat flow", sample="1450 kW"), "speed")
+    Tabled, Curve(Kind("W", "kW", above=0.0, label="heat flow", sample="1450 kW"), "speed")
 ]
 VolumeFlow = Annotated[
-    float | Table,
-    Curve(Kind("m^3/s", "L/min", above=0.0, label="water", sample="1800 L/min"), "speed"),
+    Tabled, Curve(Kind("m^3/s", "L/min", above=0.0, label="water", sample="1800 L/min"), "speed")
 ]
-Rise = Annotated[
-    float | Table,
-    Curve(Kind("K", "K", difference=True, above=0.0, sample="7 K"), "speed"),
-]
-MeasuredAt = Annotated[float | str, KindOr(Kind("m/s", "m/min", above=0.0), ANY_SPEED)]
+Rise = Annotated[Tabled, Curve(Kind("K", "K", difference=True, above=0.0, sample="7 K"), "speed")]
+MeasuredAt = Annotated[float | str, OrWord(Kind("m/s", "m/min", above=0.0), (ANY_SPEED,))]
 
 
 class ScaledLaw(HeatLaw):

@@ -15,7 +15,7 @@ from typing import Any
 
 from pydantic.fields import FieldInfo
 
-from castfem.base.messages import dotted
+from castfem.base.errors import dotted
 from castfem.base.units import nearest
 from castfem.model.base import TableModel
 from castfem.model.mould import EXAMPLES
@@ -66,8 +66,8 @@ def no_entry(place: Any, path: tuple[str | int, ...], part: str) -> str:
     where = dotted(path)
     if not isinstance(place, Sequence) or isinstance(place, str):
         example = EXAMPLES.get(str(path[-1])) if path[:-1] == ("mould",) else None
-        mend = f"; give a table, such as {where} = {example}" if example else ""
-        return f"{where} is a single value, it has no keys{mend}"
+        fix = f"; give a table, such as {where} = {example}" if example else ""
+        return f"{where} is a single value, it has no keys{fix}"
     names = [str(e["name"]) for e in place if isinstance(e, Mapping) and "name" in e]
     named = f" or the name of one ({', '.join(names)}{nearest(part, names)})" if names else ""
     return f"'{part}' is no entry of {where}; give an index from 0 to {len(place) - 1}{named}"
@@ -75,7 +75,6 @@ def no_entry(place: Any, path: tuple[str | int, ...], part: str) -> str:
 
 Keys = tuple[str | int, ...]
 
-_SHOWN = 6  # candidates named in a message
 _NOT_MEANT = ("reference", "optimise")  # of what a run gives: no settings of it
 
 
@@ -87,11 +86,6 @@ def full_key(root: type[TableModel], data: Mapping[str, Any], key: str) -> str:
     tables the case has, written or not: [output], of which every key has its default, is there
     where the file leaves it out. A key that has its default, or of which another one takes the
     place, counts too.
-
-    Args:
-        root: Model of the whole case.
-        data: The case as a document.
-        key: What the user wrote.
 
     Raises:
         ValueError: No key has this name, or several have; the text names those that may be meant.
@@ -106,8 +100,8 @@ def full_key(root: type[TableModel], data: Mapping[str, Any], key: str) -> str:
         return _written(data, meant[0])
     if meant:
         names = [_written(data, path) for path in meant]
-        more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-        raise ValueError(f"may stand for {', '.join(names[:_SHOWN])}{more}; write one in full")
+        more = f" and {len(names) - 6} more" if len(names) > 6 else ""
+        raise ValueError(f"may stand for {', '.join(names[:6])}{more}; write one in full")
     near = nearest(key, dict.fromkeys([*root.model_fields, *(str(path[-1]) for path in known)]))
     absent = [name for name in below(root, key) if name.partition(".")[0] not in _NOT_MEANT]
     similar = absent or [_written(data, p) for p in known if near and f" {p[-1]}?" in near]
@@ -117,11 +111,7 @@ def full_key(root: type[TableModel], data: Mapping[str, Any], key: str) -> str:
 
 
 def _with_law(root: type[TableModel], data: Mapping[str, Any], parts: list[str]) -> str:
-    """Return a key of a zone with the heat law that it leaves out; "" where it leaves out none.
-
-    Raises:
-        ValueError: Several laws have it.
-    """
+    """Return a key of a zone with the heat law that it leaves out; "" where it leaves out none."""
     zones = data.get("cooling")
     if parts[0] != "cooling" or len(parts) < 3 or not isinstance(zones, list):
         return ""
@@ -147,12 +137,7 @@ def _with_law(root: type[TableModel], data: Mapping[str, Any], parts: list[str])
 
 
 def all_keys(root: type[TableModel], data: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the dotted names of all keys that the tables of a case have, written or not.
-
-    Args:
-        root: Model of the whole case.
-        data: The case as a document; what is no table where one should be is left out.
-    """
+    """Yield the dotted names of all keys that the tables of a case have, written or not."""
     yield from (
         name for name in root.model_fields if not submodels(root.model_fields[name].annotation)
     )

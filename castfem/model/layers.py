@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from castfem.base import units
+from castfem.base.constants import EXACT
 from castfem.base.errors import InputError
 from castfem.model.section import Section, Strip
 from castfem.model.taper import PARTS
@@ -51,7 +52,7 @@ def settle(
     if not new or old.get("name") != name or _is_computed(name) is not False:
         return ""
     if name.endswith(".toml"):
-        return ""  # somebody's own numbers are not thrown away: it is refused, with the mend
+        return ""  # somebody's own numbers are not thrown away: it is refused, with the fix
     steel["name"] = COMPUTED
     return f'"{name}" is not computed from a composition; "{COMPUTED}" is taken for the new one'
 
@@ -102,13 +103,7 @@ def unknown(shape: type[Section]) -> Iterator[Keys]:
 def leave_out(
     before: Mapping[str, Any], after: dict[str, Any], inherited: Callable[[Keys], bool]
 ) -> tuple[str, ...]:
-    """Take out of a document what a shape that has come does not know; return the dotted keys.
-
-    Args:
-        before: The tables of the earlier layers.
-        after: The same with those of the new layer.
-        inherited: Whether the value at a path of `after` comes from an earlier layer.
-    """
+    """Take out of a document what a shape that has come does not know; return the dotted keys."""
     name = _shape(after)
     shape = Section.kinds.get(name or "")
     if shape is None or name == _shape(before):
@@ -152,16 +147,10 @@ _NO_PHYSICS = (
     ("tensile", "steps"),
 )
 _LENGTH = ("casting", "length")  # counts where a number holds "at the end"
-_ROUNDING = 1e-12
 
 
 def mark(before: Mapping[str, Any], after: dict[str, Any]) -> None:
-    """Note in the references of a document which keys were changed since they were written.
-
-    Args:
-        before: The tables as they were, with their references.
-        after: The changed tables; references that are new in them are left as they are.
-    """
+    """Note in the references of a document which keys were changed since they were written."""
     known = before.get("reference")
     entries = after.get("reference")
     if not isinstance(known, list) or not isinstance(entries, list):
@@ -204,4 +193,4 @@ def _same(one: Any, other: Any) -> bool:
         (left, unit), (right, its) = units.parse_any(one), units.parse_any(other)
     except ValueError:
         return False
-    return unit == its and abs(left - right) <= _ROUNDING * abs(right)
+    return unit == its and abs(left - right) <= EXACT * abs(right)

@@ -21,7 +21,6 @@ from castfem.model import (  # noqa: F401 - each enters its checks here
     check_secondary,
     document,
     key_names,
-    mechanics_end,
     plausibility,
     problems,
     shared_heat,
@@ -110,11 +109,7 @@ def read_case(path: str | Path, overrides: Iterable[str] = ()) -> Reading:
 
 
 def from_document(data: Mapping[str, Any], label: str = "case") -> Case:
-    """Validate the tables of a case that was made in memory, written as in a case file.
-
-    Raises:
-        InputError: As `load_case`.
-    """
+    """Validate the tables of a case that was made in memory, written as in a case file."""
     sound = _without_none(dict(data))
     return _or_raise(_validate(document.Document(copy.deepcopy(sound), label)))
 
@@ -161,15 +156,7 @@ def changed(
 
 
 def value_of(case: Case, key: str) -> Any:
-    """Return what a case has under a key, as a case file has it; None where it has nothing.
-
-    Args:
-        case: The case.
-        key: Dotted or bare, as `changed` takes it.
-
-    Raises:
-        ValueError: No key has this bare name, or several have.
-    """
+    """Return what a case has under a key, as a case file has it; None where it has nothing."""
     data = case.document()
     return key_names.value_at(data, key_names.full_key(Case, data, key))
 
@@ -217,11 +204,11 @@ def _build(kind: type[AnyCase], data: dict[str, Any]) -> tuple[AnyCase, list[pro
         found = problems.from_validation(error, data, kind)
         sound = copy.deepcopy(data)
         for problem in found:
-            _mend(sound, problem)
+            _repair(sound, problem)
         return kind.model_validate(sound, context=LENIENT), found
 
 
-def _mend(data: dict[str, Any], problem: problems.Problem) -> None:
+def _repair(data: dict[str, Any], problem: problems.Problem) -> None:
     """Take an unknown key out of the data, put None for a missing one."""
     *above, key = problem.path
     table = problems.at(data, tuple(above))
@@ -245,10 +232,6 @@ def _line(written: document.Document, problem: problems.Problem) -> str:
 
 def portable(case: AnyCase, beside: str) -> tuple[str, dict[str, bytes]]:
     """Return a case file, and the contents of the property files that belong beside it.
-
-    Args:
-        case: The case; the files it names are read.
-        beside: Name of the folder for copies of them, in that of the case file.
 
     Returns:
         TOML as of `resolved_toml`, in which files of the user's are named relative to it:
@@ -275,20 +258,13 @@ def portable(case: AnyCase, beside: str) -> tuple[str, dict[str, bytes]]:
     return tomli_w.dumps(tables), files
 
 
-_MEND = "; a number is varied: name a key that has one, such as casting.speed"
+_FIX = "; a number is varied: name a key that has one, such as casting.speed"
 _ANY_TEXT = "no number"
 _CHOICE = "; one of "  # how what takes one of some words is refused
 
 
 def faults_of_key(case: Case, key: str, values: Sequence[Any], where: str) -> list[str]:
-    """Return why a key cannot have some values, a line each; what is wrong with all is told once.
-
-    Args:
-        case: The case.
-        key: Dotted or bare.
-        values: As a case file has them, such as the ends of a range.
-        where: Where they were written, which each line begins with.
-    """
+    """Return why a key cannot have some values, a line each; a fault of several values once."""
     found: list[str] = []
     told: set[str] = set()
     for value in values:
@@ -299,9 +275,9 @@ def faults_of_key(case: Case, key: str, values: Sequence[Any], where: str) -> li
                 found.append(line)
     given = _text_at(case, key)
     if given is not None and not found and not _refused(case, key, _ANY_TEXT, where):
-        return [f'{where}: {key}: is a text ("{given}"){_MEND}']
+        return [f'{where}: {key}: is a text ("{given}"){_FIX}']
     if given is not None or not _has_value(case, key):
-        return [line + _MEND if _CHOICE in line else line for line in found]
+        return [line + _FIX if _CHOICE in line else line for line in found]
     return found
 
 

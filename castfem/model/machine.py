@@ -25,11 +25,6 @@ if TYPE_CHECKING:
     from castfem.model.case import Case
     from castfem.physics.machine.rolls import Fault, Rolls
 
-_SQUARE = math.radians(0.1)  # how far from 90 degrees a strand counts as horizontal
-_STRAINED = 0.05  # of a face of the bent strand
-_OTHER = 0.1  # of the thickness: how far an aperture may be from it
-_ALIKE = 3  # faults of one kind that are told one by one
-
 
 @dataclass(frozen=True, slots=True)
 class RollTable(Notation):
@@ -164,17 +159,16 @@ def _holds(case: Case, table: Machine) -> Faults:
 
 
 def _key(table: Machine) -> str:
-    """Return where the rolls stand."""
     return "rolls" if table.rolls is not None else "segment"
 
 
 def _together(rolls: Rolls, found: Sequence[Fault]) -> Iterator[str]:
     """Yield faults in words; of more than a few of one kind the first, and how many there are."""
-    kinds = [fault.kind for fault in found]
+    kinds, each = [fault.kind for fault in found], 3  # so many of one kind are told one by one
     for i, fault in enumerate(found):
         count = kinds.count(fault.kind)
-        if count <= _ALIKE or fault.kind not in kinds[:i]:
-            more = f" (and {count - 1} more like it)" if count > _ALIKE else ""
+        if count <= each or fault.kind not in kinds[:i]:
+            more = f" (and {count - 1} more like it)" if count > each else ""
             yield f"{rolls.place(fault.index)}: {fault.text}{more}"
 
 
@@ -238,7 +232,7 @@ def _doubtful(rolls: Rolls, thickness: float) -> Iterator[str]:
     angle = line.inclination(last.position)
     if math.isfinite(last.radius):
         yield f"the strand is still bent at the last roll, R = {last.radius:g} m"
-    elif angle > 0.0 and abs(angle - 0.5 * math.pi) > _SQUARE:
+    elif angle > 0.0 and abs(angle - 0.5 * math.pi) > math.radians(0.1):
         yield (
             f"the angles do not close: the strand leaves the last bent roll at "
             f"{math.degrees(angle):.4g} degrees to the vertical, not at 90; are radii, positions "
@@ -246,12 +240,12 @@ def _doubtful(rolls: Rolls, thickness: float) -> Iterator[str]:
         )
     tightest = min(rolls.pairs, key=lambda pair: abs(pair.radius))
     strain = 0.5 * thickness / abs(tightest.radius)
-    if strain > _STRAINED:
+    if strain > 0.05:
         strained = f"strains the faces of the strand by {100.0 * strain:.3g} %"
         yield f"{rolls.place(rolls.pairs.index(tightest))}: R = {tightest.radius:g} m {strained}"
     for i in range(len(rolls.pairs)):
         aperture = rolls.aperture(i, thickness)
-        if abs(aperture / thickness - 1.0) > _OTHER:
+        if abs(aperture / thickness - 1.0) > 0.1:
             of = f"of a section {1e3 * thickness:g} mm thick"
             yield f"{rolls.place(i)}: aperture ({1e3 * aperture:g} mm) {of}"
             return

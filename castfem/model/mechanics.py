@@ -5,20 +5,19 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
-from castfem.base.constants import ZERO_STRENGTH
-from castfem.base.curves import CurveOverEither
-from castfem.base.messages import choices
-from castfem.base.quantities import Kind, KindOr, Notation, PositiveDifference, Time
-from castfem.base.table_notation import Curve, CurveOr
-from castfem.base.tables import Table
+from castfem.base.constants import ROUNDING, ZERO_STRENGTH
+from castfem.base.errors import choices
+from castfem.base.quantities import Kind, Notation, OrWord, PositiveDifference, Time
+from castfem.base.table_notation import Curve
+from castfem.base.tables import Tabled
 from castfem.base.types import MushyZone
-from castfem.base.units import parse_any
+from castfem.base.units import in_mm, parse_any
 from castfem.model.base import OneWord, TableModel, written
 from castfem.model.bulging import MODELS, Bulging
 from castfem.model.checks import Faults, check
@@ -37,25 +36,22 @@ Solid = Annotated[float, Kind("1", least=0.0, most=0.99, label="solid fraction",
 Growth = Annotated[float, Kind("1", least=1.0, most=100.0, label="growth", sample="8")]
 Tolerance = Annotated[float, Kind("1", above=0.0, most=0.1, label="tolerance", sample="1e-8")]
 Force = Annotated[
-    float | Table,
-    CurveOverEither(
-        Kind("N", "kN", label="force", sample="10 kN"), over="time", others=("position",)
-    ),
+    Tabled, Curve(Kind("N", "kN", label="force", sample="10 kN"), "time", ("position",))
 ]
 MomentOfTime = Annotated[
-    float | Table, Curve(Kind("N m", "kN m", label="moment", sample="1 kN m"), over="time")
+    Tabled, Curve(Kind("N m", "kN m", label="moment", sample="1 kN m"), "time")
 ]
 DisplacementOfTime = Annotated[
-    float | Table, Curve(Kind("m", "mm", label="displacement", sample="0.1 mm"), over="time")
+    Tabled, Curve(Kind("m", "mm", label="displacement", sample="0.1 mm"), "time")
 ]
 
 
 AxialStrain = Annotated[
-    str | float | Table, CurveOr(Kind("1", label="strain", sample="0.001"), "time", FREE)
+    str | Tabled, OrWord(Curve(Kind("1", label="strain", sample="0.001"), "time"), (FREE,))
 ]
 Gradient = Annotated[
-    str | float | Table,
-    CurveOr(Kind("1/m", "1/m", label="gradient", sample="0.1 1/m"), "time", FREE),
+    str | Tabled,
+    OrWord(Curve(Kind("1/m", "1/m", label="gradient", sample="0.1 1/m"), "time"), (FREE,)),
 ]
 
 
@@ -185,7 +181,7 @@ class Mechanics(TableModel):
     """pressure of the liquid in the mushy zone: full until all is solid, for the liquid between the
     crystals bears it; proportional to the liquid (eq. 219); none as soon as anything is solid; off:
     no pressure at all"""
-    until: Annotated[float | str, KindOr(_LENGTH, MOULD_EXIT)] | None = Field(
+    until: Annotated[float | str, OrWord(_LENGTH, (MOULD_EXIT,))] | None = Field(
         None, examples=["1 m", "mould_exit"]
     )
     """where the mechanics end: position of the slice, or mould_exit. Below it the run goes on with
@@ -310,9 +306,6 @@ def free_strains(planes: GeneralizedPlaneStrain, allowed: tuple[str, ...]) -> tu
     )
 
 
-_SOFTEST = 1e-6  # of the solid: liquid that keeps its shape at large strain
-
-
 @check("mechanics")
 def _liquid_in_mould(case: Case, table: Mechanics) -> Faults:
     if case.mould is None:
@@ -320,7 +313,45 @@ def _liquid_in_mould(case: Case, table: Mechanics) -> Faults:
     if table.liquid == "fed" and table.ferrostatic in ("off", "none"):
         text = f'("{table.ferrostatic}"): nothing holds liquid that is fed at the wall of a mould'
         yield "ferrostatic", f'{text}; give ferrostatic = "full", or liquid = "elastic"'
-    soft = table.liquid_has_modulus and table.liquid_stiffness < _SOFTEST
+    least = 1e-6  # of the solid: liquid that keeps its shape at large strain
+    soft = table.liquid_has_modulus and table.liquid_stiffness < least
     if soft and table.strain == "large":
         text = f"({table.liquid_stiffness:g}): liquid this soft folds in a mould at large strain"
-        yield "liquid_stiffness", f'{text}; at least {_SOFTEST:g}, or strain = "small"'
+        yield "liquid_stiffness", f'{text}; at least {least:g}, or strain = "small"'
+
+
+@check("mechanics")
+def _until(case: Case, table: Mechanics) -> Faults:
+    """Yield what does not go with mechanics that end before the run does."""
+    if table.until is None:
+        return
+    for what, there in _below(case, table):
+        if there:
+            yield "until", f"and {what} exclude each other; leave one of the two out"
+    exit_ = case.mould_exit()
+    if table.until == MOULD_EXIT and exit_ is None:
+        yield "until", f'("{MOULD_EXIT}"): there is no mould; give a length, such as "1 m"'
+    end = exit_ if table.until == MOULD_EXIT else table.until
+    if not isinstance(end, float) or exit_ is None:
+        return
+    if case.mould is not None and end < exit_ * (1.0 - ROUNDING):
+        yield (
+            "until",
+            f"({in_mm(end)}) lies in the mould, which ends at {in_mm(exit_)}: its gap, which "
+            f'decides the heat, comes from the mechanics; give "{MOULD_EXIT}", or more',
+        )
+    start = case.casting.start
+    if start is not None and start.at == MOULD_EXIT and end <= exit_ * (1.0 + ROUNDING):
+        yield (
+            "until",
+            f"({in_mm(end)}) does not lie below casting.start.at, {in_mm(exit_)}, where the "
+            "mechanics begin; leave it out, or give a larger length",
+        )
+
+
+def _below(case: Case, mechanics: Mechanics) -> Iterator[tuple[str, bool]]:
+    """Yield what is of the strand below the end of its mechanics, and whether the case has it."""
+    bulging, machine = mechanics.bulging, case.machine
+    yield "mechanics.bulging", bulging is not None and bulging.model not in (None, "none")
+    yield "[machine.extraction]", machine is not None and machine.extraction is not None
+    yield "[verification]", case.verification is not None

@@ -9,14 +9,13 @@ from pydantic import Field
 
 from castfem.base.quantities import Distance, Kind, Length, PositiveNumber, Speed, Temperature
 from castfem.base.table_notation import Curve
-from castfem.base.tables import Table
+from castfem.base.tables import Tabled
 from castfem.base.units import in_mm
-from castfem.model.base import OneWord, TableModel, written
+from castfem.model.base import OneWord, TableModel, Variants, written
 from castfem.model.checks import Faults, check, twice
 from castfem.model.mechanics import Share
 from castfem.model.section import BeamBlank, Rectangle
 from castfem.model.taper import Perimeter, TaperMark
-from castfem.model.variants import Variants
 from castfem.model.wall_shape import WallShape
 from castfem.physics.mould.displaced import WallDisplacement
 
@@ -25,19 +24,13 @@ if TYPE_CHECKING:
     from castfem.physics.contact.friction import Friction as FrictionLaw
 
 
-FluxOfPosition = Annotated[
-    float | Table, Curve(Kind("W/m^2", "MW/m^2", least=0.0), over="position")
-]
+FluxOfPosition = Annotated[Tabled, Curve(Kind("W/m^2", "MW/m^2", least=0.0), "position")]
 CoefficientOfPosition = Annotated[
-    float | Table, Curve(Kind("W/(m^2 K)", "W/(m^2 K)", above=0.0), over="position")
+    Tabled, Curve(Kind("W/(m^2 K)", "W/(m^2 K)", above=0.0), "position")
 ]
-TemperatureOfPosition = Annotated[float | Table, Curve(Kind("K", "degC"), over="position")]
+TemperatureOfPosition = Annotated[Tabled, Curve(Kind("K", "degC"), "position")]
 Cells = Annotated[float, Kind("1", least=1.0, most=64.0, label="number of cells", sample="2")]
 CornerShare = Annotated[float, Kind("1", least=0.0, most=2.0, label="share", sample="0.6")]
-
-
-MOST_BRICKS = 300_000
-"""Cells of a tube, at most: each has 27 nodes."""
 
 
 class CopperThermocouples(TableModel):
@@ -117,8 +110,8 @@ def _bricks(case: Case, table: MouldTube) -> Faults:
     if width is None or height is None:
         return
     count = table.cells_across * 0.5 * (width + height) / size * (length + table.above) / size
-    if count > MOST_BRICKS:
-        most = f"at most {MOST_BRICKS:g}; give a larger one"
+    if count > 300_000:  # each has 27 nodes
+        most = "at most 300000; give a larger one"
         yield "cell_size", f"({in_mm(size)}) makes about {count:.2g} cells of the tube, {most}"
 
 
@@ -134,17 +127,15 @@ def _surrounds(case: Case, table: MouldTube) -> Faults:
 
 
 ConductivityOfTemperature = Annotated[
-    float | Table, Curve(Kind("W/(m K)", "W/(m K)", above=0.0), over="temperature")
+    Tabled, Curve(Kind("W/(m K)", "W/(m K)", above=0.0), "temperature")
 ]
-ExpansionOfTemperature = Annotated[
-    float | Table, Curve(Kind("1/K", "1/K", above=0.0), over="temperature")
-]
+ExpansionOfTemperature = Annotated[Tabled, Curve(Kind("1/K", "1/K", above=0.0), "temperature")]
 ModulusOfTemperature = Annotated[
-    float | Table,
+    Tabled,
     Curve(Kind("Pa", "GPa", above=0.0, label="Young's modulus", sample="117 GPa"), "temperature"),
 ]
 PoissonOfTemperature = Annotated[
-    float | Table,
+    Tabled,
     Curve(Kind("1", least=0.0, most=0.49, label="Poisson's ratio", sample="0.34"), "temperature"),
 ]
 ExpansionCoefficient = Annotated[float, Kind("1/K", "1/K", above=0.0)]
@@ -311,11 +302,7 @@ class Oscillation(TableModel):
     """strokes per time"""
 
     def negative_strip(self, speed: float) -> float:
-        """Time in each stroke in which the mould goes down faster than the strand, s.
-
-        Args:
-            speed: Of casting, m/s.
-        """
+        """Time of each stroke, s, in which the mould goes down faster than a strand at m/s."""
         fastest = math.pi * self.frequency * self.stroke
         if not speed < fastest:
             return 0.0

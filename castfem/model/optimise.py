@@ -23,7 +23,6 @@ _SENSES: dict[str, Sense] = {">=": "at_least", "≥": "at_least", "<=": "at_most
 _CONSTRAINT = re.compile(r"\s*(\w+)\s*(>=|<=|≥|≤)\s*(\S.*?)\s*")
 _SHARE = re.compile(r"(.*\S)\s+of\s+idealised")
 _EXAMPLE = '"heat_removed >= 99 % of idealised" or "von_mises_max <= 14 MPa"'
-_MOST_OBJECTIVES = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,16 +54,12 @@ class Bound:
 
 
 def bound(text: str) -> Bound:
-    """Read a constraint.
-
-    Raises:
-        ValueError: It is not written as one.
-    """
+    """Read a constraint."""
     found = _CONSTRAINT.fullmatch(text)
     if found is None:
         other = re.search(r"[<>=]+", text)
-        mend = f' with >= or <=, not "{other[0]}",' if other and other[0] not in _SENSES else ""
-        raise ValueError(f"is no constraint; write it{mend} as {_EXAMPLE}")
+        fix = f' with >= or <=, not "{other[0]}",' if other and other[0] not in _SENSES else ""
+        raise ValueError(f"is no constraint; write it{fix} as {_EXAMPLE}")
     name, sign, right = found.groups()
     share = _SHARE.fullmatch(right)
     if share is None:
@@ -100,7 +95,6 @@ Value = Annotated[str, BeforeValidator(_as_text), WithJsonSchema(_TEXT_OR_NUMBER
 
 
 def _checked_range(ends: tuple[str, ...]) -> tuple[str, ...]:
-    """Refuse what is no range."""
     if len(ends) != 2:
         raise ValueError('two values are needed, such as ["0 %/m", "3 %/m"]')
     (low, unit), (high, other) = (units.parse_any(end) for end in ends)
@@ -112,7 +106,6 @@ def _checked_range(ends: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _checked_shares(ends: tuple[str, ...]) -> tuple[str, ...]:
-    """Refuse what are no two shares."""
     if len(ends) != 2:
         raise ValueError('two shares are needed, such as ["-10 %", "10 %"]')
     low, high = (units.parse(end, "1", kind=("change", "10 %")) for end in ends)
@@ -232,7 +225,7 @@ class Optimise(TableModel):
 @check("optimise")
 def _objectives(case: Case, table: Optimise) -> Faults:
     count = len(table.objectives)
-    if not 1 <= count <= _MOST_OBJECTIVES:
+    if count != 1:
         told = "nothing is to become best" if not count else f"{count} results are to become best"
         more = ", and weigh it against another by [optimise.front]" if count else ""
         fix = f'give minimise = "von_mises_max" or maximise = "heat_removed", one of them{more}'

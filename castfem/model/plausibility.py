@@ -11,8 +11,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from castfem.base import ranges
+from castfem.base.constants import ROUNDING
 from castfem.base.tables import Table
-from castfem.base.tolerances import ROUNDING
 from castfem.base.units import convert, format, in_mm
 from castfem.model.case import Case
 from castfem.model.casting import Start
@@ -31,11 +31,6 @@ if TYPE_CHECKING:
     from castfem.physics.materials import Steel
 
 
-_WARMER = 1.0  # K, that a start may be above what was poured
-_SAME_CARBON = 0.03  # wt%
-_LONGEST_WINDOW = 0.25  # m of strand: a narrow pitch of rolls, a third of a mould
-_MISSING = 0.2  # of a zone, in which a table of it has no rows
-_NEARLY = 1e-3  # m: a zone that ends as near to a roll as this was meant to end there
 _SIGNED = {
     name: f"{name}_signed" for name in ("kozlowski_zhu", "norton_hoff_kozlowski")
 }  # the same law with signed hardening
@@ -86,7 +81,7 @@ def warnings_with(
     carbon = case.steel.composition.get("C")
     if case.mechanics is None or carbon is None or law_carbon is None:
         return
-    if abs(carbon - law_carbon) > _SAME_CARBON:
+    if abs(carbon - law_carbon) > 0.03:  # wt%
         name = str(case.mechanics.law).rpartition("/")[2]
         yield Problem(
             ("mechanics", "law"),
@@ -108,7 +103,7 @@ def _hot(case: Case, steel: Steel) -> Iterator[Problem]:
     profile = None if case.casting.start is None else case.casting.start.profile
     above = case.casting.poured_superheat
     poured = start if above is None else steel.liquidus + above
-    if isinstance(profile, Table) and poured is not None and max(profile.values) > poured + _WARMER:
+    if isinstance(profile, Table) and poured is not None and max(profile.values) > poured + 1.0:
         yield Problem(
             ("casting", "start", "profile"),
             f"({format(max(profile.values), 'K', 'degC')}) is hotter than the steel was poured "
@@ -125,12 +120,12 @@ def _hardens_for_good(case: Case, law: Law) -> Iterator[Problem]:
 
     if accumulates(law):
         name = str(case.mechanics.law).rpartition("/")[2]
-        mend = _SIGNED.get(name.removesuffix(".toml").removesuffix("_p1"))
+        fix = _SIGNED.get(name.removesuffix(".toml").removesuffix("_p1"))
         yield Problem(
             ("mechanics", "law"),
             f'("{name}") hardens further in each pitch: the bulge is what {VIRGIN_PITCHES} pitches '
             "make of virgin steel; "
-            + (f'give "{mend}"' if mend else 'give it hardening = "signed"')
+            + (f'give "{fix}"' if fix else 'give it hardening = "signed"')
             + ', or bulging = "elastic"',
         )
 
@@ -157,7 +152,7 @@ def _long_windows(case: Case, coupling: Coupling) -> Faults:
     speed = max(given.values) if isinstance(given, Table) else given
     fastest = ranges.RANGES["casting.speed"].usual[1]
     length = window.length if isinstance(window, Way) else window * min(speed, fastest)
-    if length > _LONGEST_WINDOW:
+    if length > 0.25:  # m of strand: a narrow pitch of rolls, a third of a mould
         text = f"({length:.4g} m of strand) is longer than what a gap opens or a pitch bulges in"
         yield "interval", f"{text}; 0.1 s or 5 mm is usual"
 
@@ -174,7 +169,7 @@ def _short_tables(case: Case, _: object) -> Faults:
                 if not isinstance(table, Table) or table.over != "position":
                     continue
                 last, settled = table.arguments[-1], table.values[-1] == table.values[-2]
-                if not settled and start < end and last < end - _MISSING * (end - start):
+                if not settled and start < end and last < end - 0.2 * (end - start):
                     text = f"the table ends at {in_mm(last)}, the zone at {in_mm(end)}"
                     where = f"cooling.{index}.surface.{place}.{key}"
                     yield where, f"{text}: give the row at the end of the zone"
@@ -190,7 +185,7 @@ def _nearly_at_rolls(case: Case, zone: Zone) -> Faults:
     if (end := case.mechanics_end()) is not None and zone.to > end:
         return
     for number, pair in enumerate(rolls.pairs, start=1):
-        if ROUNDING < abs(zone.to - pair.position) < _NEARLY:
+        if ROUNDING < abs(zone.to - pair.position) < 1e-3:  # m: it was meant to end there
             yield (
                 "to",
                 f"({zone.to:.9g} m) is {1e3 * abs(zone.to - pair.position):.3g} mm off roll "

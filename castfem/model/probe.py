@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from castfem.base.errors import InputError
-from castfem.base.messages import choices
+from castfem.base.constants import ROUNDING
+from castfem.base.errors import InputError, choices
 from castfem.base.quantities import Distance, Kind
-from castfem.base.tolerances import ROUNDING
 from castfem.base.types import Array
 from castfem.base.units import in_mm, nearest
 from castfem.model.base import TableModel
@@ -66,20 +65,14 @@ class Probe(TableModel):
 
 
 def outside(case: Case, name: str, place: Array) -> InputError:
-    """What a probe outside of the section is answered with.
-
-    Args:
-        case: Has the probe.
-        name: Of the probe.
-        place: Where it lies, x and y in m.
-    """
+    """What a probe outside of the section is answered with."""
     x, y = 1e3 * place
     part = getattr(case.section, "symmetry", "whole")
     mirrored = part != "whole" and min(x, y) < 0.0
-    mend = f"; the modelled part is a {part}: give its mirror image" if mirrored else ""
+    fix = f"; the modelled part is a {part}: give its mirror image" if mirrored else ""
     round_ = ", whose corners are round" if getattr(case.section, "corner_radius", None) else ""
     return InputError(
-        f'output.probe "{name}": x = {x:g}, y = {y:g} mm lies outside the section{round_}{mend}; '
+        f'output.probe "{name}": x = {x:g}, y = {y:g} mm lies outside the section{round_}{fix}; '
         "under and depth, instead of x and y, place it below the surface"
     )
 

@@ -11,12 +11,10 @@ from typing import Any, NamedTuple
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from castfem.base.messages import Path, choices, dotted, shown
-from castfem.base.quantities import Kind
-from castfem.base.table_notation import Curve
+from castfem.base.errors import Path, choices, dotted, shown
+from castfem.base.quantities import Notation
 from castfem.base.units import nearest
-from castfem.model.base import TableModel, meaning
-from castfem.model.variants import Variants, tag_of
+from castfem.model.base import TableModel, Variants, meaning, tag_of
 
 _MISSING = object()
 
@@ -119,10 +117,9 @@ def _missing(model: type[TableModel] | None, path: Path) -> str:
     if field is None or model is None:
         return "is missing"
     what = meaning(model)[str(path[-1])]
-    for kind in field.metadata:
-        if isinstance(kind, Kind | Curve):
-            plain = kind.kind if isinstance(kind, Curve) else kind
-            example = field.examples[0] if field.examples else plain.example
+    for mark in field.metadata:
+        if isinstance(mark, Notation) and mark.quantity is not None:
+            example = field.examples[0] if field.examples else mark.quantity.example
             return f'is missing; {what}, such as "{example}"'
     if submodels(field.annotation):
         if _listed(field.annotation):

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from pydantic import Field
 
 from castfem.base.quantities import Kind, Notation
 from castfem.model.base import TableModel, written
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,9 +24,8 @@ class Range(Notation):
     kind: Kind
     example: str
 
-    @property
-    def takes(self) -> str:
-        """What the field takes, in words."""
+    def described(self, example: object = None) -> str:
+        """See `Notation.described`."""
         return f"range of {self.kind.name}: lower and upper end"
 
     def read(self, given: object) -> tuple[float, float]:

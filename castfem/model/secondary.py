@@ -8,12 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from castfem.base.csv_files import UnreadableError, read_csv
 from castfem.base.quantities import (
     HeatTransferCoefficient,
     Kind,
@@ -25,8 +23,8 @@ from castfem.base.quantities import (
     WaterFlow,
     WaterTemperature,
 )
-from castfem.base.table_notation import schema_of_columns
-from castfem.base.units import nearest
+from castfem.base.table_notation import Columns, schema_of_columns
+from castfem.base.types import Array
 from castfem.model.base import TableModel, written
 from castfem.model.cooling import CoefficientOfTemperature, EmissivityOfTemperature
 from castfem.model.water import SpecificWater, WaterShare, ZoneFlow
@@ -38,13 +36,16 @@ if TYPE_CHECKING:
     from castfem.physics.thermal.spray_water import Coefficient, CoefficientTable
 
 
-_KINDS: dict[str, Kind] = {
-    "temperature": Kind("K", "degC"),
-    "water": WaterFlow.__metadata__[0],  # type: ignore[attr-defined]
-    "value": HeatTransferCoefficient.__metadata__[0],  # type: ignore[attr-defined]
-}
-_UNITS = {"temperature": "temperature_unit", "water": "water_unit", "value": "unit"}
-_HEADER = "temperature [degC], water [L/(m^2 s)], value [W/(m^2 K)]"
+_COLUMNS = Columns(
+    {
+        "temperature": Kind("K", "degC"),
+        "water": WaterFlow.__metadata__[0],  # type: ignore[attr-defined]
+        "value": HeatTransferCoefficient.__metadata__[0],  # type: ignore[attr-defined]
+    },
+    {"temperature": "temperature_unit", "water": "water_unit", "value": "unit"},
+    "a table h(T, W)",
+    "temperature [degC], water [L/(m^2 s)], value [W/(m^2 K)]",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,12 +61,9 @@ class NozzleTable(Notation):
         if given is None or isinstance(given, CoefficientTable):
             return given
         if not isinstance(given, Mapping):
-            raise ValueError('a table is needed, { file = "nozzle.csv" } with ' + _HEADER)
-        if "file" in given:
-            if len(given) > 1:
-                raise ValueError("a table with a file takes no other key")
-            return _from_file(Path(str(given["file"])))
-        return _from_columns(given)
+            fix = f'{{ file = "nozzle.csv" }} with {_COLUMNS.header}'
+            raise ValueError(f"a table is needed, {fix}")
+        return _COLUMNS.read(given, _coefficients)
 
     def write(self, value: CoefficientTable | None) -> Any:
         """Return what reads back to the same table."""
@@ -78,55 +76,21 @@ class NozzleTable(Notation):
         ]
         return {
             name: [kind.write(row[i]) for row in rows]
-            for i, (name, kind) in enumerate(_KINDS.items())
+            for i, (name, kind) in enumerate(_COLUMNS.kinds.items())
         }
 
     def json_schema(self) -> dict[str, Any]:
         """See `Notation.json_schema`."""
-        ways = schema_of_columns(_KINDS, tuple(_UNITS.values()))
+        ways = schema_of_columns(_COLUMNS.kinds, tuple(_COLUMNS.units.values()))
         return {"anyOf": ways, "description": "h(T, W), from a file"}
 
 
-def _from_file(path: Path) -> CoefficientTable:
-    try:
-        file = read_csv(path)
-    except UnreadableError as error:
-        raise ValueError(f"cannot read the table '{path}': {error}") from None
-    names = [heading.name for heading in file.headings]
-    if sorted(names) != sorted(_KINDS) or not file.rows:
-        raise ValueError(f"'{path}' line {file.line}: a header and rows are needed: {_HEADER}")
-    for row in file.rows:
-        if len(row.cells) != len(names):
-            raise ValueError(f"'{path}' line {row.line}: {len(row.cells)} cells, not {len(names)}")
-    columns: dict[str, Any] = {}
-    for i, heading in enumerate(file.headings):
-        columns[heading.name] = [row.cells[i] for row in file.rows]
-        columns[_UNITS[heading.name]] = heading.unit
-    try:
-        return _from_columns(columns, tuple(row.line for row in file.rows))
-    except ValueError as error:
-        raise ValueError(f"'{path}' {error}") from None
-
-
-def _from_columns(given: Mapping[str, Any], lines: Sequence[int] = ()) -> CoefficientTable:
-    """Return the table in columns, a row for each temperature and flow, in any order."""
+def _coefficients(rows: Array, places: Sequence[str]) -> CoefficientTable:
+    """Return the table of a row for each temperature and flow, in any order."""
     from castfem.physics.thermal.spray_water import CoefficientTable
 
-    allowed = (*_KINDS, *_UNITS.values(), "file")
-    for key in given:
-        if key not in allowed:
-            fix = f"allowed: {', '.join(allowed)}{nearest(str(key), allowed)}"
-            raise ValueError(f"unknown key '{key}' in a table h(T, W); {fix}")
-    for name in _KINDS:
-        if not isinstance(given.get(name), Sequence) or isinstance(given[name], str):
-            raise ValueError(f"a table h(T, W) needs the column '{name}'")
-    lengths = {len(given[name]) for name in _KINDS}
-    if len(lengths) > 1:
-        raise ValueError("the columns of a table h(T, W) must be equally long")
     found: dict[tuple[float, float], float] = {}
-    for i in range(lengths.pop()):
-        where = f"line {lines[i]}" if lines else f"row {i + 1}"
-        t, w, h = (_cell(name, given[name][i], given.get(_UNITS[name]), where) for name in _KINDS)
+    for (t, w, h), where in zip(rows.tolist(), places, strict=True):
         if (t, w) in found:
             raise ValueError(f"{where}: this temperature and flow stand there twice")
         found[t, w] = h
@@ -137,25 +101,11 @@ def _from_columns(given: Mapping[str, Any], lines: Sequence[int] = ()) -> Coeffi
         raise ValueError("the flows must begin at 0: what holds at the edge of a spray")
     gaps = [(t, w) for t in temperatures for w in water if (t, w) not in found]
     if gaps:
-        at = [_KINDS[name].write(x) for name, x in zip(_KINDS, gaps[0], strict=False)]
+        kinds = _COLUMNS.kinds.values()
+        at = [kind.write(x) for kind, x in zip(kinds, gaps[0], strict=False)]
         raise ValueError(f"no value at {at[0]} and {at[1]}; one for each pair is needed")
     values = tuple(tuple(found[t, w] for w in water) for t in temperatures)
     return CoefficientTable(temperatures, water, values)
-
-
-def _cell(name: str, cell: object, unit: object, where: str) -> float:
-    """Read a cell, in the unit of its column where it has none itself."""
-    text = str(cell).strip()
-    try:
-        try:
-            float(text)
-        except ValueError:
-            return _KINDS[name].read(text)
-        if not unit:
-            raise ValueError(f"name the unit of the column, {name} [{_KINDS[name].shown}]")
-        return _KINDS[name].read(f"{text} {unit}")
-    except ValueError as error:
-        raise ValueError(f"{where}: {name} ({text}): {error}") from None
 
 
 Angle = Annotated[float, Kind("rad", "deg", above=0.0, most=3.0)]
@@ -286,12 +236,7 @@ class Secondary(TableModel):
         return next(model for model in self.nozzle if model.name == circuit.nozzle)
 
     def rows(self, rolls: Rolls, thickness: float) -> tuple[Row, ...]:
-        """Return the rows of nozzles of a sound case, circuit by circuit.
-
-        Args:
-            rolls: Of the machine.
-            thickness: Of the section, m.
-        """
+        """Return the rows of nozzles of a sound case, circuit by circuit."""
         from castfem.physics.machine.sprays import Row, footprint, gap_below
 
         found = []
@@ -310,15 +255,7 @@ class Secondary(TableModel):
         inclination: Callable[[float], float],
         end: float,
     ) -> tuple[tuple[Row, ...], tuple[Stretch, ...]]:
-        """Return the rows that spray a face, and the stretches that it meets from the meniscus on.
-
-        Args:
-            face: Its boundary group.
-            rolls: Of the machine.
-            rows: Of nozzles, of all faces.
-            inclination: Of the strand at a position (m), rad.
-            end: Position to which they go, m.
-        """
+        """Return the rows that spray a face, and the stretches it meets from the meniscus on."""
         from castfem.physics.machine.sprays import stretches
 
         names = {circuit.name: circuit.on for circuit in self.circuit}

@@ -15,11 +15,10 @@ from pydantic import Field
 from castfem.base.errors import CaseError
 from castfem.base.quantities import Distance, Kind, Length
 from castfem.base.table_notation import Curve
-from castfem.base.tables import Table
+from castfem.base.tables import Tabled
 from castfem.base.units import in_mm
-from castfem.model.base import TableModel, Unreadable, written
+from castfem.model.base import TableModel, Unreadable, Variants, written
 from castfem.model.checks import Faults, caution, check
-from castfem.model.variants import Variants
 from castfem.physics import mould as wall
 
 if TYPE_CHECKING:
@@ -29,9 +28,7 @@ if TYPE_CHECKING:
 Size = Callable[[str], float]
 """Size of a cavity at the meniscus by the name that [mould] and [section] give it, m."""
 Symmetry = Literal["quarter", "half", "whole"]
-Bulge = Annotated[
-    float | Table, Curve(Kind("m", "mm", label="offset", sample="0.2 mm"), over="way")
-]
+Bulge = Annotated[Tabled, Curve(Kind("m", "mm", label="offset", sample="0.2 mm"), "way")]
 _SYMMETRY = "part that is modelled; half is the side x >= 0"
 
 
@@ -266,10 +263,6 @@ class Mesh(TableModel):
     """depth at which core_size is reached; by default half the thickness"""
 
 
-_WIDEST_CELL = 15e-3  # m: shells are some 10 to 25 mm thick where their mould ends
-_FINEST = 1e-5  # of half the section: smallest cell
-
-
 @check("section")
 def _round_corners(case: Case, section: Section) -> Faults:
     if not isinstance(section, Rectangle):
@@ -283,6 +276,7 @@ def _round_corners(case: Case, section: Section) -> Faults:
 @check("mesh")
 def _sizes(case: Case, mesh: Mesh) -> Faults:
     thin, large = case.section.halves()
+    finest = 1e-5  # of half the section: smallest cell
     for key in ("surface_size", "corner_size", "face_size", "core_size", "core_depth"):
         value, most = getattr(mesh, key), thin if key == "surface_size" else large
         if value is None or isinstance(value, Unreadable) or most is None or large is None:
@@ -291,8 +285,8 @@ def _sizes(case: Case, mesh: Mesh) -> Faults:
             what = "half the thickness of" if key == "surface_size" else "half"
             yield key, f"({in_mm(value)}) is larger than {what} the section ({in_mm(most)})"
         # Curved cells so flat lose their shape in rounding, and DOLFINx finds no point in them.
-        if value < _FINEST * large:
-            fix = f"at least {in_mm(_FINEST * large)}"
+        if value < finest * large:
+            fix = f"at least {in_mm(finest * large)}"
             yield key, f"({in_mm(value)}) is too fine to be told apart in the section; {fix}"
 
 
@@ -325,18 +319,14 @@ def _corner(case: Case, mesh: Mesh) -> Faults:
 
 @caution("mesh")
 def _coarse(case: Case, mesh: Mesh) -> Faults:
-    if mesh.surface_size > _WIDEST_CELL:
+    if mesh.surface_size > 15e-3:  # m: shells are some 10 to 25 mm thick where their mould ends
         fix = "castfem error tells what cells cost"
         yield "surface_size", f"({in_mm(mesh.surface_size)}) is as thick as a shell; {fix}"
 
 
 @contextmanager
 def meshing() -> Iterator[None]:
-    """Return a block in which the section of a case is meshed.
-
-    Raises:
-        CaseError: What the mesher refuses: too many cells, cells that would be bad.
-    """
+    """Return a block in which the section of a case is meshed."""
     try:
         yield
     except ValueError as error:

@@ -14,7 +14,6 @@ from castfem.model.checks import Faults, caution
 from castfem.model.cooling import Contact, Flux
 from castfem.model.heat_law import TOTALS, HeatLaw, ScaledLaw
 
-_ALIKE = 1e-4  # relative; speeds that differ by less are the same
 SPEED_KEY = "casting.speed"
 
 
@@ -72,7 +71,7 @@ def shared_heat(cases: Iterable[Case]) -> list[str]:
         "the speed at which this was measured (then the flux goes by the time in the mould), or "
         "the total as a table over speed (docs/thermal.md)"
         for (where, what), speeds in met.items()
-        if max(speeds) > (1.0 + _ALIKE) * min(speeds)
+        if _exceeds(max(speeds), min(speeds))
     ]
 
 
@@ -98,16 +97,21 @@ def beyond_tables(case: Case, law: HeatLaw) -> Faults:
         if not isinstance(table, Table):
             continue
         first, last = table.arguments[0], table.arguments[-1]
-        if min(moving) < first * (1.0 - _ALIKE) or max(moving) > last * (1.0 + _ALIKE):
+        if _exceeds(first, min(moving)) or _exceeds(max(moving), last):
             text = f"the table goes from {_speed(first)} to {_speed(last)}, the strand at"
             yield key, f"{text} {_listed(moving)}: the value of its end is taken there"
+
+
+def _exceeds(speed: float, other: float) -> bool:
+    """Whether a speed is higher than another one, by more than their last digits."""
+    return speed > (1.0 + 1e-4) * other
 
 
 def _listed(speeds: Iterable[float]) -> str:
     """Different speeds in growing order, m/min."""
     found: list[float] = []
     for speed in sorted(speeds):
-        if not found or speed > (1.0 + _ALIKE) * found[-1]:
+        if not found or _exceeds(speed, found[-1]):
             found.append(speed)
     *most, last = (f"{convert(speed, 'm/s', 'm/min'):.4g}" for speed in found)
     return f"{', '.join(most)} and {last} m/min" if most else f"{last} m/min"
@@ -117,7 +121,7 @@ def _speed(speed: float) -> str:
     return format(speed, "m/s", "m/min")
 
 
-TOLD = "the same flux everywhere round the section: no gap opens at the corner without [mould]"
+EVEN_FLUX = "the same flux everywhere round the section: no gap opens at the corner without [mould]"
 
 
 def even_zones(case: Case) -> Iterator[str]:
@@ -143,7 +147,7 @@ def is_even(case: Case, law: HeatLaw) -> bool:
     return bool(corners) and corners != groups
 
 
-def mend(case: Case) -> str:
+def fix(case: Case) -> str:
     """What helps: less for the corner, where the section has it as a group of its own."""
     if getattr(case.section, "corner_radius", None) == 0.0:
         return "give the section its corner_radius, and its corner less heat"

@@ -76,10 +76,6 @@ def load(name: str | Path) -> Case:
 def as_case(given: Case | str | Path, caller: str) -> Case:
     """Return a case, or the one that `load` takes.
 
-    Args:
-        given: One of both.
-        caller: Function that asks, for its message.
-
     Raises:
         InputError: It is neither, there is no such case, or it is wrong.
     """

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from castfem.base.constants import ROUNDING
 from castfem.base.quantities import Kind, Notation
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Table
-from castfem.base.tolerances import ROUNDING
 from castfem.base.units import nearest
 from castfem.physics.mould.taper import Displaced, Taper, TaperProfile, TaperSegment
 
-if TYPE_CHECKING:
-    pass
-
 TAPER = Kind("1/m", "%/m", label="taper", sample="1 %/m")
-_MOST = 0.5
 _END = Kind("m", "mm", above=0.0)
 _CLOSING = Curve(Kind("m", "mm", label="displacement", sample="0.5 mm"), over="position")
 _FORMS = (
@@ -146,7 +142,6 @@ def _named(key: str, given: object) -> Given:
 
 
 def _read(given: object) -> Given:
-    """Return one taper, or raise ValueError."""
     if isinstance(given, Given):
         return given
     if isinstance(given, str):
@@ -210,14 +205,13 @@ def _segment(given: Mapping[str, Any], keys: tuple[str, ...], *, ends: bool) -> 
 def _value(given: object) -> float:
     """Return a taper, 1/m; it is a few percent per metre, what is far beyond was a slip."""
     value = TAPER.read(given)
-    if abs(value) > _MOST:
-        fix = f"allowed: at most {100.0 * _MOST:g} %/m either way"
+    if abs(value) > 0.5:
+        fix = "allowed: at most 50 %/m either way"
         raise ValueError(f"is {100.0 * value:g} %/m; {fix}")
     return value
 
 
 def _write(given: Given) -> Any:
-    """Return what `_read` reads back to the same taper."""
     if given.closing is not None:
         return _CLOSING.write(given.closing)
     if len(given.segments) == 1 and given.segments[0].end is None:

@@ -9,10 +9,10 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, PlainValidator, WithJsonSchema
 
-from castfem.base.messages import grouped
+from castfem.base.errors import grouped
 from castfem.base.quantities import Kind, Percent, Time
 from castfem.base.table_notation import Curve
-from castfem.base.tables import Table
+from castfem.base.tables import Table, Tabled
 from castfem.model.base import TableModel, written
 from castfem.model.casting import Reference
 from castfem.model.checks import Faults, check_test
@@ -20,7 +20,6 @@ from castfem.model.document import is_path
 
 TABLE = "tensile"
 SAME = 1e-6  # K
-_MOST_STEPS = 1_000_000  # some ten minutes
 _NOT_PHYSICS: Any = {"title": True, "output": True, "reference": True}
 
 
@@ -43,13 +42,13 @@ Material = Annotated[
 ]
 StrainRate = Annotated[float, Kind("1/s", "1/s", label="strain rate", sample="1e-3 1/s")]
 Expansion = Annotated[float, Kind("1/K", "1/K", least=0.0)]
-TemperatureOfTime = Annotated[float | Table, Curve(Kind("K", "degC"), over="time")]
+TemperatureOfTime = Annotated[Tabled, Curve(Kind("K", "degC"), "time")]
 YoungOfTemperature = Annotated[
-    float | Table,
+    Tabled,
     Curve(Kind("Pa", "GPa", above=0.0, label="Young's modulus", sample="20 GPa"), "temperature"),
 ]
 PoissonOfTemperature = Annotated[
-    float | Table,
+    Tabled,
     Curve(Kind("1", least=0.0, most=0.499, label="Poisson's ratio", sample="0.3"), "temperature"),
 ]
 
@@ -139,9 +138,10 @@ class TensileCase(TableModel):
 def _too_many(case: TensileCase, table: Tensile) -> Faults:
     """Yield steps that would be too many to come to an end."""
     count = table.steps * table.cycles * len(table.segment)
-    if count > _MOST_STEPS:
+    most = 1_000_000  # some ten minutes
+    if count > most:
         key = "cycles" if table.cycles > table.steps else "steps"
-        fix = f"at most {grouped(_MOST_STEPS)}: give fewer"
+        fix = f"at most {grouped(most)}: give fewer"
         yield key, f"({getattr(table, key)}) makes {grouped(count)} steps of the test; {fix}"
 
 

@@ -9,28 +9,27 @@ A row for every place at every position: how far it has moved, in x and y.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from castfem.base.atomic_files import replacing
-from castfem.base.csv_files import UnreadableError, read_csv
 from castfem.base.errors import InputError
 from castfem.base.quantities import Kind, Notation
-from castfem.base.table_notation import schema_of_columns
+from castfem.base.table_notation import Columns, schema_of_columns
 from castfem.base.types import Array
 from castfem.physics.mould.displaced import WallDisplacement
 
-if TYPE_CHECKING:
-    pass
-
 COLUMNS = ("position", "way", "x", "y")
-_KIND = Kind("m", "mm")
-_HEADER = "position [mm], way [mm], x [mm], y [mm]"
+_COLUMNS = Columns(
+    dict.fromkeys(COLUMNS, Kind("m", "mm")),
+    dict.fromkeys(COLUMNS, "unit"),
+    "a displaced wall",
+    "position [mm], way [mm], x [mm], y [mm]",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,18 +47,9 @@ class WallShape(Notation):
         if isinstance(given, WallDisplacement):
             return given
         if not isinstance(given, Mapping):
-            raise ValueError(f'a displaced wall is needed: {{ file = "wall.csv" }}, {_HEADER}')
-        if "file" in given:
-            if len(given) > 1:
-                raise ValueError("a displaced wall with a file takes no other key")
-            return read_wall(Path(str(given["file"])))
-        for key in given:
-            if key not in (*COLUMNS, "unit"):
-                fix = f"allowed: {', '.join((*COLUMNS, 'unit', 'file'))}"
-                raise ValueError(f"unknown key '{key}' in a displaced wall; {fix}")
-        unit = given.get("unit")
-        columns = [_column(name, given.get(name), unit) for name in COLUMNS]
-        return gathered(np.array(columns).T) if len({*map(len, columns)}) == 1 else _unequal()
+            text = f'{{ file = "wall.csv" }}, {_COLUMNS.header}'
+            raise ValueError(f"a displaced wall is needed: {text}")
+        return _COLUMNS.read(given, lambda rows, places: gathered(rows))
 
     def write(self, value: WallDisplacement) -> Any:
         """Return what reads back to the same wall."""
@@ -97,65 +87,12 @@ def gathered(rows: Array) -> WallDisplacement:
     return WallDisplacement(positions, ways, moved)
 
 
-def read_wall(path: Path) -> WallDisplacement:
-    """Read a displaced wall from a CSV file.
-
-    Raises:
-        ValueError: It cannot be read, or is none; told with its name.
-    """
-    try:
-        file = read_csv(path)
-    except UnreadableError as error:
-        raise ValueError(f"cannot read the displaced wall '{path}': {error}") from None
-    if tuple(heading.name for heading in file.headings) != COLUMNS or not file.rows:
-        raise ValueError(f"'{path}' line {file.line}: a header and rows are needed: {_HEADER}")
-    rows = []
-    for row in file.rows:
-        where = f"'{path}' line {row.line}"
-        if len(row.cells) != len(COLUMNS):
-            raise ValueError(f"{where}: {len(row.cells)} cells, not {len(COLUMNS)}: {_HEADER}")
-        cells = []
-        for cell, heading in zip(row.cells, file.headings, strict=True):
-            try:
-                cells.append(_KIND.read(f"{cell} {heading.unit}"))
-            except ValueError as error:
-                raise ValueError(f"{where}: {heading.name} ({cell}): {error}") from None
-        rows.append(cells)
-    try:
-        return gathered(np.array(rows))
-    except ValueError as error:
-        raise ValueError(f"'{path}': {error}") from None
-
-
 def write_wall(path: Path, wall: WallDisplacement, about: str) -> None:
-    """Write a displaced wall to a CSV file, whole or not at all.
-
-    Raises:
-        InputError: It cannot be written.
-    """
-    lines = [f"# {about}", _HEADER]
+    """Write a displaced wall to a CSV file, whole or not at all."""
+    lines = [f"# {about}", _COLUMNS.header]
     lines += [", ".join(f"{1e3 * cell:.9g}" for cell in row) for row in flat(wall)]
     try:
         with replacing(path) as temporary:
             temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror})") from None
-
-
-def _column(name: str, cells: object, unit: object) -> list[float]:
-    if not isinstance(cells, Sequence) or isinstance(cells, str) or not cells:
-        raise ValueError(f"a displaced wall needs the column '{name}', a list of lengths")
-    found = []
-    for row, cell in enumerate(cells, start=1):
-        bare = isinstance(cell, int | float) and not isinstance(cell, bool)
-        if bare and not math.isfinite(cell):
-            raise ValueError(f"'{name}' row {row}: a finite number is needed")
-        try:
-            found.append(_KIND.read(f"{cell!r} {unit}" if bare and unit else cell))
-        except ValueError as error:
-            raise ValueError(f"'{name}' row {row} ({cell!r}): {error}") from None
-    return found
-
-
-def _unequal() -> WallDisplacement:
-    raise ValueError("the columns of a displaced wall must be equally long")

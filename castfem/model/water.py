@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
 from pydantic import Field
 
-from castfem.base.curves import CurveOverEither
 from castfem.base.quantities import Kind
-from castfem.base.tables import Table
+from castfem.base.table_notation import Curve
+from castfem.base.tables import Table, Tabled
 from castfem.model.base import TableModel
 from castfem.model.checks import Faults, check, given, one_of
 
@@ -27,22 +27,20 @@ if TYPE_CHECKING:
 
 Flow = float | Table
 ZoneFlow = Annotated[
-    float | Table,
-    CurveOverEither(
+    Tabled,
+    Curve(
         Kind("m^3/s", "L/min", least=0.0, label="water flow", sample="240 L/min"),
         "speed",
         ("time",),
     ),
 ]
 SpecificWater = Annotated[
-    float,
-    Kind("m^3/kg", "L/kg", least=0.0, label="water per mass of steel", sample="0.8 L/kg"),
+    float, Kind("m^3/kg", "L/kg", least=0.0, label="water per mass of steel", sample="0.8 L/kg")
 ]
 WaterShare = Annotated[float, Kind("1", least=0.0, most=1.0, label="share", sample="0.3")]
 _SAMPLES = {
     "water": '"5 L/(m^2 s)"', "flow": '"240 L/min"', "specific": '"0.3 L/kg"', "share": "0.3",
 }  # fmt: skip
-_ROUNDED = 2e-3  # shares of three digits
 PER_LITRE_AND_KG = 1e3  # L/kg in a m3/kg
 
 
@@ -155,7 +153,6 @@ def _told(case: Case, _: object) -> Faults:
 
 @check()
 def _shares(case: Case, _: object) -> Faults:
-    """Yield shares that do not make up the whole."""
     shares = [(key, place.share) for key, place in _places(case) if place.share is not None]
     whole = sum(share for _, share in shares)
     if case.water is None:
@@ -164,7 +161,7 @@ def _shares(case: Case, _: object) -> Faults:
             yield f"{key}.share", f"is a share of [water], which is missing; {fix}"
     elif not shares:
         yield "water", "no zone and no circuit takes a share of it; give share = 0.3"
-    elif not math.isclose(whole, 1.0, rel_tol=0.0, abs_tol=_ROUNDED):
+    elif not math.isclose(whole, 1.0, rel_tol=0.0, abs_tol=2e-3):  # shares of three digits
         yield "water", f"the shares of its zones and circuits make {whole:.6g}, not 1"
 
 

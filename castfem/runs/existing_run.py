@@ -11,9 +11,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from castfem.base import log
-from castfem.base.errors import InputError
-from castfem.base.messages import differences
-from castfem.base.tolerances import same_or_before
+from castfem.base.constants import same_or_before
+from castfem.base.errors import InputError, differences
 from castfem.model import AnyCase, Case, read_case
 from castfem.model.document import PROPERTY_FILES
 from castfem.model.shipped_cases import CASE_NAME
@@ -52,9 +51,6 @@ def check(
         overwrite: Whether any run there may be replaced.
         script: Whether messages speak to a script; otherwise to the command line.
         goes_on: Whether a run that was cut short there is taken up all the same: one of several.
-
-    Raises:
-        InputError: It is, or has, or it cannot be told; or the folder is a file.
     """
     other, fresh, replace = _SCRIPT if script else _COMMAND
     if folder.exists() and not folder.is_dir():
@@ -62,15 +58,15 @@ def check(
     file = folder / CASE_NAME
     if overwrite or not file.is_file():
         return
-    mend = fresh if resume else replace
+    fix = fresh if resume else replace
     existing = read_case(file).sound
     if existing is None:
-        raise InputError(f"{file}: is not a case of this version of castfem; {mend}")
+        raise InputError(f"{file}: is not a case of this version of castfem; {fix}")
     if existing.physics_hash() != case.physics_hash():
         changes = _changes(existing, case)
-        raise InputError(f"{folder}: holds a run of another case ({changes}); {mend}")
+        raise InputError(f"{folder}: holds a run of another case ({changes}); {fix}")
     if isinstance(case, Case) and (folder / RUN_NAME).is_file():
-        _check_length(folder, case, resume, mend, goes_on)
+        _check_length(folder, case, resume, fix, goes_on)
 
 
 def _changes(there: AnyCase, here: AnyCase) -> str:
@@ -89,16 +85,16 @@ def _changes(there: AnyCase, here: AnyCase) -> str:
     return differences(one, other, _NOT_PHYSICS) or "a file that it names has changed"
 
 
-def _check_length(folder: Path, case: Case, resume: bool, mend: str, goes_on: bool) -> None:
+def _check_length(folder: Path, case: Case, resume: bool, fix: str, goes_on: bool) -> None:
     """Refuse to replace a run by a shorter one, or to resume one to above where it has come."""
     record, end = RunRecord.load(folder), case.casting.length
     reached = record.reached.get("position", 0.0)
     if not same_or_before(reached, end):
         if resume:
-            mend = f"a resumed run goes further down: give at least {reached:g} m, or {mend}"
+            fix = f"a resumed run goes further down: give at least {reached:g} m, or {fix}"
         raise InputError(
             f"{folder}: casting.length: {end:g} m is asked for, and the run there has come to "
-            f"{reached:g} m; {mend}"
+            f"{reached:g} m; {fix}"
         )
     if not (resume or goes_on) and record.status != "finished" and reached > 0.0:
         log.logger.warning(

@@ -1,4 +1,4 @@
-"""A wish to stop a run: heeded between two steps, for within PETSc an exception would be lost.
+"""A wish to stop a run: obeyed between two steps, for within PETSc an exception would be lost.
 
 The signals are Ctrl-C, SIGTERM, which mpirun and batch systems send before they kill, and SIGHUP.
 """
@@ -13,8 +13,8 @@ from typing import Any, Self
 
 from mpi4py import MPI
 
-from castfem.base import log, signals
-from castfem.base.closing import Closing
+from castfem.base import log, process
+from castfem.base.atomic_files import Closing
 
 ONE = 1.0  # s: `timeout`, for one, sends its signal to the program and then to its group
 
@@ -41,23 +41,19 @@ class Interrupt(Closing):
         self._comm, self._since = comm, 0.0
         self._previous: dict[signal.Signals, Any] = {}
 
-    def heed(self) -> None:
-        """Stop here if that is wanted (collective).
-
-        Raises:
-            Stopped: It is.
-        """
+    def check(self) -> None:
+        """Stop here if that is wanted (collective)."""
         comm = self._comm
         number = self.wanted if comm.size == 1 else comm.allreduce(self.wanted, op=MPI.MAX)
         if number:
-            stop = Stopped(signals.STOPS[signal.Signals(number)])
+            stop = Stopped(process.STOPS[signal.Signals(number)])
             stop.add_note("The last step is kept; resume=True goes on from it.")
             raise stop
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
-            for number in signals.STOPS:
-                if signals.is_ours(number):
+            for number in process.STOPS:
+                if process.is_ours(number):
                     self._previous[number] = signal.signal(number, self._note)
         return self
 

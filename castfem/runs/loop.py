@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING, Protocol
 from mpi4py import MPI
 
 from castfem.base import log
+from castfem.base.constants import same_instant, same_or_before
 from castfem.base.errors import CastfemError, RunFailure
-from castfem.base.one_at_a_time import one_at_a_time
+from castfem.base.process import one_at_a_time, reason_of
 from castfem.base.shown_quantity import Quantity
 from castfem.base.shown_units import below_meniscus
-from castfem.base.signals import reason_of
 from castfem.base.stopwatch import peak_memory, profile_table
-from castfem.base.tolerances import same_instant, same_or_before
 from castfem.fem import reductions
 from castfem.fem.root import Together, on_root
 from castfem.model.build.simulation import Simulation, build
@@ -29,9 +28,8 @@ from castfem.runs.interrupt import Interrupt, Stopped
 from castfem.runs.output.folder import PROPERTIES_NAME, OutputFolder
 from castfem.runs.recorder import Recorder
 from castfem.runs.results.run_state import RunState
-from castfem.runs.results.run_warnings import run_warnings
 from castfem.runs.results.sample import Sample
-from castfem.runs.results.summary import quantities, summarise
+from castfem.runs.results.summary import quantities, run_warnings, summarise
 
 if TYPE_CHECKING:
     from castfem.base.progress import Progress
@@ -40,8 +38,6 @@ if TYPE_CHECKING:
     from castfem.runs.output.summary import Summary
 
 Named = dict[str, Quantity]
-
-LEAST_VERTICES = 1000  # a rank; with fewer, several take longer than one (docs/benchmarks.md)
 
 
 class StepRecord(Protocol):
@@ -172,7 +168,6 @@ class TimeLoop:
         return self.simulation.problem.iterations, mechanics.problem.iterations if mechanics else 0
 
     def _whereabouts(self) -> str:
-        """Where the slice is, for messages."""
         run = self.run_state
         return f"{below_meniscus(run.position, '.4g')} ({run.state.time:.4g} s)"
 
@@ -195,7 +190,7 @@ class TimeLoop:
             length = 0.0 if substeps is None else substeps.step
             self.progress.update(run.position, run.state.time, newton, length, self._note())
         if self.interrupt is not None:
-            self.interrupt.heed()
+            self.interrupt.check()
 
     def _keep_snapshot(self, sample: Sample) -> None:
         case, machine = self.simulation.case, self.simulation.machine
@@ -268,10 +263,10 @@ def run(
 
 
 def _tell_of_idle_ranks(simulation: Simulation) -> None:
-    """Say that a small section is slower on several ranks (collective)."""
+    """Say that fewer than 1000 vertices a rank take longer than on one (collective)."""
     comm = simulation.section.comm
     each = reductions.total(comm, simulation.section.owned) / comm.size
-    if comm.size > 1 and each < LEAST_VERTICES and comm.rank == 0:
+    if comm.size > 1 and each < 1000 and comm.rank == 0:
         log.logger.info(
             "%.0f vertices on each of %d ranks: so few are slower than one rank, which waits for "
             "no other (docs/benchmarks.md); several runs at once: castfem sweep", each, comm.size,

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from castfem.base.atomic_files import saving
+from castfem.base.constants import same_instant, same_or_before
 from castfem.base.errors import InputError
-from castfem.base.tolerances import same_instant, same_or_before
 from castfem.base.types import Array
 from castfem.fem.root import on_root
 from castfem.runs import restart
@@ -18,7 +18,7 @@ from castfem.runs.output.checkpoint import CHECKPOINT_NAME, load_checkpoint, sav
 from castfem.runs.output.folder import WALL_FLUX_NAME, OutputFolder
 from castfem.runs.output.history import HISTORY_NAME, History
 from castfem.runs.output.xdmf import FieldWriter
-from castfem.runs.results.columns import Columns
+from castfem.runs.results.registry import Columns
 from castfem.runs.results.run_state import Counts, RunState
 from castfem.runs.results.sample import Sample
 
@@ -31,13 +31,7 @@ from castfem.model.build.start import starting_time
 
 
 class Recorder:
-    """Files of one run.
-
-    Args:
-        simulation: What is run.
-        folder: The run's folder, begun; used on rank 0.
-        resume: Go on with the files that are there.
-    """
+    """Files of one run."""
 
     def __init__(self, simulation: Simulation, folder: OutputFolder, resume: bool = False) -> None:
         self.simulation, self.folder, self.comm = simulation, folder, simulation.section.comm
@@ -59,7 +53,6 @@ class Recorder:
         return self.simulation.case.physics_record()
 
     def _open(self) -> None:
-        """Begin history and fields."""
         self._history = History(self.folder / HISTORY_NAME, self._columns.heading)
         source = self.simulation.section.source
         if self.simulation.case.output_fields and source is not None:

@@ -106,12 +106,10 @@ def restore(run: RunState, meta: dict[str, Any], by_node: dict[str, Array]) -> N
 
 
 def _plain(found: Named) -> dict[str, list[Any]]:
-    """Quantities as a checkpoint holds them."""
     return {
         name: [q.value, q.shown_unit, q.label, q.error, q.resolution] for name, q in found.items()
     }
 
 
 def _named(found: dict[str, list[Any]]) -> Named:
-    """The inverse of `_plain`."""
     return {name: Quantity(*parts) for name, parts in found.items()}

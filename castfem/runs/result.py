@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from castfem.base.closing import Closing
+from castfem.base.atomic_files import Closing
 from castfem.base.errors import InputError
 from castfem.runs.output.summary import Summary
 
@@ -108,9 +108,6 @@ class RunResult(Closing):
 
         Linear between two rows of the history; results without a column there are left out.
 
-        Args:
-            position: "800 mm", or a number in m.
-
         Raises:
             InputError: It is no position, or the run has not been there.
         """
@@ -190,7 +187,7 @@ class RunResult(Closing):
         from html import escape
 
         from castfem.base.shown_units import label_shown, plain_unit, scale_of, shown_in
-        from castfem.runs.output.chosen_units import units_of_run
+        from castfem.runs.results.run_case import units_of_run
 
         rows = ""
         with shown_in(units_of_run(self.folder)):

@@ -12,7 +12,7 @@ from small_case import small
 
 import castfem
 from castfem.base.errors import InputError
-from castfem.base.one_at_a_time import one_at_a_time
+from castfem.base.process import one_at_a_time
 
 
 @contextmanager

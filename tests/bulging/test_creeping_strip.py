@@ -25,7 +25,6 @@ from castfem.physics.machine.bulging import (
     ElasticStrip,
     Shell,
     Span,
-    creep,
     layers,
     stiffness,
 )
@@ -369,11 +368,10 @@ def test_slower_strand_and_softer_front_bulge_more() -> None:
     assert 1.4 < delta.bulge(lost, shell).largest / reference < 1.8
 
 
-def test_what_is_missing_to_repetition_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_missing_to_repetition_is_told() -> None:
     """A search that is broken off says by how much its bulge may be off."""
     settled = CreepingStrip(norton(3)).bulge(SPAN, SHELL)
-    monkeypatch.setattr(creep, "PASSES", 2)
-    broken = CreepingStrip(norton(3)).bulge(SPAN, SHELL)
+    broken = CreepingStrip(norton(3), passes=2).bulge(SPAN, SHELL)
     assert settled.periodic and not broken.periodic
     off = float(np.abs(broken.deflection - settled.deflection).max())
     assert off < broken.error - settled.error < 3.0 * off

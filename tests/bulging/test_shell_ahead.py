@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from castfem.fem.line_probes import Profile
-from castfem.model.build.shell_prediction import ShellAhead
+from castfem.model.build.shell_prediction import ShellPrediction
 from castfem.physics.closed_forms.by_name import closed_form
 from castfem.physics.materials import load_steel
 
 STEEL = load_steel("alloy_similarity")
 EXACT = closed_form("alloy_similarity", STEEL, 1300.0, STEEL.liquidus + 25.0)
-AHEAD = ShellAhead(STEEL)
+AHEAD = ShellPrediction(STEEL)
 DEPTH = 0.11 * np.linspace(0.0, 1.0, 401) ** 2  # as probes have it
 
 

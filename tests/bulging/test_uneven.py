@@ -8,7 +8,6 @@ import pytest
 from castfem.base.types import Array
 from castfem.physics.constitutive import ThermoElastic, load_elasticity, load_law
 from castfem.physics.machine.bulging import CreepingStrip, Rolls, Shell, Span, over_rolls
-from castfem.physics.machine.bulging.creep import STEPS
 from castfem.physics.machine.bulging.uneven import ABOVE, BELOW, UnevenRolls
 
 PITCH, PRESSURE, SPEED = 0.31, 0.2e6, 0.02
@@ -17,7 +16,7 @@ SHELL = Shell(0.05, lambda depth: 1223.15 + 540.0 * depth / 0.05)
 ELASTIC = CreepingStrip(ThermoElastic(load_elasticity()))
 PLACES = PITCH * np.arange(12)
 NONE = np.zeros(12)
-COUNT = STEPS // 2 + 1
+COUNT = 81
 
 
 def uneven(strip: CreepingStrip, places: Array, offsets: Array, *marks: int) -> UnevenRolls:

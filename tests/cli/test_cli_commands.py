@@ -15,7 +15,7 @@ import pytest
 import castfem as package
 from castfem.cli.app import app
 from castfem.model import load_case
-from castfem.model.reference_page import markdown_page
+from castfem.model.schema import markdown_page
 
 
 def test_version(castfem):

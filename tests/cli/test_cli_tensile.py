@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.thesis_tensile import TESTS
 from castfem.base.errors import RunFailure
 from castfem.runs.output.history import read_history
-from castfem.runs.tensile.thesis_tests import TESTS
 
 NAMES = ("constant_rate", "rate_jump", "softening", "unloading", "unloading_softening")
 

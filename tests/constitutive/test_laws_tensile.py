@@ -7,6 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.thesis_tensile import (
+    P3,
+    P4,
+    RATE,
+    SOFT,
+    TESTS,
+    YOUNG,
+    TensileTest,
+    plot_tensile_tests,
+)
 from castfem.base.errors import RunFailure
 from castfem.physics.constitutive import (
     Elasticity,
@@ -19,16 +29,6 @@ from castfem.physics.constitutive import (
 from castfem.physics.constitutive.base import equivalent_strain, equivalent_stress
 from castfem.physics.constitutive.curves import modified_norton_hoff
 from castfem.physics.constitutive.uniaxial import pull
-from castfem.runs.tensile.thesis_tests import (
-    P3,
-    P4,
-    RATE,
-    SOFT,
-    TESTS,
-    YOUNG,
-    TensileTest,
-    plot_tensile_tests,
-)
 
 BY_FIGURE = {test.figure: test for test in TESTS}
 

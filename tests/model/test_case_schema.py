@@ -9,13 +9,12 @@ import pytest
 
 from castfem.cli.app import starter
 from castfem.model import load_any, load_case
+from castfem.model.base import tag_of
 from castfem.model.case import Case
-from castfem.model.json_schema import case_schema
 from castfem.model.problems import submodels
-from castfem.model.reference_page import markdown_page
+from castfem.model.schema import case_schema, markdown_page
 from castfem.model.shipped_cases import shipped
 from castfem.model.tensile import TensileCase
-from castfem.model.variants import tag_of
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted((ROOT / "cases").glob("*/*.toml"))

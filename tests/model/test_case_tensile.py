@@ -136,11 +136,11 @@ def test_references_hold_at_ends_of_segments_not_at_positions(write):
 
 
 def test_the_shipped_tests_are_those_of_the_thesis():
-    """The same rates, turns and parameters as castfem.runs.tensile.thesis_tests, Figs 58-62."""
-    from castfem.runs.tensile import thesis_tests
+    """The same rates, turns and parameters as benchmarks.thesis_tensile, Figs 58-62."""
+    from benchmarks import thesis_tensile
 
     names = ("constant_rate", "rate_jump", "softening", "unloading", "unloading_softening")
-    for name, test in zip(names, thesis_tests.TESTS, strict=True):
+    for name, test in zip(names, thesis_tensile.TESTS, strict=True):
         case = load_any(shipped()[f"tensile/{name}"])
         assert isinstance(case, TensileCase)
         strain, turns = 0.0, []

@@ -13,7 +13,7 @@ from castfem.base.types import Array
 from castfem.model import load_case
 from castfem.model.build_mould import build_mould
 from castfem.model.load import from_document
-from castfem.model.wall_shape import WallShape, read_wall, write_wall
+from castfem.model.wall_shape import WallShape, write_wall
 from castfem.physics.mould import (
     DisplacedMould,
     Expansion,
@@ -111,7 +111,7 @@ def test_file_and_columns_read_back(tmp_path: Path) -> None:
     shape = displaced(SQUARE, 1.002).displacement
     path = tmp_path / "wall.csv"
     write_wall(path, shape, "a wall")
-    again = read_wall(path)
+    again = WallShape().read({"file": str(path)})
     assert again.moved == pytest.approx(shape.moved, abs=1e-11)
     notation = WallShape()
     assert notation.read(notation.write(shape)) == shape

@@ -15,9 +15,8 @@ from castfem.base.errors import InputError
 from castfem.base.tables import Table
 from castfem.model import load_case
 from castfem.model.build_mould import build_mould
-from castfem.model.json_schema import case_schema
 from castfem.model.mould import Mould
-from castfem.model.reference_page import markdown_page
+from castfem.model.schema import case_schema, markdown_page
 from castfem.model.section import Round
 from castfem.physics.mould import Displaced, Taper
 

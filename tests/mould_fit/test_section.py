@@ -14,7 +14,7 @@ from castfem.cli import execute
 from castfem.cli.mould import write_outline
 from castfem.model import Case, load_case
 from castfem.model.build_mould import build_mould
-from castfem.model.wall_shape import WallShape, read_wall, write_wall
+from castfem.model.wall_shape import WallShape, write_wall
 from castfem.physics.mould import DisplacedMould
 from castfem.studies.mould_fit.follow import follow
 from castfem.studies.mould_fit.section import (
@@ -85,7 +85,9 @@ def test_wall_that_follows_the_strand(attempts: list[Attempt], tmp_path: Path) -
     sides = sides_of_section(case.section)  # type: ignore[arg-type]
     wall = natural_wall(attempts[-1], sides)
     write_wall(tmp_path / "wall.csv", wall, "natural")
-    assert read_wall(tmp_path / "wall.csv").moved == pytest.approx(wall.moved, abs=1e-11)
+    assert WallShape().read({"file": str(tmp_path / "wall.csv")}).moved == pytest.approx(
+        wall.moved, abs=1e-11
+    )
     changes = {
         "casting.length": f"{AT} m",
         "mould.length": f"{AT} m",
@@ -142,6 +144,7 @@ def test_command_finds_writes_and_draws(
     assert status == 0 and "run 1:" in out and "way round [mm]" in out
     assert (tmp_path / "idealised_section.png").read_bytes().startswith(b"\x89PNG")
     assert (tmp_path / "idealised_section_outline.csv").is_file()
-    assert read_wall(tmp_path / "idealised_section_wall.csv").positions[-1] == pytest.approx(0.06)
+    wall = WallShape().read({"file": str(tmp_path / "idealised_section_wall.csv")})
+    assert wall.positions[-1] == pytest.approx(0.06)
     assert execute(["section", "billet125/idealised", "--at", "60 K"]) == 1
     assert "--at 60 K:" in capsys.readouterr().err

@@ -17,7 +17,7 @@ from PIL import Image
 from small_case import small
 
 from castfem.base.errors import RunFailure
-from castfem.base.own_style import own_style
+from castfem.base.libraries import own_style
 from castfem.post.plots import figures
 from castfem.post.plots.style import look, new_figure
 from castfem.runs import loop

@@ -15,9 +15,9 @@ from castfem.base.errors import InputError
 from castfem.base.result_registry import declared, find, unit_of
 from castfem.fem.line_probes import Profile
 from castfem.model.build.simulation import build, case_steel
-from castfem.runs.results.fraction_depths import temperature_at
 from castfem.runs.results.headline import headline
 from castfem.runs.results.registry import columns_of
+from castfem.runs.results.thermal_quantities import temperature_at
 
 
 @pytest.fixture(scope="module")

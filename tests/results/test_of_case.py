@@ -15,7 +15,7 @@ from castfem.base.result_registry import result_names
 from castfem.model.build.simulation import Simulation, build
 from castfem.model.shipped_cases import load
 from castfem.physics.mechanics.planes import PlainPlanes
-from castfem.runs.results.of_case import fault_of, faults_of
+from castfem.runs.results.needs import fault_of, faults_of
 from castfem.runs.results.registry import columns_of, results_of
 
 

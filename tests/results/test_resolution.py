@@ -8,9 +8,8 @@ import pytest
 
 from castfem.base.shown_quantity import Quantity
 from castfem.runs.output.summary import Summary
-from castfem.runs.results.labels import last_quantities
+from castfem.runs.results.labels import last_quantities, resolved
 from castfem.runs.results.numbers import cells, finely, shown
-from castfem.runs.results.resolution import resolved
 
 
 @pytest.mark.parametrize(

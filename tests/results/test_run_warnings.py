@@ -7,7 +7,7 @@ from small_case import small
 
 from castfem.base.shown_quantity import Quantity
 from castfem.runs.output.summary import Summary
-from castfem.runs.results.run_warnings import run_warnings
+from castfem.runs.results.summary import run_warnings
 
 
 @pytest.mark.parametrize(

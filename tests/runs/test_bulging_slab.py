@@ -15,7 +15,7 @@ from small_case import small
 
 from castfem.base.errors import InputError, RunFailure
 from castfem.model import Case
-from castfem.model.build.shell_prediction import ShellAhead
+from castfem.model.build.shell_prediction import ShellPrediction
 from castfem.model.build.simulation import build
 from castfem.physics.constitutive.flow_laws import RadialReturn
 from castfem.physics.contact.roll_support import RollSupportState
@@ -118,7 +118,7 @@ def shell_of(sample: Sample, time: float) -> tuple[Shell, RadialReturn]:
         assert simulation.mechanics is not None
         law, solidus = simulation.mechanics.problem.slice.law, simulation.steel.solidus
         profile = simulation.probes.sample(sample.state.thermal.point.temperature)["mid_face"]
-        profile = ShellAhead(simulation.steel).later(profile, time - sample.time)
+        profile = ShellPrediction(simulation.steel).later(profile, time - sample.time)
     finally:
         simulation.destroy()
     depth, heat = profile.depth, profile.temperature

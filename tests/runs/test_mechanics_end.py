@@ -26,7 +26,7 @@ from castfem.post.plots.shape import von_mises
 from castfem.runs.loop import TimeLoop
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.history import read_history
-from castfem.runs.results.of_case import fault_of
+from castfem.runs.results.needs import fault_of
 from castfem.studies.sensitivity.run import refuse
 
 EXIT = 0.05

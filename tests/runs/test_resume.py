@@ -220,11 +220,11 @@ def test_ctrl_c_within_petsc_is_heeded_after_the_step(
 
 def test_a_later_signal_stops_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     with Interrupt(MPI.COMM_SELF) as interrupt:
-        interrupt.heed()
+        interrupt.check()
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGINT)  # the same wish, told twice
         with pytest.raises(Stopped, match="stopped by the user") as stop:
-            interrupt.heed()
+            interrupt.check()
         assert "resume=True goes on" in stop.value.__notes__[0]
         monkeypatch.setattr("castfem.runs.interrupt.ONE", 0.0)
         with pytest.raises(KeyboardInterrupt):
@@ -238,7 +238,7 @@ def test_signals_that_others_handle_are_left_alone() -> None:
     try:
         with Interrupt(MPI.COMM_SELF) as interrupt:
             signal.raise_signal(signal.SIGTERM)
-            interrupt.heed()
+            interrupt.check()
     finally:
         signal.signal(signal.SIGTERM, before)
     assert seen == [signal.SIGTERM]

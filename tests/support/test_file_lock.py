@@ -12,7 +12,7 @@ import h5py
 import pytest
 from filelock import FileLock, Timeout
 
-from castfem.base.file_lock import taken
+from castfem.base.atomic_files import taken
 from castfem.runs.output.field_files import open_hdf5
 from castfem.runs.output.folder import OutputFolder
 from castfem.studies.sweep.record import Entry, Record

@@ -17,8 +17,7 @@ from castfem.base.quantities import Kind, Temperature
 from castfem.base.types import Array
 from castfem.model.cooling import GivenFlux
 from castfem.model.heat_law import HeatLaw, Surroundings
-from castfem.model.json_schema import case_schema
-from castfem.model.reference_page import markdown_page
+from castfem.model.schema import case_schema, markdown_page
 from castfem.physics.machine import Machine
 from castfem.physics.machine.travel import Steady
 from castfem.physics.materials import load_steel

@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from castfem.base import common_units, quantities, units
+from castfem.base import quantities, units
 from castfem.base.shown_units import below_meniscus
 
 
 def test_common_units_are_what_pint_says(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = [(unit, si) for unit, (_, names) in common_units.COMMON.items() for si in names]
+    asked = [(unit, si) for unit, (_, names) in units.COMMON.items() for si in names]
 
     def told() -> list[object]:
         units._conversion.cache_clear()
@@ -28,7 +28,7 @@ def test_common_units_are_what_pint_says(monkeypatch: pytest.MonkeyPatch) -> Non
         parse = units._parse_unit
         known.setattr(units, "_parse_unit", lambda unit: parsed.append(unit) or parse(unit))
         expected = told()
-        assert {*parsed} >= {*common_units.COMMON}
+        assert {*parsed} >= {*units.COMMON}
     told()
     for entry, one, other in zip(asked, found, expected, strict=True):
         assert one == other, entry

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from castfem.base.constants import same_or_before
 from castfem.base.errors import RunFailure
 from castfem.base.tables import as_function
-from castfem.base.tolerances import same_or_before
 from castfem.base.types import Array
 from castfem.fem.line_probes import LineProbes, Profile
 from castfem.fem.root import shared_out
-from castfem.model.build.shell_prediction import Core, ShellAhead, core_of, front_of
+from castfem.model.build.shell_prediction import Core, ShellPrediction, core_of, front_of
 from castfem.model.bulging import Bulging
 from castfem.physics.contact.roll_support import POINTS, Bed, RollSupport
 from castfem.physics.contact.surface_interaction import ALWAYS
@@ -41,16 +41,34 @@ if TYPE_CHECKING:
     from castfem.physics.mechanics.ferrostatic import Ferrostatic
 
 Memory = Mapping[str, Array]
-FORESEEN = 3  # rolls whose forces are remembered where they are not alike, see `UnevenPitch`
-MOST_BULGE = 0.05  # of the pitch: beyond, slopes are no longer small, and no strand is cast so
-LEAST_BULGE = 50e-6  # m: a bed is no stiffer than the pressure over this
-LEAST_WITHIN = 1e-3  # of its stiffness: what holds a solid strand that no roll touches in its place
-EDGE = 0.32  # of the pitch: from the narrow face to where a clamped plate bulges as a strip
 WIDTHLESS = (
     ". That is a strip, held by its rolls alone: where the narrow faces are not many pitches apart "
     'they would hold it, too; mechanics.bulging = "elastic" leaves its creep out and goes on'
 )
-MOULD_PLAY = 1e-3  # m: what a face moves in the mould under a change of the pressure by itself
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Limits of what bears the wide faces.
+
+    Attributes:
+        most_bulge: Of the pitch: beyond, slopes are no longer small, and no strand is cast so.
+        least_bulge: A bed is no stiffer than the pressure over this, m.
+        within: Of a bed's stiffness: what holds a solid strand that no roll touches in its place.
+        edge: Of the pitch: from the narrow face to where a clamped plate bulges as a strip.
+        mould_play: What a face moves in the mould under a change of the pressure by itself, m.
+        foreseen: Rolls whose forces are remembered where they are not alike, see `UnevenPitch`.
+    """
+
+    most_bulge: float = 0.05
+    least_bulge: float = 50e-6
+    within: float = 1e-3
+    edge: float = 0.32
+    mould_play: float = 1e-3
+    foreseen: int = 3
+
+
+LIMITS = Limits()
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +123,7 @@ class PitchByPitch:
     probes: LineProbes
     front: float
     core: Core
-    ahead: ShellAhead
+    ahead: ShellPrediction
     half_width: float | None = None
     uneven: UnevenRolls | None = None
     lines: Array | None = None
@@ -119,7 +137,7 @@ class PitchByPitch:
         for name in ("z", "deflection", "slope", "curvature", "axial_strain"):
             found[name] = np.zeros((many, self.nodes))
         if self.uneven is not None:
-            found["added"] = np.zeros((many, FORESEEN))
+            found["added"] = np.zeros((many, LIMITS.foreseen))
         return found | {"pitch": np.zeros(1)}
 
     def beds(
@@ -132,7 +150,7 @@ class PitchByPitch:
             g: self.core.handed_on(profiles[face.probe], end) for g, face in self.faces.items()
         }
         if passed == 0:
-            soft = self.core.head(self.machine.time_near(float(self.rolls[0]))) / MOULD_PLAY
+            soft = self.core.head(self.machine.time_near(float(self.rolls[0]))) / LIMITS.mould_play
             beds = {group: Bed(p, soft) for group, p in handed_on.items()}
             most = max(handed_on.values())
             return beds | {group: Bed(most, soft) for group in self.others}, memory
@@ -150,7 +168,7 @@ class PitchByPitch:
             if self.lines is not None:
                 out += _outward(group) * float(np.interp(place, self.rolls, self.lines))
             profile = profiles[self.faces[group].probe]
-            within = max(self.core.share_handed_on(profile), LEAST_WITHIN)
+            within = max(self.core.share_handed_on(profile), LIMITS.within)
             beds[group] = Bed(pressure, float(memory["stiffness"][i]), float(w), out, within)
         return beds, memory
 
@@ -178,7 +196,7 @@ class PitchByPitch:
         if passed == len(self.rolls):  # beyond the last nothing bulges
             head = self.core.head(time)
             new["z"][:] = np.arange(self.nodes)
-            new["stiffness"][:] = head / LEAST_BULGE
+            new["stiffness"][:] = head / LIMITS.least_bulge
             new["force"][:] = 0.5 * old["load"]
             return new
         first, last = self.rolls[passed - 1 : passed + 1]
@@ -200,8 +218,8 @@ class PitchByPitch:
             top, most = _furthest(bulge)
             # That of the shell between its rolls, p/w, and p is what is left of the head. Below
             # a lost roll a shell that has crept dips all along: it is as soft there.
-            left = max(self.core.share_handed_on(profile), LEAST_WITHIN)
-            new["stiffness"][i] = head / max(most / left, LEAST_BULGE)
+            left = max(self.core.share_handed_on(profile), LIMITS.within)
+            new["stiffness"][i] = head / max(most / left, LIMITS.least_bulge)
             new["thickness"][i], new["largest"][i] = bulge.thickness, top
             new["load"][i] = span.pressure * span.length
             new["error"][i] = max(old["error"][i], bulge.error)
@@ -226,7 +244,7 @@ class PitchByPitch:
         roll, length = self.rolls[passed - 1], float(new["z"][0, -1])
         begun = start if int(memory["pitch"][0]) == passed else self.machine.time_at(float(roll))
         way = np.array([self.machine.position(time) for time in (begun, end)]) - roll
-        edge = np.clip((self.half_width - np.abs(places[:, 0])) / (EDGE * length), 0.0, 1.0)
+        edge = np.clip((self.half_width - np.abs(places[:, 0])) / (LIMITS.edge * length), 0.0, 1.0)
         found = np.zeros(len(places))
         for i, face in enumerate(self.faces.values()):
             surface = float(self.probes.lines[face.probe][0][1])
@@ -266,7 +284,7 @@ class PitchByPitch:
                 bulge = model.bulge(span, shell)
         except RunFailure as error:
             raise RunFailure(f"bulging, pitch around {middle:.4g} m: {error}") from None
-        if (most := _furthest(bulge)[1]) > MOST_BULGE * span.length:
+        if (most := _furthest(bulge)[1]) > LIMITS.most_bulge * span.length:
             creeps = isinstance(model, CreepingStrip)
             raise RunFailure(_breaks_out(float(first), float(last), bulge, most, creeps))
         return bulge, added
@@ -309,7 +327,7 @@ def build_roll_support(
         lines = None if lines is None else np.append(0.0, lines)
     foundation = PitchByPitch(
         model, nodes, machine, places, 0.5 * (apertures - apertures[0]), faces, others, probes,
-        front_of(steel, table.solid_fraction), core_of(liquid), ShellAhead(steel),
+        front_of(steel, table.solid_fraction), core_of(liquid), ShellPrediction(steel),
         0.5 * width if table.axial_strain else None, uneven, lines, above,
     )  # fmt: skip
     return RollSupport(
@@ -339,13 +357,12 @@ def _furthest(bulge: Bulge) -> tuple[float, float]:
 
 
 def _breaks_out(first: float, last: float, bulge: Bulge, most: float, creeps: bool) -> str:
-    """What is said of a shell that cannot span a pitch."""
     length = last - first
     by = f"{1e3 * most:.3g} mm" if most < length else "more than its pitch"
     return (
         f"bulging: between the rolls at {first:.4g} and {last:.4g} m a shell of "
         f"{1e3 * bulge.thickness:.3g} mm would bulge by {by} (at most "
-        f"{1e3 * MOST_BULGE * length:.3g} mm): it is too thin or too hot for a pitch of "
+        f"{1e3 * LIMITS.most_bulge * length:.3g} mm): it is too thin or too hot for a pitch of "
         f"{1e3 * length:.4g} mm; look at cooling and speed, and for rolls that are lost"
     ) + (WIDTHLESS if creeps else "")
 
@@ -356,7 +373,6 @@ def _outward(group: str) -> float:
 
 
 def _probe(group: str, probes: LineProbes) -> str:
-    """The line inwards from the middle of a wide face."""
     if group.endswith("_extrados"):
         return "mid_face_extrados"
     return "mid_face_intrados" if "mid_face_intrados" in probes.lines else "mid_face"
@@ -364,7 +380,7 @@ def _probe(group: str, probes: LineProbes) -> str:
 
 def _model(table: Bulging, law: Law, width: float) -> tuple[Callable[[float], BulgingModel], int]:
     """The model by the position of a pitch, and the nodes of its bulges."""
-    from castfem.physics.machine.bulging.elastic import NODES
+    from castfem.physics.machine.bulging.plate import NODES
 
     if table.model == "creep":
         strip = CreepingStrip(law, shear=bool(table.shear))

@@ -18,7 +18,7 @@ from castfem.base.types import Array
 from castfem.fem import reductions
 from castfem.model.heat_law import Extent, Surroundings
 from castfem.model.water import Supply, steel_per_length
-from castfem.physics.machine.time_functions import OverTime
+from castfem.physics.machine.machine import OverTime
 from castfem.physics.thermal import flux_laws
 from castfem.physics.thermal.boundary import Cooling, Patch, Surface
 
@@ -36,12 +36,6 @@ Row = tuple[list[int], flux_laws.SurfaceLaw]
 
 class Zones:
     """The machine seen from the slice: which cooling holds at which time.
-
-    Args:
-        case: Its cooling zones.
-        machine: When the slice comes to them.
-        steel: Gives the emissivity where a law has none.
-        surface: Perimeter shares of the section's boundary groups.
 
     Raises:
         InputError: If a law names a boundary group the section does not have, or radiation needs an
@@ -164,7 +158,6 @@ class Zones:
         return self._surface.whole().dofs
 
     def _tags(self, names: tuple[str, ...]) -> list[int]:
-        """Tags of the surface groups that `names` stand for."""
         section = self._surface.section
         return [t for t in section.matching(names) if section.groups[t] in section.outer_groups]
 

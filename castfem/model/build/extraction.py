@@ -25,9 +25,6 @@ if TYPE_CHECKING:
     from castfem.physics.machine import Machine
     from castfem.physics.materials import Steel
 
-_MIDDLE = 0.05  # of the thickness, to each side of the middle: where the liquid's width is taken
-_LIQUID = 1.0  # K above the liquidus: where the density of the liquid is taken
-
 
 def build_effort(
     case: Case,
@@ -85,7 +82,7 @@ def pressed_rolls(
     case: Case, pairs: Pairs, machine: Machine, steel: Steel, section: Section
 ) -> RollForces:
     """Forces of bulging by statics."""
-    density, places = float(steel.density(steel.liquidus + _LIQUID)), pairs.places
+    density, places = float(steel.density(steel.liquidus + 1.0)), pairs.places  # of the liquid
     pressure = [density * GRAVITY * machine.height(float(place)) for place in places]
     thickness = thickness_of(case.section)
     assert thickness is not None, "a strand that is bent has a thickness"
@@ -99,10 +96,7 @@ def pressed_rolls(
 class LiquidWidth:
     """Width of what is liquid in the middle of the thickness, m; of the mushy zone its liquid part.
 
-    Args:
-        section: Whole, or half of it.
-        thickness: From extrados to intrados, m.
-        solid_fraction: Over temperature, K.
+    It is the mean over a twentieth of the thickness to each side of the middle.
     """
 
     def __init__(
@@ -114,7 +108,7 @@ class LiquidWidth:
         area.scatter_reverse(la.InsertMode.add)
         x, y = np.abs(space.tabulate_dof_coordinates()[:own, :2]).T
         nearest = reductions.smallest(self._comm, y)
-        middle = y <= max(_MIDDLE * thickness, nearest * (1.0 + 1e-9))
+        middle = y <= max(0.05 * thickness, nearest * (1.0 + 1e-9))
         width = 2.0 * reductions.largest(self._comm, np.where(middle, x, 0.0))
         weight = np.where(middle, area.array[:own], 0.0)
         self._weight = weight * width / reductions.total(self._comm, float(weight.sum()))

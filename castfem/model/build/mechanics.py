@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from castfem.base.constants import ROUNDING
 from castfem.base.errors import CaseError, InputError
 from castfem.base.stopwatch import Stopwatch
 from castfem.base.tables import Table, as_function
@@ -23,7 +24,7 @@ from castfem.model.machine import thickness_of
 from castfem.physics.constitutive.base import Law
 from castfem.physics.contact.settings import Contact
 from castfem.physics.contact.surface_interaction import SurfaceInteraction
-from castfem.physics.machine.time_functions import over_time
+from castfem.physics.machine.machine import over_time
 from castfem.physics.mechanics.bent_planes import BentPlanes
 from castfem.physics.mechanics.definition import Slice
 from castfem.physics.mechanics.ferrostatic import Ferrostatic
@@ -40,9 +41,6 @@ if TYPE_CHECKING:
     from castfem.physics.machine import Machine
     from castfem.physics.machine.extraction.effort import Effort
     from castfem.physics.materials import Steel
-
-
-NOT_APART = 1e-9  # of the section's size: sides that are held at one and the same height
 
 
 def build_mechanics(
@@ -78,7 +76,7 @@ def build_mechanics(
 def _check_across(problem: MechanicalProblem) -> None:
     """Refuse a free strain across that is a displacement like any other: no side follows it."""
     apart = problem.constraints.spread(component=1)
-    if "across" in problem.slice.planes.free and apart <= NOT_APART * problem.scales.length:
+    if "across" in problem.slice.planes.free and apart <= ROUNDING * problem.scales.length:
         problem.destroy()
         raise InputError(
             "mechanics.planes.across: free along y, as the section's sides are: nothing tells the "
@@ -123,7 +121,6 @@ def make_slice(
 
 
 def _wall(table: Mould, strand: Strand, machine: Machine, section: Section) -> Contact:
-    """What the mould of a case does to the surface of its strand."""
     return Contact(
         wall=build_mould(table, strand),
         on=section.outer_groups,
@@ -152,7 +149,11 @@ def _planes(
     """What constrains the planes: the rolls of a machine that bends the strand, or the case."""
     force = _shared(table.force, machine, section.multiplicity)
     if case.bends:
-        effort = _effort(case, table, machine, steel, section)
+        effort = None
+        if case.machine is not None and case.machine.extraction is not None:
+            from castfem.model.build.extraction import build_effort
+
+            effort = build_effort(case, table, machine, steel, section)
         return _bent(case, table, machine, force, effort, section.multiplicity)
     free = given.free_strains(table, allowed_strains(section.groups))
     imposed = {
@@ -167,21 +168,6 @@ def _planes(
         moment_x=_shared(table.moment_x, machine, section.multiplicity),
         moment_y=_shared(table.moment_y, machine, section.multiplicity),
     )
-
-
-def _effort(
-    case: Case,
-    table: given.GeneralizedPlaneStrain,
-    machine: Machine,
-    steel: Steel,
-    section: Section,
-) -> Effort | None:
-    """The effort of rolls and drives; a case without [machine.extraction] does not import it."""
-    if case.machine is None or case.machine.extraction is None:
-        return None
-    from castfem.model.build.extraction import build_effort
-
-    return build_effort(case, table, machine, steel, section)
 
 
 def _bent(
@@ -223,7 +209,6 @@ def _held(one: given.GivenDisplacement) -> PrescribedDisplacement:
 
 
 def _everywhere(history: TimeHistory) -> Callable[[Array, float], Array]:
-    """A displacement that is the same at all positions."""
     return lambda positions, time: np.full(len(positions), history(time))
 
 

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError
 from castfem.model.build.cooling import water_supply
 from castfem.model.heat_law import no_emissivity
 from castfem.model.water import largest
+from castfem.physics.machine.machine import over_time
 from castfem.physics.machine.sprays import Kind, Row, Stretch, footprint
-from castfem.physics.machine.time_functions import over_time
 from castfem.physics.thermal.boundary import Cooling, Surface
 from castfem.physics.thermal.flux_laws import Convection, Radiation, SurfaceLaw
 from castfem.physics.thermal.spray_water import RollShare, Share, SprayWater, water_across
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     from castfem.model.secondary import Circuit
     from castfem.physics.machine import Machine
     from castfem.physics.materials import Steel
-
-_SAME = 1e-9  # m, at which two faces meet something else
 
 
 def rows_of(case: Case) -> tuple[Row, ...]:
@@ -54,9 +53,6 @@ class SecondaryCooling:
     Attributes:
         positions: Where something changes, from `start` on, m.
         coolings: What holds from there on, as many.
-
-    Raises:
-        InputError: The steel has no emissivity, and the case gives none.
     """
 
     def __init__(
@@ -110,12 +106,7 @@ class SecondaryCooling:
     def roll_contact(
         self, length: float, pitch: Sequence[tuple[float, tuple[SurfaceLaw, ...]]]
     ) -> SurfaceLaw | None:
-        """Heat to a roll along a length of contact, m; None without contact.
-
-        Args:
-            length: Of contact, m.
-            pitch: Length, m, and laws of each other stretch of its pitch.
-        """
+        """Heat to a roll along a length of contact, m; None without contact."""
         contact = self._table.contact
         if contact is None:
             return None
@@ -193,7 +184,7 @@ class _Face:
 
     def laws_at(self, position: float) -> tuple[SurfaceLaw, ...]:
         """The laws that hold from a position (m) on."""
-        return self._laws[max(bisect_right(self._starts, position + _SAME) - 1, 0)]
+        return self._laws[max(bisect_right(self._starts, position + ROUNDING) - 1, 0)]
 
 
 def _cooling(surface: Surface, faces: Sequence[_Face], position: float) -> Cooling:
@@ -206,7 +197,6 @@ def _cooling(surface: Surface, faces: Sequence[_Face], position: float) -> Cooli
 
 
 def _same(one: Cooling, other: Cooling) -> bool:
-    """Whether the same laws hold on the same faces."""
     if len(one.laws) != len(other.laws):
         return False
     pairs = zip(one.laws, other.laws, strict=True)
@@ -217,6 +207,6 @@ def _apart(places: list[float]) -> list[float]:
     """Places in order, those that are one but for rounding once."""
     found: list[float] = []
     for place in sorted(places):
-        if not found or place - found[-1] > _SAME:
+        if not found or place - found[-1] > ROUNDING:
             found.append(place)
     return found

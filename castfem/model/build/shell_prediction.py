@@ -27,14 +27,8 @@ if TYPE_CHECKING:
     from castfem.physics.mechanics.ferrostatic import Ferrostatic
 
 
-CELL = 5e-4  # m: of the grid that heat is conducted on
-LEAST_CELLS = 60  # of it, however thin the slab is
-STABLE = 0.45  # of the square of a cell over the diffusivity: an explicit step
-MARGIN = 1.0  # K: to which the curve goes beyond the temperatures that are there
-
-
 @dataclass(frozen=True, slots=True)
-class ShellAhead:
+class ShellPrediction:
     """Temperatures under the middle of a wide face, some time ahead.
 
     Heat flows along the depth alone, since neither the edges nor the next pitch reach there, and
@@ -43,21 +37,20 @@ class ShellAhead:
 
     Attributes:
         steel: The steel.
+        cell: Of the grid that heat is conducted on, m.
+        least_cells: Of it, however thin the slab is.
+        explicit: Length of an explicit step, of the square of a cell over the diffusivity.
     """
 
     steel: Steel
+    cell: float = 5e-4
+    least_cells: int = 60
+    explicit: float = 0.45
 
     def at(
         self, time: float, step: tuple[float, float], before: Profile, after: Profile
     ) -> Profile:
-        """A profile at a time: within a step between those of its ends, beyond it foreseen.
-
-        Args:
-            time: s; before the step it is that of its start.
-            step: Its start and its end, s.
-            before: Profile at its start.
-            after: At its end.
-        """
+        """A profile at a time: within a step between those of its ends, beyond it foreseen."""
         start, end = step
         if time > end:
             return self.later(after, time - end)
@@ -69,23 +62,19 @@ class ShellAhead:
         """A profile after so many seconds; no heat flows through its end, the middle of the slab.
 
         Explicit finite volumes of the enthalpy, as long as they are stable.
-
-        Args:
-            profile: Now.
-            duration: s; nothing changes within a time that is not positive.
         """
         length = float(profile.depth[-1])
         if not duration > 0.0:
             return profile
-        cells = max(LEAST_CELLS, math.ceil(length / CELL))
+        cells = max(self.least_cells, math.ceil(length / self.cell))
         x: Array = np.asarray(np.linspace(0.0, length, cells + 1))
         dx = length / cells
         start: Array = np.asarray(np.interp(x, profile.depth, profile.temperature))
         coldest, hottest = float(start.min()), float(start.max())
-        curve = self.steel.thermal_curve(coldest - MARGIN, hottest + MARGIN, hottest)
+        curve = self.steel.thermal_curve(coldest - 1.0, hottest + 1.0, hottest)  # K of margin
         enthalpy = np.array(curve.enthalpy(start))
         fastest = float(curve.at(enthalpy).conduction_slope.max())
-        steps = math.ceil(duration * fastest / (STABLE * dx**2))
+        steps = math.ceil(duration * fastest / (self.explicit * dx**2))
         for _ in range(steps):
             flux = np.diff(curve.at(enthalpy).conduction) / dx
             enthalpy[1:-1] += duration / steps / dx * np.diff(flux)
@@ -141,13 +130,6 @@ def build_uneven_rolls(
     case: Case, table: Bulging, rolls: Rolls, law: Law, count: int
 ) -> tuple[UnevenRolls | None, Array]:
     """Return the rolls near which strips go over several pitches, and all rolls' offsets.
-
-    Args:
-        case: A sound one with lost or misaligned rolls.
-        table: Its [mechanics.bulging].
-        rolls: With their defects.
-        law: Of the slice.
-        count: Nodes of a bulge.
 
     Returns:
         None for the thesis' plate, each of which is by itself; the offsets are those of the rolls

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from castfem.base.constants import ROUNDING
 from castfem.base.stopwatch import Stopwatch
 from castfem.fem import reductions
 from castfem.fem.line_probes import LineProbes
@@ -39,10 +41,6 @@ if TYPE_CHECKING:
     from castfem.physics.machine import Machine
     from castfem.physics.materials import Steel
     from castfem.physics.mechanics.stepper import MechanicalStepper
-
-# T(H) is tabulated from the coldest surroundings to the start; beyond, the end values hold.
-ROOM, MARGIN = 280.0, 2.0  # K
-CENTRED = 1e-9  # of its length, how near the centre a probe ends that ends there
 
 
 @dataclass(slots=True)
@@ -94,7 +92,7 @@ class Simulation:
         return tuple(
             name
             for name, (start, end) in self.probes.lines.items()
-            if np.linalg.norm(end) <= CENTRED * np.linalg.norm(start)
+            if np.linalg.norm(end) <= ROUNDING * np.linalg.norm(start)
         )
 
     def destroy(self) -> None:
@@ -121,7 +119,11 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
         section = Section(comm, on_root(comm, lambda: build_mesh(case)))
         probes = LineProbes(section, _probe_lines(case, section))
     with watch.section("setup: mechanics"):
-        mechanics = _mechanics(case, machine, steel, section, probes, watch)
+        mechanics = None
+        if case.mechanics is not None:  # a thermal simulation does not even import them
+            from castfem.model.build.mechanics import build_mechanics
+
+            mechanics = build_mechanics(case, machine, steel, section, probes, watch)
     shape = None
     if mechanics is not None and case.coupling.follow_shape:
         shape = Shape(section, mechanics.problem.space, steel.solidus)
@@ -167,22 +169,16 @@ def _probe_lines(case: Case, section: Section) -> dict[str, tuple[Array, Array]]
 
 def _windows(case: Case, machine: Machine, milestones: list[float]) -> StepControl:
     """Choice of the coupling windows, of equal times or of equal lengths of strand."""
-    duration, given = case.casting.duration, case.coupling.interval
-    allowed, most = case.coupling.window_error or ALLOWED, case.coupling.growth or 1.0
+    given = case.coupling.interval
+    windows = partial(
+        StepControl, case.casting.duration, milestones, order=ORDER,
+        tolerance=case.coupling.window_error or ALLOWED, most=case.coupling.growth or 1.0,
+    )  # fmt: skip
     if not isinstance(given, Way):
-        return StepControl(
-            duration, milestones, fixed=given, tolerance=allowed, order=ORDER, most=most
-        )
-    length = given.length
-    return StepControl(
-        duration,
-        milestones,
-        fixed=STANDING * machine.window_time(length),
-        tolerance=allowed,
-        order=ORDER,
-        longest=lambda time: machine.window(time, length),
-        unit=machine.window_time(length),
-        most=most,
+        return windows(fixed=given)
+    length, unit = given.length, machine.window_time(given.length)
+    return windows(
+        fixed=STANDING * unit, longest=lambda time: machine.window(time, length), unit=unit
     )
 
 
@@ -205,7 +201,6 @@ def _coupling(
     mechanics: MechanicalStepper | None,
     zones: Zones,
 ) -> StaggeredCoupling | None:
-    """The coupling of a case with mechanics."""
     if mechanics is None:
         return None
     gap, given = None, case.coupling
@@ -230,22 +225,6 @@ def _reach(section: Section) -> tuple[float, float]:
     return x, y
 
 
-def _mechanics(
-    case: Case,
-    machine: Machine,
-    steel: Steel,
-    section: Section,
-    probes: LineProbes,
-    watch: Stopwatch,
-) -> MechanicalStepper | None:
-    """The mechanics of a case that has some; a thermal simulation does not even import them."""
-    if case.mechanics is None:
-        return None
-    from castfem.model.build.mechanics import build_mechanics
-
-    return build_mechanics(case, machine, steel, section, probes, watch)
-
-
 def case_steel(case: Case) -> Steel:
     """The steel of the case, with its composition and its changes."""
     from castfem.physics.materials import load_steel
@@ -268,6 +247,9 @@ def thermal_curve(
 ) -> ThermalCurve:
     """T(H) between the coldest surroundings and the start, zero at the start.
 
+    It is tabulated from there, or a cold room, to the start, 2 K beyond both; farther on the end
+    values hold.
+
     Args:
         steel: The steel.
         zones: Have the surroundings.
@@ -276,10 +258,9 @@ def thermal_curve(
         given: Temperatures that it begins with instead, K.
     """
     coldest, hottest = zones.ambient_range()
-    lower = max(min(coldest, start, *given), ROOM) - MARGIN
-    upper = max(start, *given, hottest if hottest < np.inf else start) + MARGIN
-    upper = max(upper, steel.liquidus + MARGIN)
-    return steel.thermal_curve(lower, upper, start, start if keeps_mass else None)
+    lowest = max(min(coldest, start, *given), 280.0)
+    highest = max(start, *given, hottest if hottest < np.inf else start, steel.liquidus)
+    return steel.thermal_curve(lowest - 2.0, highest + 2.0, start, start if keeps_mass else None)
 
 
 def starting_temperature(case: Case, steel: Steel) -> float:
@@ -329,11 +310,7 @@ def step_control(case: Case, milestones: list[float], least: float = 0.0) -> Ste
 
 
 def build_mesh(case: Case) -> SectionMesh:
-    """The section's mesh, from the user's cache if it is there.
-
-    Raises:
-        CaseError: The mesh cannot be built, or would have bad cells.
-    """
+    """The section's mesh, from the user's cache if it is there."""
     from castfem import meshes
 
     with meshing():

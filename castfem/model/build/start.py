@@ -45,11 +45,7 @@ def starting_time(simulation: Simulation) -> float:
 
 
 def starting_state(simulation: Simulation) -> ThermalState:
-    """The temperatures that a run begins with (collective).
-
-    Raises:
-        RunFailure: The slice cannot be taken through its mould.
-    """
+    """The temperatures that a run begins with (collective)."""
     stepper, time = simulation.stepper, starting_time(simulation)
     if given_profile(simulation.case) is not None:
         enthalpy = np.asarray(starting_enthalpy(simulation))
@@ -65,9 +61,6 @@ def through_mould(simulation: Simulation, state: ThermalState, end: float) -> Th
     """Take the temperatures alone from the meniscus to a time, s, as the zones cool them.
 
     The slice keeps its shape: the mould strains nothing of the run ([Pascon2003] VI.3.1).
-
-    Raises:
-        RunFailure: At the smallest step.
     """
     from castfem.model.build.simulation import step_control
 

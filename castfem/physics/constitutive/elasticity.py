@@ -40,7 +40,7 @@ from typing import Protocol, get_args
 
 import numpy as np
 
-from castfem.base.messages import choices
+from castfem.base.errors import choices
 from castfem.base.tables import Constant
 from castfem.base.types import Array, MushyZone
 

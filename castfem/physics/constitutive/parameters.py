@@ -28,8 +28,7 @@ from pathlib import Path
 from typing import Any
 
 from castfem.base import ranges
-from castfem.base.errors import InputError
-from castfem.base.messages import choices, shown
+from castfem.base.errors import InputError, choices, shown
 from castfem.base.quantities import Kind
 from castfem.base.table_notation import Curve as TableReader
 from castfem.base.tables import Constant, Table

@@ -13,8 +13,8 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
+from castfem.base.constants import same_or_before
 from castfem.base.errors import InputError
-from castfem.base.tolerances import same_or_before
 from castfem.base.types import Array
 from castfem.fem import reductions
 from castfem.fem.section import Section

@@ -12,8 +12,8 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+from castfem.base.constants import EXACT
 from castfem.base.errors import RunFailure
-from castfem.base.tolerances import EXACT
 
 SAFETY = 0.9
 GROWTH = 2.0

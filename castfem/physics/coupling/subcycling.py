@@ -12,7 +12,7 @@ from mpi4py import MPI
 import numpy as np
 
 from castfem.base import log
-from castfem.base.tolerances import same_instant
+from castfem.base.constants import same_instant
 from castfem.base.types import Array
 from castfem.physics.coupling.step_control import StepControl
 from castfem.physics.thermal.stepper import StepResult, ThermalState, ThermalStepper

@@ -16,8 +16,6 @@ Face = Literal["extrados", "centreline", "intrados"]
 FACES: tuple[Face, ...] = get_args(Face)
 INWARD: dict[Face, float] = {"extrados": 0.0, "centreline": 0.5, "intrados": 1.0}
 """Distance of each from the extrados towards the centre of curvature, over the thickness."""
-_TURN = 0.25  # rad: what the strand turns at most within a piece of the integral of its height
-_ROUNDED = 1e-4  # of the steepest slope of the curvature
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 
@@ -73,7 +71,7 @@ class Bent:
         for before, after in itertools.pairwise(ends):
             chi = np.interp((before, after), rolls, self._curvatures)
             turn = 0.5 * float(np.abs(chi).sum()) * (after - before)
-            count = max(1, int(np.ceil(turn / _TURN)))
+            count = max(1, int(np.ceil(turn / 0.25)))  # rad, within a piece of the integral
             found.append(np.linspace(before, after, count + 1)[1:])
         return np.concatenate(found)
 
@@ -83,7 +81,7 @@ class Bent:
         slopes = np.diff(self._curvatures) / np.diff(self._rolls)
         slopes = np.concatenate([[0.0], slopes, [0.0]])
         # Radii and positions of a table are rounded: what that makes of a slope is no change.
-        changes = np.abs(np.diff(slopes)) > _ROUNDED * max(float(np.abs(slopes).max()), 1e-300)
+        changes = np.abs(np.diff(slopes)) > 1e-4 * max(float(np.abs(slopes).max()), 1e-300)
         return tuple(float(position) for position in self._rolls[changes])
 
     def thickness(self, position: float) -> float:

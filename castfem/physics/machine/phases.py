@@ -12,8 +12,6 @@ from typing import Literal
 
 from castfem.physics.machine.rolls import Rolls
 
-_SAME = 1e-6  # of the largest curvature
-
 Kind = Literal["vertical", "bending", "arc", "straightening", "straight"]
 
 
@@ -73,7 +71,7 @@ def phases(rolls: Rolls) -> list[Phase]:
     """Return the phases from the first roll to the last, as the machine is designed."""
     radii = [pair.radius if pair.designed is None else pair.designed for pair in rolls.pairs]
     chi = [1.0 / radius for radius in radii]
-    hair = _SAME * max((abs(k) for k in chi), default=0.0)
+    hair = 1e-6 * max((abs(k) for k in chi), default=0.0)
     found: list[Phase] = []
     for i in range(1, len(chi)):
         kind = _kind(chi, i, hair, any(p.kind == "straightening" for p in found))

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from castfem.base.constants import ROUNDING
 from castfem.base.csv_files import UnreadableError, read_csv
 from castfem.base.quantities import Kind
-from castfem.base.tolerances import ROUNDING
 from castfem.base.units import nearest
 from castfem.physics.machine.line import FACES, INWARD, Bent, Face
 

@@ -8,8 +8,6 @@ from castfem.base.types import Array
 from castfem.physics.machine.line import INWARD
 from castfem.physics.machine.rolls import Rolls
 
-_FINE = 5e-3  # m along the strand
-
 
 class Side:
     """The strand seen from its side: points of its faces by position.
@@ -29,7 +27,7 @@ class Side:
     def __init__(self, rolls: Rolls, thickness: float, least: float) -> None:
         self.rolls, self.line = rolls, rolls.line(thickness)
         end = max(rolls.pairs[-1].position + 0.5, least)
-        self.s = np.linspace(0.0, end, max(2, round(end / _FINE)) + 1)
+        self.s = np.linspace(0.0, end, max(2, round(end / 5e-3)) + 1)
         angle = np.array([self.line.inclination(float(s)) for s in self.s])
         self.inward = np.column_stack([np.cos(angle), np.sin(angle)])
         along = np.column_stack([np.sin(angle), -np.cos(angle)])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from castfem.base.tolerances import same_or_before
+from castfem.base.constants import same_or_before
 
 if TYPE_CHECKING:
     from castfem.physics.machine.rolls import Rolls

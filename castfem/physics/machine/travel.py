@@ -8,7 +8,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from typing import Protocol
 
-from castfem.base.tolerances import EXACT
+from castfem.base.constants import EXACT
 
 
 class Travel(Protocol):

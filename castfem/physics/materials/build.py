@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from castfem.base.constants import ZERO_CELSIUS
-from castfem.base.messages import choices, shown
+from castfem.base.errors import choices, shown
 from castfem.base.quantities import Kind
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Constant, Table

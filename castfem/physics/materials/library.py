@@ -9,8 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from castfem.base.errors import InputError
-from castfem.base.messages import choices, dotted, shown
+from castfem.base.errors import InputError, choices, dotted, shown
 from castfem.base.units import nearest
 from castfem.physics.materials import schema
 from castfem.physics.materials.build import Workshop

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.base.constants import ZERO_CELSIUS
-from castfem.base.own_style import own_style
+from castfem.base.libraries import own_style
 from castfem.base.types import Array
 from castfem.physics.materials.describe import celsius
 from castfem.physics.materials.iron_carbon import IronCarbon, Side

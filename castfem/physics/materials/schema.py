@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
-from castfem.base.messages import choices, shown
+from castfem.base.errors import choices, shown
 from castfem.base.quantities import Kind
 from castfem.base.units import nearest
 

@@ -11,12 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from castfem.base.constants import EXACT
 from castfem.physics.mould.contour import Contour
 from castfem.physics.mould.segments import Circular, Parabolic, Point, Segment, Straight
 from castfem.physics.mould.taper import TaperProfile
-
-_PLANE = 1e-12
-"""Bulge of a face over its distance from the centre, below which it is taken as plane."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,7 +211,7 @@ def rectangle(sides: Sides) -> Contour:
     # Each face with the corner that follows it, turned by quarter turns from the right-hand one.
     for turn, (middle, end, reach) in enumerate(((a, p, q), (b, q, p)) * 2):
         low, high = (end, r - reach), (end, reach - r)
-        bulged = abs(middle - end) > _PLANE * end
+        bulged = abs(middle - end) > EXACT * end
         face = [low, (middle, 0.0), high] if bulged else [low, high]
         corners = [_turned(point, turn) for point in face]
         segments.append(Parabolic(*corners) if bulged else Straight(*corners))

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from castfem.base.constants import ROUNDING
 from castfem.base.types import Array
 from castfem.physics.mould.segments import (
     Circular,
@@ -18,9 +19,6 @@ from castfem.physics.mould.segments import (
     Straights,
 )
 from castfem.physics.mould.wall import GapFunction
-
-_SLACK = 1e-9
-"""Length by which segments overlap at their joints, over the size of the contour."""
 
 _Group = Straights | Circulars | Parabolics
 
@@ -46,7 +44,8 @@ class Contour:
         self.segments = tuple(segments)
         self.prolonged = tuple(prolonged)
         ends = np.array([p for s in self.segments for p in (s.start, s.end)])
-        self._slack = _SLACK * float(np.abs(ends).max())
+        # By so much segments overlap at their joints.
+        self._slack = ROUNDING * float(np.abs(ends).max())
         self._groups = _gathered(self.segments)
         self._behind = _gathered(self.prolonged)
 

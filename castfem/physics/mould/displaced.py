@@ -22,9 +22,6 @@ from castfem.physics.mould.segments import Parabolic, Point, Segment, Straight
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
-_REACH = 1.0
-"""Of the section's size: how far the faces go on straight behind the corners."""
-
 
 @dataclass(frozen=True, eq=False)
 class WallDisplacement:
@@ -201,7 +198,7 @@ def _contour(points: Array) -> Contour:
         Parabolic(_point(points[i]), _point(points[i + 1]), _point(points[i + 2]))
         for i in range(0, len(points) - 2, 2)
     ]
-    size = _REACH * float(np.abs(points).max())
+    size = float(np.abs(points).max())  # the faces go on straight behind the corners by as much
     behind: list[Segment] = []
     for first, then in ((points[0], points[1]), (points[-1], points[-2])):
         way = then - first

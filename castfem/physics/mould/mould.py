@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from castfem.base.constants import ROUNDING
 from castfem.base.tables import Constant, Table
-from castfem.base.tolerances import ROUNDING
 from castfem.base.types import Array
 from castfem.physics.mould.cavity import Cavity, Tapers, same
 from castfem.physics.mould.contour import Contour

@@ -11,15 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from castfem.base.constants import ROUNDING
 from castfem.base.types import Array, Indices
 from castfem.physics.mould.cavity import Cavity, RectangleCavity, RoundCavity, Sides, Tapers
 
 RIGHT, CORNER, UPPER = range(3)
 """Pieces of a quarter."""
-_GRADING = 1.5
-"""Power with which cells on a face grow from the corner to the middle."""
-_SHORT = 1e-9
-"""Of the section's size: a face as short as this is none."""
 
 
 def sides_of(cavity: Cavity, tapers: Tapers, position: float, scale: float = 1.0) -> Sides:
@@ -72,14 +69,15 @@ class Places:
             corner_cells: Cells on the corner.
             order: Of the cells: 2 puts a place in the middle of each.
         """
-        towards = 1.0 - (1.0 - np.linspace(0.0, 1.0, face_cells + 1)) ** _GRADING
+        # Cells on a face grow from the corner to the middle.
+        towards = 1.0 - (1.0 - np.linspace(0.0, 1.0, face_cells + 1)) ** 1.5
         ends = {
             RIGHT: towards,
             CORNER: np.linspace(0.0, 1.0, corner_cells + 1),
             UPPER: 1.0 - towards[::-1],
         }
         size = max(sides.middle)
-        kept = [i for i, length in enumerate(lengths(sides)) if length > _SHORT * size]
+        kept = [i for i, length in enumerate(lengths(sides)) if length > ROUNDING * size]
         piece: list[int] = []
         share: list[float] = []
         for i in kept:
@@ -98,7 +96,7 @@ class Places:
         found = np.array(lengths(sides))
         starts = np.concatenate([[0.0], np.cumsum(found)])
         piece = np.clip(np.searchsorted(starts, np.asarray(ways), side="right") - 1, 0, 2)
-        while (empty := found[piece] <= _SHORT * max(sides.middle)).any():
+        while (empty := found[piece] <= ROUNDING * max(sides.middle)).any():
             piece = np.where(empty, np.where(piece == UPPER, CORNER, piece + 1), piece)
         share = (np.asarray(ways) - starts[piece]) / found[piece]
         return cls(piece, np.clip(share, 0.0, 1.0))

@@ -18,8 +18,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from castfem.base.constants import ROUNDING
 from castfem.base.tables import Table
-from castfem.base.tolerances import ROUNDING
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from castfem.base.own_style import own_matplotlib
+from castfem.base.libraries import own_matplotlib
 from castfem.base.result_registry import probe_label
 from castfem.base.shown_units import documented, plain_unit, scale_of
 from castfem.post.compare.drawing import engineering

@@ -34,10 +34,10 @@ from castfem.post.report.cracks import crack_places
 from castfem.post.report.remarks import remarks_of
 from castfem.post.report.results_table import balance_tables
 from castfem.post.report.show import how_it_ended
-from castfem.runs.output.chosen_units import units_of_run
 from castfem.runs.output.folder import FIGURES_NAME
 from castfem.runs.output.run_record import RunRecord
 from castfem.runs.results.numbers import finely, unit_shown
+from castfem.runs.results.run_case import units_of_run
 
 REPORT_NAME = "report.html"
 LARGEST = 3_000_000  # bytes of a page; pictures beyond it are left out

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from castfem.base.constants import ZERO_CELSIUS
-from castfem.base.own_style import own_matplotlib
+from castfem.base.libraries import own_matplotlib
 from castfem.base.shown_units import place_said, plain_unit, scale_of
 from castfem.runs.output.field_files import HDF5_NAME
 from castfem.runs.output.fields import Fields

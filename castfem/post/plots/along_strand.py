@@ -25,8 +25,7 @@ from castfem.post.plots.history import (
 )
 from castfem.post.plots.section import Steel
 from castfem.post.plots.style import LIQUIDUS_COLOUR, SOLIDUS_COLOUR, Abscissa, new_figure
-from castfem.runs.results.labels import has_values, unit_of
-from castfem.runs.results.resolution import STAIR
+from castfem.runs.results.labels import STAIR, has_values, unit_of
 
 if TYPE_CHECKING:
     import pandas

@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.base.atomic_files import saving
-from castfem.base.errors import CastfemError
+from castfem.base.errors import CastfemError, said_in_a_line
 from castfem.base.log import logger
-from castfem.base.messages import said_in_a_line
 from castfem.base.shown_units import shown_in
 from castfem.model import load_case
 from castfem.model.shipped_cases import CASE_NAME
@@ -28,13 +27,13 @@ from castfem.post.plots.secondary import draw_roll_to_roll
 from castfem.post.plots.section import Steel
 from castfem.post.plots.strand import draw_stack
 from castfem.post.plots.style import Abscissa, look, save
-from castfem.runs.output.chosen_units import units_of_run
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.folder import ALL_FIGURES, FIGURES_NAME, MAPS_NAME, ROWS_NAME
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary, Zone
 from castfem.runs.output.surface_maps import SurfaceMaps
 from castfem.runs.output.xdmf import HDF5_NAME
+from castfem.runs.results.run_case import units_of_run
 
 if TYPE_CHECKING:
     import pandas

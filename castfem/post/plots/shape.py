@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from castfem.base.tolerances import ROUNDING
+from castfem.base.constants import ROUNDING
 from castfem.base.types import Array
 from castfem.model.shipped_cases import CASE_NAME
 from castfem.runs.output.fields import Fields

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from castfem.base.atomic_files import replacing
-from castfem.base.own_style import own_style
+from castfem.base.libraries import own_style
 from castfem.base.shown_units import is_chosen
 from castfem.runs.output.summary import Zone
 

@@ -80,15 +80,15 @@ def _even(folder: Path) -> str:
     case = case_with(folder, "flux")
     if case is None:
         return ""
-    from castfem.model.shared_heat import TOLD, even_zones, mend
+    from castfem.model.shared_heat import EVEN_FLUX, even_zones, fix
 
     zones = list(even_zones(case))
     if not zones:
         return ""
     return (
-        f"zone {', '.join(zones)} has {TOLD}. A mould takes less heat there: the surface of the "
-        "corner comes out too cold and its shell too thick. Use [mould] with [mechanics], or "
-        + mend(case)
+        f"zone {', '.join(zones)} has {EVEN_FLUX}. A mould takes less heat there: the surface of "
+        "the corner comes out too cold and its shell too thick. Use [mould] with [mechanics], or "
+        + fix(case)
     )
 
 

@@ -25,8 +25,7 @@ from castfem.runs.output.fields import Fields
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.derived import OPEN, mould_exit, spells
-from castfem.runs.results.labels import has_values, unit_of
-from castfem.runs.results.resolution import STAIR
+from castfem.runs.results.labels import STAIR, has_values, unit_of
 from castfem.runs.results.roll_load import BULGE, RollLoads
 
 if TYPE_CHECKING:

@@ -7,23 +7,22 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem.base.errors import InputError
-from castfem.base.messages import said_in_a_line
+from castfem.base.constants import ROUNDING
+from castfem.base.errors import InputError, said_in_a_line
 from castfem.base.shown_units import place_said, said, shown_in
 from castfem.base.table import Table, listed, pairs, say
-from castfem.base.tolerances import ROUNDING
 from castfem.post.report.cautions import cautions
 from castfem.post.report.cracks import crack_places
 from castfem.post.report.places import table_along, table_at
 from castfem.post.report.remarks import remarks_of
 from castfem.post.report.results_table import balance_tables, result_tables
-from castfem.runs.output.chosen_units import units_of_run
 from castfem.runs.output.folder import LOG_NAME, OutputFolder
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.run_record import RunRecord
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.labels import last_quantities
 from castfem.runs.results.numbers import duration, finely
+from castfem.runs.results.run_case import units_of_run
 
 if TYPE_CHECKING:
     from rich.console import Console

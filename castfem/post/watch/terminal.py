@@ -38,8 +38,8 @@ from castfem.post.watch.sweep_status import (
     counts,
     unfinished,
 )
-from castfem.runs.output.chosen_units import units_of_run
 from castfem.runs.output.run_record import RUN_NAME
+from castfem.runs.results.run_case import units_of_run
 from castfem.studies.sweep.plan import shortened
 from castfem.studies.sweep.record import SWEEP_NAME
 

@@ -24,8 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from castfem.base.atomic_files import replacing
-from castfem.base.errors import InputError
-from castfem.base.messages import differences
+from castfem.base.errors import InputError, differences
 
 if TYPE_CHECKING:
     import h5py
@@ -52,9 +51,6 @@ def save_checkpoint(
         arrays: Name to array; a "/" in a name groups. They come back bit by bit.
         physics: Hash of everything in the case that the state depends on.
         case: The same in words: the tables of the case.
-
-    Raises:
-        RunFailure: The file cannot be written; the old one is untouched.
     """
     image = _image(dict(meta), arrays, physics, dict(case or {}))
     with replacing(Path(path)) as temporary:
@@ -73,7 +69,7 @@ def load_checkpoint(
 
     Raises:
         InputError: No such file, not a checkpoint, damaged, of another castfem, or of another case;
-            the line names what differs and the mend.
+            the line names what differs and the fix.
     """
     import h5py
 
@@ -127,7 +123,6 @@ def _image(
 
 
 def _words(file: h5py.File, name: str) -> dict[str, Any]:
-    """What was written as JSON."""
     content: dict[str, Any] = json.loads(file[name][()].tobytes())
     return content
 

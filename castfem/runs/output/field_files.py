@@ -41,7 +41,6 @@ SINGLE_NAME = "fields"
 FORMAT = "castfem fields"
 VERSION = 1
 
-_COMPRESS_FROM = 65536  # bytes; below, the chunk index and the filter cost more than they save
 _LIBVER = ("v108", "v108")  # any viewer reads it; its tables are smaller than those of the first
 _SINGLE = re.compile(r"\d{6,}\.h5")
 _LEFTOVER = re.compile(r"\.\d{6,}\.h5\.tmp")
@@ -100,9 +99,6 @@ def begin(
         cells: (m, k) nodes of the cells in VTK order.
         facts: Attributes of the file.
         dtype: Of the values.
-
-    Raises:
-        RunFailure: It cannot be written.
     """
     remove_singles(folder)
 
@@ -123,18 +119,7 @@ def add(
     position: float,
     fields: Mapping[str, tuple[str, Values]],
 ) -> Step:
-    """Puts one time on disk; it is there whole, or not at all.
-
-    Args:
-        folder: Of the run.
-        number: Place among the times.
-        time: s.
-        position: Below the meniscus, m.
-        fields: Name to where the values live, "point" or "cell", and the values.
-
-    Raises:
-        RunFailure: It cannot be written; whatever there was stays as it was.
-    """
+    """Puts one time on disk; it is there whole, or not at all."""
     path = folder / SINGLE_NAME / f"{number:06d}.h5"
     step = Step(number, time, position, f"{SINGLE_NAME}/{path.name}")
 
@@ -157,10 +142,6 @@ def written(folder: Path, gathered: h5py.File) -> list[Step]:
     """All times on disk, in their order.
 
     What cannot be read of a single time, as after a power cut, is left out with a warning.
-
-    Args:
-        folder: Of the run.
-        gathered: Its fields.h5, open.
 
     Raises:
         Exception: One of `UNREADABLE`: fields.h5 is damaged, or not castfem's.
@@ -185,10 +166,6 @@ def written(folder: Path, gathered: h5py.File) -> list[Step]:
 
 def gather(folder: Path, steps: Iterable[Step]) -> list[Step]:
     """Makes a fields.h5 that holds these times and no others; the single files stay.
-
-    Args:
-        folder: Of the run.
-        steps: As `written` gave them.
 
     Returns:
         The times as they are then.
@@ -220,11 +197,7 @@ def singles(folder: Path) -> list[Path]:
 
 
 def remove_singles(folder: Path, keep: Iterable[Step] = ()) -> None:
-    """Removes the files of single times but those to keep, the last first; no file of the user.
-
-    Raises:
-        RunFailure: They cannot be removed.
-    """
+    """Removes the files of single times but those to keep, the last first; no file of the user."""
     kept = {folder / step.file for step in keep}
     for path in [*reversed(singles(folder)), *_named(folder, _LEFTOVER)]:
         if path not in kept:
@@ -242,7 +215,6 @@ def _named(folder: Path, pattern: re.Pattern[str]) -> list[Path]:
 
 
 def _steps(file: h5py.File, name: str) -> Iterator[Step]:
-    """The times in one file."""
     for number, group in file["steps"].items():
         facts = group.attrs
         yield Step(int(number), float(facts["time"]), float(facts["position"]), name)
@@ -250,7 +222,6 @@ def _steps(file: h5py.File, name: str) -> Iterator[Step]:
 
 @contextmanager
 def _holding(folder: Path, step: Step, gathered: h5py.File) -> Iterator[h5py.File]:
-    """The open file that holds a time."""
     if not step.single:
         yield gathered
         return
@@ -296,8 +267,11 @@ def write_image(path: Path, fill: Callable[[h5py.File], None]) -> None:
 
 
 def store(group: h5py.Group, name: str, values: Values) -> h5py.Dataset:
-    """Stores one array, lightly compressed when it is large."""
-    if values.nbytes < _COMPRESS_FROM or not _can_compress():
+    """Stores one array, lightly compressed when it is large.
+
+    Below 64 kB the chunk index and the filter cost more than they save.
+    """
+    if values.nbytes < 65536 or not _can_compress():
         return group.create_dataset(name, data=values)
     return group.create_dataset(
         name,

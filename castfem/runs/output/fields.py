@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from castfem.base.closing import Closing
+from castfem.base.atomic_files import Closing
 from castfem.base.errors import InputError
 from castfem.runs.output.field_files import HDF5_NAME, UNREADABLE, Step, open_hdf5, written
 
 if TYPE_CHECKING:
     import h5py
-
-_TRIES = 3  # a run that ends while its fields are read moves them into one file
 
 
 class Fields(Closing):
@@ -34,11 +32,7 @@ class Fields(Closing):
     """
 
     def __init__(self, folder: Path | str) -> None:
-        """Opens the fields of a folder; also while a run is writing them.
-
-        Raises:
-            InputError: There are none, or they cannot be read.
-        """
+        """Opens the fields of a folder; also while a run is writing them."""
         self.folder = Path(folder)
         self._path = self.folder / HDF5_NAME
         if not self._path.is_file():
@@ -48,7 +42,7 @@ class Fields(Closing):
 
     def _open(self) -> None:
         """Opens fields.h5 as it is now and reads everything but the values."""
-        for left in reversed(range(_TRIES)):
+        for left in (2, 1, 0):  # a run that ends meanwhile moves them into one file
             try:
                 self.close()
                 before = self._path.stat()
@@ -67,7 +61,6 @@ class Fields(Closing):
         return InputError(f"{self._path}: cannot be read ({error}); repeat the run")
 
     def _read_head(self, file: h5py.File) -> None:
-        """The mesh and what the run told."""
         self.attributes: dict[str, Any] = {
             key: value.item() if isinstance(value, np.generic) else value
             for key, value in file.attrs.items()
@@ -96,11 +89,7 @@ class Fields(Closing):
         return self._centres[name]
 
     def values(self, name: str, index: int = -1) -> NDArray[np.float64]:
-        """A field at one time: (rows,), (rows, 3) or (rows, 9); `index` as in a list.
-
-        Raises:
-            InputError: No such field, or it cannot be read.
-        """
+        """A field at one time: (rows,), (rows, 3) or (rows, 9); `index` as in a list."""
         if name not in self.names:
             raise InputError(f"{self._path}: no field {name}; there are {self.names}")
         place = range(len(self._steps))[index]
@@ -111,7 +100,6 @@ class Fields(Closing):
             return self._read(self._steps[place], name)
 
     def _read(self, step: Step, name: str) -> NDArray[np.float64]:
-        """A field at one time."""
         with self._holding(step) as source:
             return np.asarray(source[step.group][name][()], dtype=np.float64)
 

@@ -35,22 +35,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from castfem.base.atomic_files import (
+    Closing,
     replacing,
     saving,
     system_reason,
+    taken,
     temporary_name,
     write_json,
 )
-from castfem.base.closing import Closing
 from castfem.base.errors import CastfemError, FolderInUse, InputError
-from castfem.base.file_lock import taken
-from castfem.base.signals import reason_of
+from castfem.base.process import reason_of
 from castfem.model.shipped_cases import CASE_NAME
 from castfem.runs.output.checkpoint import CHECKPOINT_NAME
 from castfem.runs.output.field_files import HDF5_NAME, remove_singles, singles
 from castfem.runs.output.history import HISTORY_NAME
-from castfem.runs.output.provenance import command, versions
-from castfem.runs.output.run_record import RUN_NAME, RunRecord
+from castfem.runs.output.run_record import RUN_NAME, RunRecord, command, versions
 from castfem.runs.output.summary import SUMMARY_NAME, Summary
 from castfem.runs.output.xdmf import XDMF_NAME
 
@@ -156,9 +155,6 @@ class OutputFolder(Closing):
         """Changes entries of run.json, named as in `RunRecord`.
 
         wall_time is that of this process; it is added to what the run had taken before a resume.
-
-        Raises:
-            RunFailure: It cannot be written.
         """
         if changes:
             self._before = None  # the run is on its way
@@ -172,11 +168,7 @@ class OutputFolder(Closing):
         self.record.write(self.path)
 
     def write_summary(self, summary: Summary) -> None:
-        """Writes summary.json.
-
-        Raises:
-            RunFailure: It cannot be written.
-        """
+        """Writes summary.json."""
         write_json(self / SUMMARY_NAME, summary.to_json())
 
     def finish(self, **changes: Any) -> None:
@@ -344,7 +336,7 @@ class OutputFolder(Closing):
                 (self / name).rmdir()
 
     def _unusable(self, error: BaseException) -> InputError:
-        """The folder cannot be written, said in one line with the mend."""
+        """The folder cannot be written, said in one line with the fix."""
         _, reason = system_reason(error)
         return InputError(
             f"{self.path}: cannot be used as output folder ({reason}); choose another with -o"

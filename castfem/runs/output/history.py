@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import errno
 import math
 import os
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from castfem.base.atomic_files import saving, write_text
-from castfem.base.closing import Closing
+from castfem.base.atomic_files import AppendedFile, Closing, write_text
+from castfem.base.constants import same_or_before
 from castfem.base.errors import InputError
-from castfem.base.tolerances import same_or_before
 
 if TYPE_CHECKING:
     import pandas
@@ -23,7 +20,6 @@ if TYPE_CHECKING:
 HISTORY_NAME = "history.csv"
 _ANEW = "run again without --resume"
 _COLUMN = re.compile(r"(.*?) \[(.*)\]")
-_CELL = 20  # bytes of a number and its comma, at most
 
 
 class History(Closing):
@@ -33,9 +29,8 @@ class History(Closing):
     goes to the operating system in one piece, so that a killed run leaves whole rows.
     """
 
-    _path: Path
     _names: tuple[str, ...]
-    _handle: int
+    _file: AppendedFile
 
     def __init__(self, path: Path | str, columns: Sequence[tuple[str, str]]) -> None:
         """Begins the file anew.
@@ -56,10 +51,9 @@ class History(Closing):
             raise ValueError("two columns have the same name")
         if not columns or columns[0] != ("time", "s"):
             raise ValueError("the first column is time in s")
-        self._path = Path(path)
         self._names = tuple(name for name, _ in columns)
-        write_text(self._path, _line([f"{name} [{unit}]" for name, unit in columns]))
-        self._open()
+        write_text(Path(path), _line([f"{name} [{unit}]" for name, unit in columns]))
+        self._file = AppendedFile(Path(path))
 
     @classmethod
     def resume(
@@ -94,9 +88,9 @@ class History(Closing):
             try:
                 time = float(row.split(",", 1)[0])
             except ValueError as error:
-                mend = "remove the line, or run again without --resume"
+                fix = "remove the line, or run again without --resume"
                 raise InputError(
-                    f"{path}: line {number} has no time ({row[:40]}); {mend}"
+                    f"{path}: line {number} has no time ({row[:40]}); {fix}"
                 ) from error
             if same_or_before(time, upto_time):
                 kept.append(row)
@@ -109,17 +103,13 @@ class History(Closing):
         if any(later <= time for time, later in pairwise(times)):
             raise InputError(f"{path}: its times do not increase; put it right, or {_ANEW}")
         history = cls.__new__(cls)
-        history._path = path
         history._names = tuple(name for name, _ in found)
         write_text(path, "".join(f"{line}\n" for line in kept))
-        history._open()
+        history._file = AppendedFile(path)
         return history
 
     def append(self, row: Mapping[str, float]) -> None:
         """Adds one row; columns that are not named stay empty.
-
-        Args:
-            row: Column name to value, in the unit of the column.
 
         Raises:
             RunFailure: The file cannot be written.
@@ -129,35 +119,16 @@ class History(Closing):
         if unknown:
             raise ValueError(f"no such column: {', '.join(sorted(unknown))}")
         cells = [f"{float(row.get(name, math.nan)):.12g}" for name in self._names]
-        text = _line([cell if math.isfinite(float(cell)) else "" for cell in cells]).encode()
-        with saving(self._path):
-            before = os.fstat(self._handle).st_size
-            written = os.write(self._handle, text)
-            if written != len(text):  # the disk was full in the middle of the row
-                os.ftruncate(self._handle, before)
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        text = _line([cell if math.isfinite(float(cell)) else "" for cell in cells])
+        self._file.append(text.encode())
 
     def sync(self) -> None:
-        """Forces the rows to disk: a state that outlives a power cut must not lack them.
-
-        Raises:
-            RunFailure: That fails.
-        """
-        if self._handle >= 0:
-            with saving(self._path):
-                os.fsync(self._handle)
+        """Forces the rows to disk."""
+        self._file.sync()
 
     def close(self) -> None:
         """Closes the file; nothing is lost without it."""
-        if self._handle >= 0:
-            with suppress(OSError):
-                os.fsync(self._handle)
-            os.close(self._handle)
-        self._handle = -1
-
-    def _open(self) -> None:
-        with saving(self._path):
-            self._handle = os.open(self._path, os.O_WRONLY | os.O_APPEND)
+        self._file.close()
 
 
 def read_history(path: Path | str) -> pandas.DataFrame:
@@ -165,9 +136,6 @@ def read_history(path: Path | str) -> pandas.DataFrame:
 
     The units are in `table.attrs["units"]`, a dict of name to unit. A last row cut off by a kill is
     left out.
-
-    Raises:
-        InputError: No such file, or it is not a history.
     """
     import pandas
 
@@ -197,7 +165,8 @@ def last_row(path: Path | str) -> tuple[dict[str, float], dict[str, str]] | None
             header = file.readline()
             columns = _columns(path, header.decode().rstrip("\n"))
             size = file.seek(0, os.SEEK_END)
-            file.seek(max(len(header), size - 2 * _CELL * len(columns)))
+            row = 20 * len(columns)  # bytes, at most: numbers and their commas
+            file.seek(max(len(header), size - 2 * row))
             rows = file.read().split(b"\n")[:-1]
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error
@@ -239,7 +208,6 @@ def _complete_lines(path: Path) -> tuple[str, list[str]]:
 
 
 def _columns(path: Path, header: str) -> list[tuple[str, str]]:
-    """Name and unit of each column."""
     found = [_COLUMN.fullmatch(cell) for cell in header.split(",")]
     columns: list[tuple[str, Any]] = [(m.group(1), m.group(2)) for m in found if m]
     if len(columns) != len(found) or columns[0][0] != "time":

@@ -96,12 +96,6 @@ def triangulate(
 ) -> tuple[NDArray[np.float64], NDArray[np.int32], NDArray[np.int32]]:
     """Cuts the cells of a mesh into straight triangles.
 
-    Args:
-        points: (n, 2) or (n, 3) nodes.
-        cells: (m, k) in VTK order.
-        cell: "triangle" or "quadrilateral".
-        order: 1 or 2.
-
     Returns:
         The plane points (n', 2); the triangles (t, 3), anticlockwise as the cells are; and
         parents (n', q), whose mean value is the value of each point (q is 1, or 4 where the centre

@@ -1,19 +1,24 @@
-"""How a run went: what run.json of its folder holds."""
+"""How a run went and by what it was made: what run.json of its folder holds."""
 
 from __future__ import annotations
 
 import json
+import platform
+import shlex
 import signal
+import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field, fields, replace
+from importlib import metadata
 from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
+import castfem
 from castfem.base.atomic_files import write_json
-from castfem.base.errors import InputError
-from castfem.base.messages import dotted
-from castfem.base.signals import STOPS
+from castfem.base.errors import InputError, dotted
+from castfem.base.process import STOPS
 from castfem.runs.output.summary import renamed
 
 RUN_NAME = "run.json"
@@ -58,11 +63,7 @@ class RunRecord:
 
     @classmethod
     def load(cls, folder: Path | str) -> RunRecord:
-        """Reads run.json.
-
-        Raises:
-            InputError: There is none, or it is not castfem's.
-        """
+        """Reads run.json."""
         path = Path(folder) / RUN_NAME
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
@@ -91,9 +92,33 @@ class RunRecord:
         return found
 
     def write(self, folder: Path) -> None:
-        """Writes run.json.
-
-        Raises:
-            RunFailure: It cannot be written.
-        """
+        """Writes run.json."""
         write_json(folder / RUN_NAME, {"format": _FORMAT, **asdict(self)})
+
+
+def versions() -> dict[str, str]:
+    """Versions of castfem and of what this process has loaded; imports nothing."""
+    found = {"castfem": castfem.__version__, "python": platform.python_version()}
+    for name in ("dolfinx", "ufl", "basix", "numpy", "h5py"):
+        module = sys.modules.get(name)
+        if module is None:
+            continue
+        version = getattr(module, "__version__", None)
+        if version is None:
+            with suppress(metadata.PackageNotFoundError):
+                version = metadata.version(f"fenics-{name}")
+        if version:
+            found[name] = str(version)
+    mpi = sys.modules.get("mpi4py.MPI")
+    if mpi is not None:
+        found["mpi"] = mpi.Get_library_version().partition(",")[0].strip()
+    petsc = sys.modules.get("petsc4py.PETSc")
+    if petsc is not None:
+        found["petsc"] = ".".join(str(number) for number in petsc.Sys.getVersion())
+    return found
+
+
+def command() -> str:
+    """The command line of this process; of the program its name alone."""
+    program, *words = sys.argv or [""]
+    return shlex.join([Path(program).name, *words])

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 _CORNERS = {"triangle": 3, "quadrilateral": 4}
 _SOLIDS = {"triangle": "wedge", "quadrilateral": "hexahedron"}
-_AXIAL = 8  # zz of a tensor
-_SAME = 1e-6  # m: rows nearer than this would have cells of no length
 
 
 def write_strand(folder: Path, target: Path, side: Side, every: float) -> tuple[int, int]:
@@ -92,7 +90,7 @@ def peaks(maps: SurfaceMaps, rows: Array) -> Array:
     for name in _indexes(maps):
         worst = np.nan_to_num(maps[name][onward], nan=-np.inf).max(axis=1)
         found.append(maps.position[onward][int(np.argmax(worst))])
-    apart = (one for one in found if np.abs(rows - one).min() > _SAME)
+    apart = (one for one in found if np.abs(rows - one).min() > 1e-6)
     return np.array([one for one in apart if rows[0] < one < rows[-1]])
 
 
@@ -115,7 +113,6 @@ def stacked(cells: Indices, nodes: int, rows: int) -> Indices:
 def _fields(
     fields: Fields, times: Indices, nodes: Indices, slices: Array, rows: Array, side: Side
 ) -> dict[str, Array]:
-    """The fields of all points, by name."""
     found: dict[str, Array] = {}
     for name in fields.names:
         if fields.centre(name) != "point":
@@ -124,7 +121,7 @@ def _fields(
         if given.ndim == 3 and given.shape[2] == 9:
             if name != "stress":
                 continue
-            name, given = "axial_stress", given[..., _AXIAL]
+            name, given = "axial_stress", given[..., 8]  # zz
         values = _over(rows, slices, given)
         if values.ndim == 3:
             inward = side.inward_at(rows)[:, None]

@@ -35,12 +35,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 from castfem.base import units
+from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError
 from castfem.base.shown_quantity import Quantity, from_si, si_shown, to_si, unit_of_difference
 
 SUMMARY_NAME = "summary.json"
-_NEAR = 1e-6  # relative; positions that differ by less are one
-_ROUNDING = 1e-9  # of a bound; what misses it by less has met it
 
 
 Kind = Literal["value", "at_least", "at_most"]
@@ -189,7 +188,7 @@ class Summary:
     def errors_near(self, position: float) -> Mapping[str, float]:
         """The errors that are known at a position (m), by name; none where none was asked for."""
         for place, errors in self.errors_at.items():
-            if math.isclose(place, position, rel_tol=_NEAR):
+            if math.isclose(place, position, rel_tol=1e-6):
                 return errors
         return {}
 
@@ -240,11 +239,7 @@ class Summary:
 
     @classmethod
     def load(cls, folder: Path | str) -> Summary | None:
-        """Reads summary.json; None if the folder has none yet.
-
-        Raises:
-            InputError: It cannot be read.
-        """
+        """Reads summary.json; None if the folder has none yet."""
         path = Path(folder) / SUMMARY_NAME
         if not path.is_file():
             return None
@@ -281,7 +276,7 @@ def met(ours: float, theirs: float, kind: Kind) -> bool | None:
     if kind == "value" or not (math.isfinite(ours) and math.isfinite(theirs)):
         return None
     excess = ours - theirs if kind == "at_most" else theirs - ours
-    return excess <= _ROUNDING * abs(theirs)
+    return excess <= ROUNDING * abs(theirs)
 
 
 def _quantity_json(quantity: Quantity) -> dict[str, Any]:

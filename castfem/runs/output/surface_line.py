@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from castfem.base.constants import ROUNDING
 from castfem.base.types import Array, Indices
 
 if TYPE_CHECKING:
     from castfem.meshes import SectionMesh
-
-_NEAR = 1e-9  # of the section's size: what is no nearer to one another is apart
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +51,7 @@ class SurfaceLine:
         heads = after.keys() - {b for b, _ in after.values()}
         size = float(np.ptp(mesh.points, axis=0).max())
         # The lowest, of these the nearest to the middle; rounding does not choose.
-        ranks = np.round(mesh.points[:, :2] / (_NEAR * size))
+        ranks = np.round(mesh.points[:, :2] / (ROUNDING * size))
         first = min(heads or after, key=lambda n: (ranks[n, 1], abs(ranks[n, 0])))
         nodes, groups = [first], []
         while nodes[-1] in after:
@@ -98,7 +97,7 @@ class SurfaceLine:
         if not np.isfinite(off):
             x, y = 1e3 * self.place[vertex]
             return f"x = {x:.1f}, y = {y:.1f} mm"
-        if off <= _NEAR * size:
+        if off <= ROUNDING * size:
             return f"{face}, corner"
         return f"{face}, {1e3 * off:.3g} mm from the corner"
 

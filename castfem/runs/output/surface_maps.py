@@ -17,7 +17,6 @@ the end all rows are put into surface_maps.h5, which is written whole:
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -26,8 +25,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from castfem.base.atomic_files import replacing, saving
-from castfem.base.closing import Closing
+from castfem.base.atomic_files import AppendedFile, Closing, replacing
 from castfem.base.errors import InputError
 from castfem.base.types import Array
 from castfem.runs.output.field_files import UNREADABLE, open_hdf5, store, write_image
@@ -96,11 +94,7 @@ class Heading:
 
     @classmethod
     def read(cls, text: str) -> Heading:
-        """The inverse of `text`.
-
-        Raises:
-            ValueError: It is none.
-        """
+        """The inverse of `text`."""
         found = json.loads(text)
         if not isinstance(found, dict) or found.get("format") != FORMAT:
             raise ValueError("not written by castfem")
@@ -112,33 +106,18 @@ class Heading:
 
 
 class MapWriter(Closing):
-    """Adds a row a step; keeps one file open.
-
-    Args:
-        folder: Of the run.
-        heading: What holds for all rows.
-        kept: Rows to begin with.
-
-    Raises:
-        RunFailure: The file cannot be written.
-    """
+    """Adds a row a step; keeps one file open."""
 
     def __init__(self, folder: Path, heading: Heading, kept: bytes = b"") -> None:
         self._folder, self._heading = folder, heading
         path = folder / ROWS_NAME
         with replacing(path) as temporary:
             temporary.write_bytes(heading.text().encode() + kept)
-        with saving(path):
-            self._handle = os.open(path, os.O_WRONLY | os.O_APPEND)
+        self._file = AppendedFile(path)
 
     @classmethod
     def resume(cls, folder: Path, heading: Heading, rows: int) -> MapWriter:
-        """Goes on with the maps of an earlier run behind so many rows.
-
-        Raises:
-            InputError: There are none, they cannot be read, or they are others.
-            RunFailure: They cannot be written.
-        """
+        """Goes on with the maps of an earlier run behind so many rows."""
         there, found = _read(folder)
         path = folder / (ROWS_NAME if (folder / ROWS_NAME).is_file() else MAPS_NAME)
         if there.text() != heading.text():
@@ -151,36 +130,20 @@ class MapWriter(Closing):
         return cls(folder, heading, found[:rows].tobytes())
 
     def append(self, time: float, position: float, values: Array) -> None:
-        """Adds a row.
-
-        Args:
-            time: s.
-            position: m.
-            values: (maps, vertices) in SI.
-
-        Raises:
-            RunFailure: It cannot be written.
-        """
+        """Adds a row."""
         row = np.zeros(1, self._heading.row)
         row["time"], row["position"], row["values"] = time, position, values
-        with saving(self._folder / ROWS_NAME):
-            before, text = os.fstat(self._handle).st_size, row.tobytes()
-            if os.write(self._handle, text) != len(text):  # the disk was full in the middle
-                os.ftruncate(self._handle, before)
-                raise OSError(28, os.strerror(28))
+        self._file.append(row.tobytes())
 
     def sync(self) -> None:
-        """Forces the rows to disk: a state that outlives a power cut must not lack them."""
-        if self._handle >= 0:
-            with saving(self._folder / ROWS_NAME):
-                os.fsync(self._handle)
+        """Forces the rows to disk."""
+        self._file.sync()
 
     def close(self) -> None:
         """Puts all rows into surface_maps.h5; nothing is lost without it."""
-        if self._handle < 0:
+        if not self._file.is_open:
             return
-        os.close(self._handle)
-        self._handle = -1
+        self._file.close()
         _, rows = _read(self._folder)
         write_image(self._folder / MAPS_NAME, lambda file: _fill(file, self._heading, rows))
         with suppress(OSError):
@@ -190,15 +153,9 @@ class MapWriter(Closing):
 class SurfaceMaps:
     """The maps of a run, also of one that is at work or was killed.
 
-    Args:
-        folder: Of the run.
-
     Attributes:
         heading: Vertices, names and units, band, rolls.
         time: (rows,), s. position: (rows,), m.
-
-    Raises:
-        InputError: There are none, or they cannot be read.
     """
 
     def __init__(self, folder: Path | str) -> None:
@@ -248,7 +205,6 @@ def _read(folder: Path) -> tuple[Heading, np.ndarray[Any, Any]]:
 
 
 def _fill(file: h5py.File, heading: Heading, rows: np.ndarray[Any, Any]) -> None:
-    """Put everything into an HDF5 file."""
     file.attrs["format"], file.attrs["version"] = FORMAT, VERSION
     file["heading"] = heading.text()
     file.attrs["band"] = heading.band

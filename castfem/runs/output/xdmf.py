@@ -24,10 +24,9 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from castfem.base import log
-from castfem.base.atomic_files import GrowingFile, saving
-from castfem.base.closing import Closing
+from castfem.base.atomic_files import Closing, GrowingFile, saving
+from castfem.base.constants import same_or_before
 from castfem.base.errors import InputError, RunFailure
-from castfem.base.tolerances import same_or_before
 from castfem.runs.output import field_files
 from castfem.runs.output.field_files import HDF5_NAME, UNREADABLE, Step, open_hdf5
 from castfem.runs.output.layout import UNITS, components, vtk_cells
@@ -115,17 +114,7 @@ class FieldWriter(Closing):
     def resume(
         cls, folder: Path | str, time: float, names: Iterable[str] | None = None
     ) -> FieldWriter:
-        """Goes on with the files of an earlier run and drops what was written after `time` [s].
-
-        Args:
-            folder: Of the run.
-            time: The last time to keep.
-            names: Of the fields that are going to be written; None for those that are there.
-
-        Raises:
-            InputError: There are none, they cannot be read, or they have other fields.
-            RunFailure: They cannot be written.
-        """
+        """Goes on with the files of an earlier run and drops what was written after `time` [s]."""
         path = Path(folder) / HDF5_NAME
         if not path.is_file():
             raise InputError(
@@ -200,14 +189,13 @@ class FieldWriter(Closing):
         self._xdmf.close()
 
     def _drop(self, everything: list[Step], kept: list[Step]) -> None:
-        """Takes up the times that are kept and removes the others from the disk."""
+        """Keeps some times and removes the others from the disk."""
         self._name_all(kept)  # before the numbers go: it never names what is gone
         field_files.remove_singles(self._folder, keep=kept)
         if any(not step.single for step in set(everything) - set(kept)):
             self._gather()
 
     def _gather(self) -> None:
-        """Puts all times into fields.h5."""
         gathered = field_files.gather(self._folder, self._steps)
         self._xdmf.close()
         self._name_all(gathered)
@@ -241,7 +229,6 @@ class FieldWriter(Closing):
         )
 
     def _read_layout(self, group: h5py.Group) -> None:
-        """Which fields a time has."""
         self._layout = {
             field: (str(values.attrs["centre"]), _width(values)) for field, values in group.items()
         }
@@ -259,7 +246,6 @@ class FieldWriter(Closing):
         return prepared
 
     def _append(self, step: Step) -> None:
-        """Adds one grid to the text of the XDMF."""
         units = {"time": "s", "position": "m", "coordinates": "m"}
         units |= {name: UNITS[name] for name in sorted(self._layout) if name in UNITS}
         listed = ", ".join(f"{name} [{unit}]" for name, unit in units.items())
@@ -283,7 +269,6 @@ class FieldWriter(Closing):
 
 
 def _width(values: NDArray[Any] | h5py.Dataset) -> int:
-    """Number of components of a stored field."""
     return int(values.shape[1]) if len(values.shape) == 2 else 1
 
 

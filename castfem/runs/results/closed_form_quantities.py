@@ -31,25 +31,19 @@ def _temperature_off(sample: Sample) -> tuple[Array, Array]:
     return (ours - exact.temperature(depth, time))[inside], area[inside]
 
 
-@quantity(
-    "error_temperature",
-    unit="mK",
-    label="temperature off the closed form, rms of what has frozen",
-    column=False,
-    needs=("closed_form",),
-)
-def error_temperature(sample: Sample) -> float | None:
-    """Root mean square over what has frozen of the temperature less that of the closed form."""
-    return _rms(sample, *_temperature_off(sample)) if sample.time > 0.0 else None
+quantity(
+    "error_temperature", "mK", "temperature off the closed form, rms of what has frozen",
+    column=False, needs=("closed_form",),
+    says="Root mean square over what has frozen of the temperature less that of the closed form.",
+)(
+    lambda sample: _rms(sample, *_temperature_off(sample)) if sample.time > 0.0 else None
+)  # fmt: skip
 
 
 @quantity(
-    "error_temperature_max",
-    unit="mK",
-    label="temperature off the closed form, worst vertex of that",
-    column=False,
-    needs=("closed_form",),
-)
+    "error_temperature_max", "mK", "temperature off the closed form, worst vertex of that",
+    column=False, needs=("closed_form",),
+)  # fmt: skip
 def error_temperature_max(sample: Sample) -> float | None:
     """The largest at a vertex that has frozen."""
     if not sample.time > 0.0:
@@ -61,13 +55,10 @@ def error_temperature_max(sample: Sample) -> float | None:
 
 
 @quantity(
-    "error_stress",
-    unit="percent",
-    label="axial stress off the closed form, rms of the shell",
-    column=False,
+    "error_stress", "percent", "axial stress off the closed form, rms of the shell", column=False,
     place=lambda sample: f"of {1e-6 * _exact(sample).unit_stress:g} MPa",
     needs=("mechanics", "closed_form"),
-)
+)  # fmt: skip
 def error_stress(sample: Sample) -> float | None:
     """Root mean square over the shell of the axial stress less that of the closed form."""
     exact, mechanics, time = _exact(sample), sample.simulation.mechanics, sample.time

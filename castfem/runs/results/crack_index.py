@@ -109,7 +109,6 @@ Computed = Callable[[SliceStep], Array]
 
 
 def _nothing(step: SliceStep) -> Array:
-    """Stand for what is not declared yet."""
     return np.zeros_like(step.value)
 
 
@@ -131,8 +130,8 @@ class CrackIndex:
     """
 
     name: str = field(kw_only=False)
-    unit: str
-    label: str
+    unit: str = field(kw_only=False)
+    label: str = field(kw_only=False)
     needs: tuple[str, ...] = ()
     on: Where = "surface"
     accumulates: bool = False

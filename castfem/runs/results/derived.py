@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError
 from castfem.base.shown_quantity import Quantity
-from castfem.base.tolerances import ROUNDING
 from castfem.base.types import Array
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary

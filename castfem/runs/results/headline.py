@@ -9,7 +9,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from castfem.base.result_registry import AT_FRACTION
 from castfem.base.shown_quantity import Quantity
 
-_SAME = 1e-6  # relative; faces that are cooled alike differ by less
 _TWINS = (
     ("_left", "_right"),
     ("_extrados", "_intrados"),
@@ -120,4 +119,4 @@ def _same(run: Mapping[str, Quantity], name: str, twin: str) -> bool:
     this, other = run.get(name), run.get(twin)
     if this is None or other is None:
         return this is None
-    return abs(this.value - other.value) <= _SAME * abs(other.value)
+    return abs(this.value - other.value) <= 1e-6 * abs(other.value)

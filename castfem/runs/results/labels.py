@@ -1,28 +1,50 @@
-"""Label and unit of each result, by its name in the summary and in the history."""
+"""Label and unit of results by their names, and how exactly depths are resolved by the cells."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from castfem.base.result_registry import find
 from castfem.base.shown_quantity import Quantity, to_si
 from castfem.base.shown_units import plain_unit
-from castfem.runs.results.resolution import resolved
 
 if TYPE_CHECKING:
     import pandas
+
+
+STAIR = 1.0 / 6.0
+"""Of the cell in which the solidus lies: how far the curve of the shell is off."""
+_DEPTH = re.compile(r"(?:shell|liquidus_depth|fs[1-9]\d?)_(\w+)")
+
+
+def resolved(
+    quantities: dict[str, Quantity], cell: Callable[[str], float | None]
+) -> dict[str, Quantity]:
+    """Return results, depths of isotherms among them with what their cells resolve.
+
+    Args:
+        quantities: By name.
+        cell: Size of the cell in which the solidus lies, by the name of a probe, m; NaN or None
+            where there is none. The other isotherms lie deeper, in cells that are no smaller.
+    """
+    found = {}
+    for name, one in quantities.items():
+        depth = _DEPTH.fullmatch(name)
+        size = None if depth is None else cell(depth[1])
+        known = size is not None and math.isfinite(size)
+        found[name] = replace(one, resolution=STAIR * size) if size and known else one
+    return found
+
 
 _NO_PROBES = ("min", "max")  # ends of names of columns over the whole section
 
 
 def last_quantities(row: Mapping[str, float], units: Mapping[str, str]) -> dict[str, Quantity]:
-    """Return the results of a row by name, in the order of its columns; position and time first.
-
-    Args:
-        row: Column to value; what is no result is left out.
-        units: Of the values.
-    """
+    """Return the results of a row by name, in the order of its columns; position and time first."""
     results = {}
     for name in sorted(row, key=lambda column: column not in ("position", "time")):
         found = find(name)

@@ -6,7 +6,7 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,12 +31,24 @@ if TYPE_CHECKING:
     from castfem.physics.contact.state import ContactSummary
 
 
-SQRT2 = 2.0**0.5
-HARDLY = 0.05  # share of the section that is solid before its shell is spoken of
-INSTANT = 1e-3  # s: over which the generalized strains are differentiated
-FAR = 1e6  # m: stands for the distance to no wall where vertices are interpolated between
-OPPOSITE = 1e-6  # of its distance from the centre, how near the opposite place a probe begins
-LARGEST = 1.0  # m: of a gap; what is larger has a vertex without a wall in it
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Limits of what is read off the strained slice.
+
+    Attributes:
+        shell: Share of the section that is solid before its shell is spoken of.
+        opposite: How near to the opposite place a probe begins, of its distance from the centre.
+        gap: Largest gap, m; what is larger has a vertex without a wall in it.
+        no_wall: Stands for the distance to no wall where vertices are interpolated between, m.
+    """
+
+    shell: float = 0.05
+    opposite: float = 1e-6
+    gap: float = 1.0
+    no_wall: float = 1e6
+
+
+LIMITS = Limits()
 
 
 def opposite(starts: Mapping[str, tuple[float, float]], multiplicity: int) -> dict[str, str]:
@@ -61,7 +73,7 @@ def opposite(starts: Mapping[str, tuple[float, float]], multiplicity: int) -> di
     for name, place, end in zip(names, places, ends, strict=True):
         off = np.linalg.norm(places - end, axis=1)
         nearest = int(np.argmin(off))
-        there = off[nearest] <= OPPOSITE * np.linalg.norm(place)
+        there = off[nearest] <= LIMITS.opposite * np.linalg.norm(place)
         found[name] = names[nearest] if there else name
     return found
 
@@ -80,7 +92,7 @@ def with_vertices(
         gap: At this rank's vertices of the surface (n,), m; inf where there is no wall.
         places: Where they are now (n, 2), m.
     """
-    met = np.where(gap < LARGEST, gap, -np.inf)
+    met = np.where(gap < LIMITS.gap, gap, -np.inf)
     widest, *where = reductions.peak(comm, met, places)
     return replace(contact, gap=widest, widest=np.array(where)) if widest > contact.gap else contact
 
@@ -128,7 +140,7 @@ class MechanicalSampler:
         fields = [vertices, points.at_vertices(stress)]
         at_vertices = None if self._gap is None else self._gap.at(state)
         if at_vertices is not None:
-            fields.append(self._on_surface(np.minimum(at_vertices, FAR)))
+            fields.append(self._on_surface(np.minimum(at_vertices, LIMITS.no_wall)))
         starts = self.probes.starts(np.column_stack(fields))
         moved = {n: float(outward @ starts[n][:2]) for n, outward in self._outward.items()}
         contact = None
@@ -152,7 +164,7 @@ class MechanicalSampler:
             load=self._load(state),
             withdrawal_resistance=float(state.withdrawal_resistance[0]),
             contact=contact,
-            gap={n: g if g < LARGEST else np.nan for n, g in gap.items()},
+            gap={n: g if g < LIMITS.gap else np.nan for n, g in gap.items()},
             pressure=self._pressed(state),
             beyond=self._beyond(state),
             axial_stress=self._axial(recovered),
@@ -183,22 +195,23 @@ class MechanicalSampler:
         whole, shell, *found = reductions.totals(
             self.section.comm, [area.sum(), area[solid].sum(), *parts]
         )
-        if shell < HARDLY * whole:
+        if shell < LIMITS.shell * whole:
             return {}
         return {kind: float(part / shell) for kind, part in zip(beyond, found, strict=True)}
 
     def strain_rate(self, state: MechanicalState) -> Array:
         """Rate of strain over the last step at the deviator's points, Mandel (n, 4), 1/s."""
         points, planes = self.problem.points, self.problem.slice.planes
+        instant = 1e-3  # s: over which the generalized strains are differentiated
         found = points.strain @ dof_values.with_ghosts(self.problem.space, state.rate)
         ends = []
         for time, scalars in (
             (state.time, state.scalars),
-            (state.time - INSTANT, state.scalars - INSTANT * state.scalar_rate),
+            (state.time - instant, state.scalars - instant * state.scalar_rate),
         ):
             offset, directions, _ = planes.at(time)
             ends.append(offset + directions @ scalars)
-        return self._with_generalized_strains(found, np.asarray((ends[0] - ends[1]) / INSTANT))
+        return self._with_generalized_strains(found, np.asarray((ends[0] - ends[1]) / instant))
 
     def _axial(self, recovered: Array) -> dict[str, float]:
         """Axial stress at the start of each probe, Pa; empty where no machine bends the strand."""
@@ -278,7 +291,6 @@ class MechanicalSampler:
         return found
 
     def _pressure(self, state: MechanicalState) -> Array:
-        """Ferrostatic pressure at the owned vertices, Pa."""
         ferrostatic = self.problem.slice.ferrostatic
         if ferrostatic is None:
             return np.zeros(self.section.owned)
@@ -303,13 +315,7 @@ class MechanicalSampler:
 
 
 def smooth_peak(comm: MPI.Comm, stress: Array, area: Array) -> SmoothPeak:
-    """Return the integrals of stress^32 and stress^31 (collective).
-
-    Args:
-        comm: All ranks.
-        stress: Not negative, at points (n,), Pa.
-        area: That belongs to each point (n,), m2.
-    """
+    """Return the integrals of stress^32 and stress^31 (collective)."""
     peak = float(reductions.largest(comm, stress))
     if not peak > 0.0:
         return SmoothPeak(0.0, 0.0, 0.0)
@@ -322,5 +328,5 @@ def smooth_peak(comm: MPI.Comm, stress: Array, area: Array) -> SmoothPeak:
 def in_components(values: Array) -> Array:
     """Mandel tensors (n, 4) as [xx, yy, zz, xy]; anything else as it is."""
     if values.ndim == 2 and values.shape[1] == 4:
-        return values / np.array([1.0, 1.0, 1.0, SQRT2])
+        return values / np.array([1.0, 1.0, 1.0, 2.0**0.5])
     return values

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import TYPE_CHECKING
 
 from castfem.base.result_registry import quantity
@@ -13,39 +14,34 @@ if TYPE_CHECKING:
     from castfem.runs.results.sample import Sample
 
 
+of_slice = partial(quantity, needs=("mechanics",))
+of_bent = partial(quantity, needs=("bending",))
+of_rolls = partial(quantity, needs=("extraction",))
+smooth_twin = partial(quantity, column=False, needs=("smooth",))
+beyond_data = partial(quantity, column=False, needs=("mechanics", "law_data"), of_way=True)
+
+
 def place(at: Iterable[float]) -> str:
     """A place of the section, in words."""
     x, y = (1e3 * c for c in at)
     return f"at x = {x:.1f}, y = {y:.1f} mm"
 
 
-@quantity(
-    "newton_mechanics",
-    unit="-",
-    label="Newton iterations of the mechanics",
-    row=False,
-    needs=("mechanics",),
-)
-def newton_mechanics(sample: Sample) -> float:
-    """Newton iterations of the mechanics in the step."""
-    return float(sample.strained.newton)
+of_slice(
+    "newton_mechanics", "-", "Newton iterations of the mechanics", row=False,
+    says="Newton iterations of the mechanics in the step.",
+)(lambda sample: float(sample.strained.newton))  # fmt: skip
 
 
 def _largest_here(sample: Sample) -> str:
     return place(sample.strained.peak_at)
 
 
-@quantity(
-    "von_mises_max",
-    unit="MPa",
-    label="largest von Mises stress",
-    place=_largest_here,
+of_slice(
+    "von_mises_max", "MPa", "largest von Mises stress", place=_largest_here,
     axis="von Mises stress",
-    needs=("mechanics",),
-)
-def von_mises_max(sample: Sample) -> float:
-    """Largest von Mises stress at an integration point of the section."""
-    return sample.strained.peak
+    says="Largest von Mises stress at an integration point of the section.",
+)(lambda sample: sample.strained.peak)  # fmt: skip
 
 
 def _largest_there(sample: Sample) -> str:
@@ -53,28 +49,17 @@ def _largest_there(sample: Sample) -> str:
     return f"{place((most.x, most.y))}, {below_meniscus(most.position)}"
 
 
-@quantity(
-    "way_von_mises_max",
-    unit="MPa",
-    label="largest von Mises stress on the way",
-    column=False,
-    place=_largest_there,
-    needs=("mechanics",),
-    of_way=True,
-)
-def way_von_mises_max(sample: Sample) -> float:
-    """Largest von Mises stress from the meniscus to here."""
-    return sample.largest_stress.stress
+of_slice(
+    "way_von_mises_max", "MPa", "largest von Mises stress on the way", column=False,
+    place=_largest_there, of_way=True,
+    says="Largest von Mises stress from the meniscus to here.",
+)(lambda sample: sample.largest_stress.stress)  # fmt: skip
 
 
-@quantity(
-    "von_mises_smooth",
-    unit="MPa",
-    label="smooth twin of the largest von Mises stress",
-    column=False,
-    needs=("smooth",),
+@smooth_twin(
+    "von_mises_smooth", "MPa", "smooth twin of the largest von Mises stress",
     smooth_twin_of="von_mises_max",
-)
+)  # fmt: skip
 def von_mises_smooth(sample: Sample) -> float:
     """Mean over the section weighted by the stress to the power of 31; below `von_mises_max`.
 
@@ -85,80 +70,47 @@ def von_mises_smooth(sample: Sample) -> float:
     return found.stress
 
 
-@quantity(
-    "way_von_mises_smooth",
-    unit="MPa",
-    label="smooth twin of the largest von Mises stress on the way",
-    column=False,
-    needs=("smooth",),
-    of_way=True,
-    smooth_twin_of="way_von_mises_max",
-)
+@smooth_twin(
+    "way_von_mises_smooth", "MPa", "smooth twin of the largest von Mises stress on the way",
+    of_way=True, smooth_twin_of="way_von_mises_max",
+)  # fmt: skip
 def way_von_mises_smooth(sample: Sample) -> float:
     """The same mean over section and way from the meniscus to here; below `way_von_mises_max`."""
     assert sample.smooth_stress is not None, "of a quantity that needs smooth"
     return sample.smooth_stress.stress
 
 
-@quantity("von_mises", unit="MPa", label="von Mises stress, {}", each="probe", needs=("mechanics",))
-def von_mises(sample: Sample, probe: str) -> float:
-    """Von Mises stress at the surface."""
-    return sample.strained.surface_stress[probe]
+of_slice(
+    "von_mises", "MPa", "von Mises stress, {}", each="probe",
+    says="Von Mises stress at the surface.",
+)(lambda sample, probe: sample.strained.surface_stress[probe])  # fmt: skip
+of_slice(
+    "displacement", "mm", "outward displacement, {}", each="probe",
+    says="Displacement of the surface, outwards.",
+)(lambda sample, probe: sample.strained.moved[probe])  # fmt: skip
+of_slice(
+    "size", "mm", "size at {}", axis="size", labels={"corner": "diagonal"}, each="centred_probe",
+    says="Size of the section through each probe that ends in its centre. It is the distance "
+    "between the surfaces on both sides of the centre; of `corner` the diagonal.",
+)(lambda sample, probe: sample.strained.across[probe])  # fmt: skip
+of_slice(
+    "axial_strain", "-", "axial strain",
+    says="Axial strain of the slice at the origin.",
+)(lambda sample: sample.strained.strain)  # fmt: skip
+quantity(
+    "tilt_x", "1/m", "tilt: axial strain along x", needs=("tilt_x",),
+    says="Gradient a1 of the axial strain along x, the curvature that uneven cooling gives. Of a "
+    "slice that is free to tilt so, as whole sections are by default, and that no machine "
+    "bends.",
+)(lambda sample: sample.strained.gradients[0])  # fmt: skip
+quantity(
+    "tilt_y", "1/m", "tilt: axial strain along y", needs=("tilt_y",),
+    says="Gradient a2 of the axial strain along y, likewise.",
+)(lambda sample: sample.strained.gradients[1])  # fmt: skip
 
 
-@quantity(
-    "displacement", unit="mm", label="outward displacement, {}", each="probe", needs=("mechanics",)
-)
-def displacement(sample: Sample, probe: str) -> float:
-    """Displacement of the surface, outwards."""
-    return sample.strained.moved[probe]
-
-
-@quantity(
-    "size",
-    unit="mm",
-    label="size at {}",
-    axis="size",
-    labels={"corner": "diagonal"},
-    each="centred_probe",
-    needs=("mechanics",),
-)
-def size(sample: Sample, probe: str) -> float:
-    """Size of the section through each probe that ends in its centre.
-
-    It is the distance between the surfaces on both sides of the centre; of `corner` the diagonal.
-    """
-    return sample.strained.across[probe]
-
-
-@quantity("axial_strain", unit="-", label="axial strain", needs=("mechanics",))
-def axial_strain(sample: Sample) -> float:
-    """Axial strain of the slice at the origin."""
-    return sample.strained.strain
-
-
-@quantity("tilt_x", unit="1/m", label="tilt: axial strain along x", needs=("tilt_x",))
-def tilt_x(sample: Sample) -> float:
-    """Gradient a1 of the axial strain along x, the curvature that uneven cooling gives.
-
-    Of a slice that is free to tilt so, as whole sections are by default, and that no machine bends.
-    """
-    return sample.strained.gradients[0]
-
-
-@quantity("tilt_y", unit="1/m", label="tilt: axial strain along y", needs=("tilt_y",))
-def tilt_y(sample: Sample) -> float:
-    """Gradient a2 of the axial strain along y, likewise."""
-    return sample.strained.gradients[1]
-
-
-@quantity(
-    "axial_force",
-    unit="kN",
-    label="axial force, modelled part",
-    row=False,
-    axis="axial force,\nmodelled part",
-    needs=("mechanics",),
+@of_slice(
+    "axial_force", "kN", "axial force, modelled part", row=False, axis="axial force,\nmodelled part"
 )
 def axial_force(sample: Sample) -> float:
     """Axial force of the stress, modelled part; `effort` and moment are of the whole strand."""
@@ -166,14 +118,10 @@ def axial_force(sample: Sample) -> float:
     return 0.0 if balance is None else float(balance.axial[0])
 
 
-@quantity(
-    "force_error",
-    unit="-",
-    label="relative error of the forces",
-    row=False,
+@of_slice(
+    "force_error", "-", "relative error of the forces", row=False,
     axis="relative error of\nthe forces",
-    needs=("mechanics",),
-)
+)  # fmt: skip
 def force_error(sample: Sample) -> float:
     """Largest relative error of a node's forces or of the axial force."""
     balance = sample.strained.balance
@@ -199,65 +147,33 @@ def _beyond(sample: Sample, kind: str) -> float:
     return sample.beyond_data.worst.get(kind, (0.0, 0.0))[0]
 
 
-@quantity(
-    "colder_than_data",
-    unit="percent",
-    label="most of the shell colder than the law's data",
-    column=False,
+beyond_data(
+    "colder_than_data", "percent", "most of the shell colder than the law's data",
     place=_beyond_at("colder"),
-    needs=("mechanics", "law_data"),
-    of_way=True,
-)
-def colder_than_data(sample: Sample) -> float:
-    """Largest share of the shell on the way that was colder than the data of its law.
-
-    It is counted from when a twentieth of the section is solid, like the two that follow.
-    """
-    return _beyond(sample, "colder")
-
-
-@quantity(
-    "hotter_than_data",
-    unit="percent",
-    label="most of the shell hotter than the law's data",
-    column=False,
+    says="Largest share of the shell on the way that was colder than the data of its law. It is "
+    "counted from when a twentieth of the section is solid, like the two that follow.",
+)(lambda sample: _beyond(sample, "colder"))  # fmt: skip
+beyond_data(
+    "hotter_than_data", "percent", "most of the shell hotter than the law's data",
     place=_beyond_at("hotter"),
-    needs=("mechanics", "law_data"),
-    of_way=True,
-)
-def hotter_than_data(sample: Sample) -> float:
-    """Largest share of the shell on the way that was hotter than the data of its law."""
-    return _beyond(sample, "hotter")
-
-
-@quantity(
-    "faster_than_data",
-    unit="percent",
-    label="most of the shell strained faster than the law's data",
-    column=False,
+    says="Largest share of the shell on the way that was hotter than the data of its law.",
+)(lambda sample: _beyond(sample, "hotter"))  # fmt: skip
+beyond_data(
+    "faster_than_data", "percent", "most of the shell strained faster than the law's data",
     place=_beyond_at("faster"),
-    needs=("mechanics", "law_data"),
-    of_way=True,
-)
-def faster_than_data(sample: Sample) -> float:
-    """Largest share of the shell on the way that was strained faster than the data of its law."""
-    return _beyond(sample, "faster")
-
-
-@quantity("axial_stress", unit="MPa", label="axial stress, {}", each="probe", needs=("bending",))
-def axial_stress(sample: Sample, probe: str) -> float:
-    """Stress along the strand at the surface, where a machine bends it."""
-    return sample.strained.axial_stress[probe]
+    says="Largest share of the shell on the way that was strained faster than the data of its law.",
+)(lambda sample: _beyond(sample, "faster"))  # fmt: skip
+of_bent(
+    "axial_stress", "MPa", "axial stress, {}", each="probe",
+    says="Stress along the strand at the surface, where a machine bends it.",
+)(lambda sample, probe: sample.strained.axial_stress[probe])  # fmt: skip
 
 
 def _declare_thickness(place: str, share: float) -> None:
-    @quantity(
-        f"slice_thickness_{place}",
-        unit="-",
-        label=f"thickness of the slice, {place}",
+    @of_bent(
+        f"slice_thickness_{place}", "-", f"thickness of the slice, {place}",
         axis="thickness of the slice",
-        needs=("bending",),
-    )
+    )  # fmt: skip
     def thickness(sample: Sample) -> float:
         """Distance of the planes that bound the slice, of what it was at the meniscus."""
         mechanical, height = sample.state.mechanical, thickness_of(sample.simulation.case.section)
@@ -270,82 +186,37 @@ for _place, _share in (("intrados", 0.5), ("centre", 0.0), ("extrados", -0.5)):
     _declare_thickness(_place, _share)
 
 
-@quantity("curvature", unit="1/m", label="curvature of the strand's middle", needs=("bending",))
-def curvature(sample: Sample) -> float:
-    """Curvature that the rolls give the middle of the strand."""
-    return sample.bending.curvature
-
-
-@quantity(
-    "neutral_axis",
-    unit="mm",
-    label="neutral axis, y from the middle towards the intrados",
+of_bent(
+    "curvature", "1/m", "curvature of the strand's middle",
+    says="Curvature that the rolls give the middle of the strand.",
+)(lambda sample: sample.bending.curvature)  # fmt: skip
+of_bent(
+    "neutral_axis", "mm", "neutral axis, y from the middle towards the intrados",
     axis="neutral axis (y)",
-    needs=("bending",),
-)
-def neutral_axis(sample: Sample) -> float | None:
-    """Where the thickness of the slice has not changed in the step, y from the middle.
-
-    The intrados lies at y > 0. There is none where the curvature stays.
-    """
-    return sample.bending.axis
-
-
-@quantity(
-    "bending_moment",
-    unit="kN m",
-    label="bending moment of the whole strand, positive where it pulls the intrados",
+    says="Where the thickness of the slice has not changed in the step, y from the middle. The "
+    "intrados lies at y > 0. There is none where the curvature stays.",
+)(lambda sample: sample.bending.axis)  # fmt: skip
+of_bent(
+    "bending_moment", "kN m",
+    "bending moment of the whole strand, positive where it pulls the intrados",
     axis="bending moment",
-    needs=("bending",),
-)
-def bending_moment(sample: Sample) -> float:
-    """Moment M = int sigma_zz y da of the whole strand about its middle."""
-    return sample.bending.moment * sample.simulation.section.multiplicity
-
-
-@quantity(
-    "bending_work",
-    unit="kJ/m",
-    label="work of bending and straightening, whole strand",
+    says="Moment M = int sigma_zz y da of the whole strand about its middle.",
+)(lambda sample: sample.bending.moment * sample.simulation.section.multiplicity)  # fmt: skip
+of_bent(
+    "bending_work", "kJ/m", "work of bending and straightening, whole strand",
     axis="work of bending and straightening",
-    needs=("bending",),
-)
-def bending_work(sample: Sample) -> float:
-    """Work - int M dk that a metre of the whole strand has taken from the drives to here."""
-    return -sample.bending.work * sample.simulation.section.multiplicity
-
-
-@quantity(
-    "roll_resistance",
-    unit="kN",
-    label="resistance of the rolls down to here, whole strand",
+    says="Work - int M dk that a metre of the whole strand has taken from the drives to here.",
+)(lambda sample: -sample.bending.work * sample.simulation.section.multiplicity)  # fmt: skip
+of_rolls(
+    "roll_resistance", "kN", "resistance of the rolls down to here, whole strand",
     axis="resistance",
-    needs=("extraction",),
-)
-def roll_resistance(sample: Sample) -> float:
-    """What the rolls above resist to the whole strand, the work of bending in it."""
-    return sample.withdrawal.resistance
-
-
-@quantity(
-    "drive_force",
-    unit="kN",
-    label="pull of the drives down to here, whole strand",
-    axis="pull of the drives",
-    needs=("extraction",),
-)
-def drive_force(sample: Sample) -> float:
-    """What the drives above pull the whole strand with."""
-    return sample.withdrawal.drives
-
-
-@quantity(
-    "effort",
-    unit="kN",
-    label="axial effort between rolls and drives, whole strand",
-    axis="axial effort",
-    needs=("extraction",),
-)
-def effort(sample: Sample) -> float:
-    """Resistance less drives, of the whole strand: N - kM of the slice, or N by the thesis."""
-    return sample.withdrawal.effort
+    says="What the rolls above resist to the whole strand, the work of bending in it.",
+)(lambda sample: sample.withdrawal.resistance)  # fmt: skip
+of_rolls(
+    "drive_force", "kN", "pull of the drives down to here, whole strand", axis="pull of the drives",
+    says="What the drives above pull the whole strand with.",
+)(lambda sample: sample.withdrawal.drives)  # fmt: skip
+of_rolls(
+    "effort", "kN", "axial effort between rolls and drives, whole strand", axis="axial effort",
+    says="Resistance less drives, of the whole strand: N - kM of the slice, or N by the thesis.",
+)(lambda sample: sample.withdrawal.effort)  # fmt: skip

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, fields
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from dataclasses import MISSING, Field, dataclass, field, fields
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from castfem.physics.mould.mould import is_below
 
@@ -14,8 +15,29 @@ SMOOTH_ORDER = 32  # of smooth twins: ratio of the integrals of stress^32 and st
 
 
 @dataclass(slots=True)
-class MouldExtremes:
-    """What a run that goes on below its mould would otherwise have forgotten.
+class Extremes:
+    """What a run would otherwise have forgotten; a checkpoint holds its numbers under a prefix."""
+
+    prefix: ClassVar[str]
+
+    def memory(self) -> dict[str, float | None]:
+        """What a checkpoint must hold of it."""
+        return {key: getattr(self, one.name) for key, one in self._numbers()}
+
+    def recall(self, memory: dict[str, float | None]) -> None:
+        """Restore what `memory` gave; an older checkpoint has not all of it."""
+        for key, one in self._numbers():
+            value = memory.get(key)
+            setattr(self, one.name, one.default if value is None else value)
+
+    def _numbers(self) -> Iterator[tuple[str, Field[Any]]]:
+        """The fields that change on the way, by their keys in a checkpoint."""
+        yield from ((f"{self.prefix}_{f.name}", f) for f in fields(self) if f.default != MISSING)
+
+
+@dataclass(slots=True)
+class MouldExtremes(Extremes):
+    """What the slice has met in its mould.
 
     Attributes:
         length: Of the mould, m.
@@ -25,6 +47,7 @@ class MouldExtremes:
         heat: Removed per length of strand, J/m.
     """
 
+    prefix: ClassVar[str] = "mould"
     length: float
     gap: float = 0.0
     share: float = 1.0
@@ -46,26 +69,16 @@ class MouldExtremes:
             self.mean_pressure = max(self.mean_pressure, contact.mean_pressure)
             self.penetration = max(self.penetration, contact.penetration)
 
-    def memory(self) -> dict[str, float | None]:
-        """What a checkpoint must hold of it."""
-        return {f"mould_{name}": value for name, value in asdict(self).items() if name != "length"}
-
-    def recall(self, memory: dict[str, float | None]) -> None:
-        """Take up what `memory` gave."""
-        for name in ("gap", "share", "pressure", "mean_pressure", "penetration", "heat"):
-            value = memory.get(f"mould_{name}")  # of an older checkpoint not all are there
-            if value is not None:
-                setattr(self, name, value)
-
 
 @dataclass(slots=True)
-class LargestStress:
+class LargestStress(Extremes):
     """The largest von Mises stress on the way, and where it was.
 
     Attributes:
         stress: Pa. position: Of the slice below the meniscus, m. x, y: On the undeformed mesh, m.
     """
 
+    prefix: ClassVar[str] = "strained"
     stress: float = 0.0
     position: float = 0.0
     x: float = 0.0
@@ -77,15 +90,6 @@ class LargestStress:
         if mechanics is not None and mechanics.peak > self.stress:
             self.stress, self.position = mechanics.peak, sample.position
             self.x, self.y = mechanics.peak_at
-
-    def memory(self) -> dict[str, float | None]:
-        """What a checkpoint must hold of it."""
-        return {f"strained_{name}": value for name, value in asdict(self).items()}
-
-    def recall(self, memory: dict[str, float | None]) -> None:
-        """Take up what `memory` gave; an older checkpoint has nothing of it."""
-        for name in ("stress", "position", "x", "y"):
-            setattr(self, name, memory.get(f"strained_{name}") or 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +113,7 @@ class SmoothPeak:
 
 
 @dataclass(slots=True)
-class SmoothStress:
+class SmoothStress(Extremes):
     """The smooth twin of the largest von Mises stress on the way: both integrals along it, too.
 
     By the trapezoidal rule between slices; stresses over the largest so far.
@@ -124,6 +128,7 @@ class SmoothStress:
         last_below: Likewise.
     """
 
+    prefix: ClassVar[str] = "smooth"
     peak: float = 0.0
     above: float = 0.0
     below: float = 0.0
@@ -158,15 +163,6 @@ class SmoothStress:
         self.peak, self.position = largest, position
         self.last_peak, self.last_above, self.last_below = new.peak, new.above, new.below
 
-    def memory(self) -> dict[str, float | None]:
-        """What a checkpoint must hold of it."""
-        return {f"smooth_{name}": value for name, value in asdict(self).items()}
-
-    def recall(self, memory: dict[str, float | None]) -> None:
-        """Take up what `memory` gave."""
-        for one in fields(self):
-            setattr(self, one.name, memory.get(f"smooth_{one.name}", one.default))
-
 
 @dataclass(slots=True)
 class BeyondData:
@@ -196,7 +192,7 @@ class BeyondData:
         }
 
     def recall(self, memory: dict[str, float | None]) -> None:
-        """Take up what `memory` gave; an older checkpoint has nothing of it."""
+        """Restore what `memory` gave; an older checkpoint has nothing of it."""
         from castfem.physics.constitutive.data_range import (
             KINDS,  # no part of a run without mechanics
         )

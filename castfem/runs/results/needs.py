@@ -1,10 +1,14 @@
-"""What quantities need of a case and of its simulation, by the names in `needs`."""
+"""What quantities need of a case and of its simulation, and so which of them a case can have."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+from castfem.base.errors import choices
+from castfem.base.result_registry import AT_FRACTION, declared, find
+from castfem.base.units import in_mm, nearest
 
 if TYPE_CHECKING:
     from castfem.model.build.simulation import Simulation
@@ -86,3 +90,58 @@ NEEDS: Mapping[str, Need] = {
 }
 STRAINED = NEEDS.keys() - {"law_data", "oscillation", "machine", "quality", "closed_form"}
 """Needs of quantities that are read off the strained slice, unless they are `of_way`."""
+
+
+def faults_of(case: Case, names: Sequence[str]) -> list[str]:
+    """Return why no run of a case has results, and what to do; "" for what one may have.
+
+    The section is meshed only where a result is taken at a place that not every section has.
+    """
+    places: list[str] = []
+
+    def known() -> list[str]:
+        if not places:
+            from castfem.meshes import build
+            from castfem.model.section import meshing
+
+            with meshing():
+                places.extend(build(**case.mesh_parameters()).probes)
+        return places
+
+    return [_fault(case, name, known) for name in names]
+
+
+def fault_of(case: Case, name: str) -> str:
+    """Return the same of a single result."""
+    return faults_of(case, [name])[0]
+
+
+def _fault(case: Case, name: str, places: Callable[[], list[str]]) -> str:
+    found = find(name)
+    if found is None:
+        return ""
+    definition, probe = found
+    missing = (table for need in definition.needs for table in NEEDS[need].missing(case))
+    if tables := " and ".join(f"[{table}]" for table in dict.fromkeys(missing)):
+        return f"is none of this case, for it has no {tables}; add it, or name another result"
+    strained = definition.of_strained or "throughout" in definition.needs
+    if strained and (end := case.mechanics_end()) is not None:
+        return (
+            f"has no value at the end of the run: mechanics.until ends the mechanics at "
+            f"{in_mm(end)}; leave that out, or name a result of the way (way_von_mises_max, "
+            "mould_gap_max)"
+        )
+    fraction = AT_FRACTION.fullmatch(name)
+    if fraction is not None and int(fraction[1]) not in _percents(case):
+        return f"is not followed; give output.shell_at = [{int(fraction[1]) / 100:g}]"
+    if definition.each and probe != "mid_face" and probe not in places():
+        near = nearest(probe, places())
+        if not near:  # meant is perhaps another result, of no place
+            near = nearest(name, [one.name for one in declared() if not one.each])
+        return f'has no place "{probe}" on this section; allowed: {choices(places())}{near}'
+    return ""
+
+
+def _percents(case: Case) -> list[int]:
+    """Solid fractions to which the shell is followed, in percent."""
+    return [round(100.0 * fraction) for fraction in case.output.shell_at or ()]

@@ -7,8 +7,6 @@ import math
 from castfem.base.shown_quantity import Quantity
 from castfem.base.shown_units import Scale, documented, plain_unit, scale_of
 
-_FINEST = 1e-4  # an error below is printed with its power of ten
-_SMALL_GAP, _NO_GAP = 0.01, 5e-5  # mm; between them a gap is told in micrometres
 _RATE, _SMALL_RATE, _PARTS = "1/s", 1e-2, "e-5"  # a smaller rate of strain is told in 1e-5 1/s
 _DECIMALS = {"degC": 1, "K": 1, "degF": 1, "delta_degF": 1, "mm": 2}
 
@@ -58,7 +56,7 @@ def error_shown(error: float, unit: str = "") -> str:
         return "-"
     if unit == _RATE and 0.0 < abs(error) < _SMALL_RATE:
         return f"{error_shown(1e5 * error)}{_PARTS}"
-    if error == 0.0 or not _FINEST <= abs(error) < 1e5:
+    if error == 0.0 or not 1e-4 <= abs(error) < 1e5:  # with its power of ten
         return f"{error:.2g}"
     return f"{error:.{max(0, 1 - math.floor(math.log10(abs(error))))}f}"
 
@@ -78,7 +76,7 @@ def is_gap(name: str) -> bool:
 
 def small_gap(value: float, unit: str) -> str | None:
     """A gap below 0.01 mm in micrometres, without their unit; None if it is larger or none."""
-    if unit == "mm" and _NO_GAP <= abs(value) < _SMALL_GAP:
+    if unit == "mm" and 5e-5 <= abs(value) < 0.01:
         return f"{1e3 * value:.1f}"
     return None
 
@@ -123,14 +121,7 @@ def resolution_in(scale: Scale, quantity: Quantity) -> float | None:
 
 
 def finely(value: float, unit: str, name: str = "", resolution: float | None = None) -> str:
-    """A value with its unit; lengths below 1 mm to the micrometre, below 0.01 mm in it.
-
-    Args:
-        value: In its documented unit.
-        unit: That unit, as figures write it or as files do.
-        name: Of the quantity, where it has one.
-        resolution: How exactly it is resolved, in that unit; None where that is not known.
-    """
+    """A value with its unit; lengths below 1 mm to the micrometre, below 0.01 mm in it."""
     scale = scale_of(documented(unit), name)
     if scale.unit != documented(unit):
         resolution = None if resolution is None else abs(scale.factor) * resolution

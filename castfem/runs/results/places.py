@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.base import units
+from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError
 from castfem.base.shown_quantity import Quantity
 from castfem.base.shown_units import place_said
-from castfem.base.tolerances import ROUNDING
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.labels import last_quantities
 
@@ -23,11 +23,7 @@ if TYPE_CHECKING:
 
 
 def read_positions(given: Sequence[str]) -> list[float]:
-    """Return positions a user has written, "800 mm", in m.
-
-    Raises:
-        InputError: One is none.
-    """
+    """Return positions a user has written, "800 mm", in m."""
     found, problems = [], []
     for text in given:
         try:
@@ -64,12 +60,6 @@ def quantities_at(
     summary: Summary | None = None,
 ) -> dict[str, Quantity]:
     """Return the results where the slice came to a position, between two rows by straight lines.
-
-    Args:
-        table: Of `read_history`.
-        position: m.
-        folder: Of the run, for messages.
-        summary: Of the run; with the errors that `castfem error` has found at the position.
 
     Raises:
         InputError: The run has not been there.

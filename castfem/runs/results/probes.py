@@ -46,9 +46,6 @@ class ProbeSampler:
     Temperature and displacement are interpolated between vertices. Stress, strains and rates are
     means of the quadrature points around each vertex, interpolated likewise, as in the fields.
 
-    Args:
-        simulation: What is run. mechanics: Samples its strained slice; None without.
-
     Raises:
         InputError: A probe lies outside the section, or below a place that it has not.
     """

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from castfem.base.constants import ROUNDING
 from castfem.base.shown_quantity import si_unit
 from castfem.base.types import Array
 from castfem.fem import reductions
@@ -16,9 +17,9 @@ from castfem.physics.machine.stations import Stations
 from castfem.runs.output.surface_line import SurfaceLine
 from castfem.runs.output.surface_maps import Heading, SurfaceMap
 from castfem.runs.results.crack_index import BENDS, CrackIndex, SliceStep, declared_indexes
-from castfem.runs.results.fraction_depths import temperature_at
 from castfem.runs.results.needs import are_met
 from castfem.runs.results.quality_quantities import POOL
+from castfem.runs.results.thermal_quantities import temperature_at
 
 if TYPE_CHECKING:
     from castfem.model.build.simulation import Simulation
@@ -27,14 +28,6 @@ if TYPE_CHECKING:
 
 TimedStrains = tuple[float, float, float, float]
 """Time (s), and the generalized strains a0 - 1, a1, a2."""
-_NEAR = 1e-9  # of the section's size: a place that is a vertex of the surface
-LEAST_RATED = 0.2
-"""Of a coupling window of the case, or of the longest pitch: a rate is a mean over no less.
-
-Where two events lie close together, a roll and the end of a zone 14 um below it, there is a window
-of milliseconds between them. What jumps there, as does the bed of a pitch by 4e-7 of strain, would
-be a rate as large as any in it.
-"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +83,7 @@ class QualityState:
             return ""
         vertex = self.line.at(worst.x, worst.y)
         off = self.line.place[vertex] - (worst.x, worst.y)
-        on = np.abs(off).max() <= _NEAR * np.ptp(self.line.place)
+        on = np.abs(off).max() <= ROUNDING * np.ptp(self.line.place)
         place = f"x = {1e3 * worst.x:.1f}, y = {1e3 * worst.y:.1f} mm"
         where = self.line.words(vertex) if on else place
         return f"{where}, {self.caster.words(worst.position, worst.time)}"
@@ -132,7 +125,10 @@ class QualitySampler:
         window = 0.0 if strained is None else strained.window
         if caster.longest_pitch:  # windows end where the rolls bear or bend
             window = min(window, simulation.machine.window_time(caster.longest_pitch))
-        self._least = LEAST_RATED * window
+        # A rate is a mean over no less. Where two events lie close together, a roll and the end of
+        # a zone 14 um below it, a window of milliseconds lies between them. What jumps there, as
+        # does the bed of a pitch by 4e-7 of strain, would be a rate as large as any in it.
+        self._least = 0.2 * window
         none = np.zeros(section.owned)
         self.state = QualityState(
             line, caster, temperature=none,
@@ -141,13 +137,7 @@ class QualitySampler:
         )  # fmt: skip
 
     def note(self, strand: StrandState, position: float, centre: float) -> QualityState:
-        """Take in one more step.
-
-        Args:
-            strand: The state after it.
-            position: m.
-            centre: Temperature on the centre line, K.
-        """
+        """Take in one more step."""
         old, time = self.state, strand.thermal.time
         kelvin = strand.thermal.point.temperature
         first = not old.time < time  # at the meniscus, or a state that a checkpoint had
@@ -204,7 +194,6 @@ class QualitySampler:
         strain_history: tuple[TimedStrains, ...],
         position: float,
     ) -> SliceStep:
-        """What the indexes are computed from."""
         old, (since, rated_from), (time, kelvin) = self.state, recent[0], recent[-1]
         none: Array = np.zeros(len(kelvin))
         duration = time - old.time if old.time >= 0.0 else 0.0
@@ -278,7 +267,6 @@ class QualitySampler:
         )  # fmt: skip
 
     def _mapped(self) -> list[CrackIndex]:
-        """The indexes that have a map."""
         return [index for index in self.indexes if index.on == "surface"]
 
     def row(self) -> Array | None:
@@ -344,10 +332,8 @@ def _worse(before: Mapping[str, Worst], now: Mapping[str, Worst]) -> dict[str, W
 
 
 def _plain(worst: Mapping[str, Worst]) -> dict[str, list[float]]:
-    """As JSON has it."""
     return {n: [w.value, w.x, w.y, w.time, w.position] for n, w in worst.items()}
 
 
 def _named(stored: Mapping[str, list[float]]) -> dict[str, Worst]:
-    """The inverse of `_plain`."""
     return {name: Worst(*numbers) for name, numbers in stored.items()}

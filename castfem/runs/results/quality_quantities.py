@@ -21,27 +21,25 @@ POOL = (0.1, 0.3, 0.7, 1.0)
 """Solid fractions on the centre line whose places are told."""
 
 
-@crack_index("I1", unit="MPa", label="I1, axial tension in the band", needs=("mechanics",))
+@crack_index("I1", "MPa", "I1, axial tension in the band", needs=("mechanics",))
 def axial_tension(step: SliceStep) -> Array:
     """Axial tension where the steel has little ductility (324)."""
     return np.where(step.in_band, np.maximum(step.axial_stress, 0.0), 0.0)
 
 
-@crack_index("I2", unit="1/s", label="I2, axial strain rate in the band", needs=("mechanics",))
+@crack_index("I2", "1/s", "I2, axial strain rate in the band", needs=("mechanics",))
 def axial_strain_rate(step: SliceStep) -> Array:
     """Rate of axial strain where the steel has little ductility (325)."""
     return np.where(step.in_band, np.maximum(step.strain_rate, 0.0), 0.0)
 
 
-@crack_index(
-    "I2_mechanical", unit="1/s", label="mechanical part of I2", needs=("mechanics",)
-)  # fmt: skip
+@crack_index("I2_mechanical", "1/s", "mechanical part of I2", needs=("mechanics",))
 def mechanical_strain_rate(step: SliceStep) -> Array:
     """Rate of axial strain less that of thermal expansion, where the steel has little ductility."""
     return np.where(step.in_band, np.maximum(step.mechanical_rate, 0.0), 0.0)
 
 
-@crack_index("I2_pitch", unit="1/s", label="I2, mean over a pitch", needs=("mechanics", "machine"))
+@crack_index("I2_pitch", "1/s", "I2, mean over a pitch", needs=("mechanics", "machine"))
 def pitch_strain_rate(step: SliceStep) -> Array:
     """Rate of axial strain where the steel has little ductility, mean over the last pitch of rolls.
 
@@ -50,15 +48,15 @@ def pitch_strain_rate(step: SliceStep) -> Array:
     return np.where(step.in_band, np.maximum(step.pitch_rate, 0.0), 0.0)
 
 
-@crack_index("band_time", unit="s", label="time in the low-ductility band", accumulates=True)
+@crack_index("band_time", "s", "time in the low-ductility band", accumulates=True)
 def band_time(step: SliceStep) -> Array:
     """Time that the surface has spent in the low-ductility band."""
     return step.value + step.duration * step.share_within(*step.settings.band)
 
 
 @crack_index(
-    "brittle_strain", unit="percent", label="axial strain in the brittle range",
-    needs=("mechanics",), on="section", accumulates=True,
+    "brittle_strain", "percent", "axial strain in the brittle range", needs=("mechanics",),
+    on="section", accumulates=True,
 )  # fmt: skip
 def brittle_strain(step: SliceStep) -> Array:
     """Mechanical axial tension strain that a place takes on its way through the brittle range.
@@ -70,12 +68,9 @@ def brittle_strain(step: SliceStep) -> Array:
 
 
 @quantity(
-    "critical_share",
-    unit="percent",
-    label="largest strain in the brittle range, of the critical one",
-    column=False,
-    needs=("throughout", "quality"),
-)
+    "critical_share", "percent", "largest strain in the brittle range, of the critical one",
+    column=False, needs=("throughout", "quality"),
+)  # fmt: skip
 def critical_share(sample: Sample) -> float | None:
     """Largest strain in the brittle range over `quality.critical_strain`, if that is given.
 
@@ -86,20 +81,17 @@ def critical_share(sample: Sample) -> float | None:
     return None if critical is None else sample.judged.worst["brittle_strain"].value / critical
 
 
-@quantity("centre_solid_fraction", unit="-", label="solid fraction, centre", needs=("quality",))
-def centre_solid_fraction(sample: Sample) -> float | None:
-    """Solid fraction on the centre line."""
-    return sample.judged.solid_fraction
+quantity(
+    "centre_solid_fraction", "-", "solid fraction, centre", needs=("quality",),
+    says="Solid fraction on the centre line.",
+)(lambda sample: sample.judged.solid_fraction)  # fmt: skip
 
 
 def _declare_pool_end(fraction: float) -> Callable[[Sample], float | None]:
     @quantity(
-        f"pool_end_fs{round(100 * fraction)}",
-        unit="m",
-        label=f"solid fraction {fraction:g} on the centre line",
-        column=False,
-        needs=("quality",),
-    )
+        f"pool_end_fs{round(100 * fraction)}", "m",
+        f"solid fraction {fraction:g} on the centre line", column=False, needs=("quality",),
+    )  # fmt: skip
     def pool_end(sample: Sample) -> float | None:
         """Where the solid fraction on the centre line has come to 0.1, 0.3, 0.7, 1."""
         return sample.judged.passed.get(fraction)
@@ -123,13 +115,9 @@ def _between_rolls(sample: Sample) -> str:
 
 
 @quantity(
-    "soft_reduction_length",
-    unit="m",
-    label="window of soft reduction",
-    column=False,
-    place=_between_rolls,
+    "soft_reduction_length", "m", "window of soft reduction", column=False, place=_between_rolls,
     needs=("quality",),
-)
+)  # fmt: skip
 def soft_reduction_length(sample: Sample) -> float | None:
     """Length over which the centre line has the solid fractions of `quality.soft_reduction`."""
     window = _window(sample)
@@ -137,12 +125,9 @@ def soft_reduction_length(sample: Sample) -> float | None:
 
 
 @quantity(
-    "soft_reduction",
-    unit="mm",
-    label="reduction by the rolls in that window",
-    column=False,
+    "soft_reduction", "mm", "reduction by the rolls in that window", column=False,
     needs=("machine", "quality"),
-)
+)  # fmt: skip
 def soft_reduction(sample: Sample) -> float | None:
     """What the aperture of the rolls loses over that length, linear between them."""
     window = _window(sample)

@@ -29,11 +29,7 @@ def blocks() -> dict[str, str]:
 
 
 def written(page: str) -> str:
-    """The page with its blocks written anew.
-
-    Raises:
-        KeyError: It has a block that does not exist.
-    """
+    """The page with its blocks written anew."""
     texts = blocks()
     return _BLOCK.sub(lambda m: f"{m[1]}\n{texts[m[2]]}\n{m[3]}", page)
 

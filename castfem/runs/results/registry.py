@@ -1,4 +1,4 @@
-"""Which of the declared quantities a simulation has: the columns and results of its run."""
+"""Which quantities a simulation has: the columns of its history, and its results."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from itertools import groupby
 from typing import TYPE_CHECKING
 
 from castfem.base.result_registry import Each, QuantityDefinition, declared, in_summary_order
-from castfem.runs.results.fraction_depths import depth_of
 from castfem.runs.results.needs import are_met
+from castfem.runs.results.thermal_quantities import depth_of
 
 if TYPE_CHECKING:
     from castfem.model.build.simulation import Simulation
+    from castfem.runs.results.sample import Sample
 
 
 def columns_of(simulation: Simulation) -> Iterator[tuple[QuantityDefinition, str]]:
@@ -44,3 +45,20 @@ def _at_probes(
             yield from ((d, "") for d in together)
         else:
             yield from ((d, probe) for probe in probes[each] for d in together)
+
+
+class Columns:
+    """The columns of a simulation, found once: which there are does not change as it goes on.
+
+    Attributes:
+        heading: Name and unit of each.
+    """
+
+    def __init__(self, simulation: Simulation) -> None:
+        """Find them."""
+        self._having = [(d, probe, d.named(probe)) for d, probe in columns_of(simulation)]
+        self.heading = [(name, d.unit) for d, _, name in self._having]
+
+    def row(self, sample: Sample) -> dict[str, float]:
+        """One row of the history in its units (collective)."""
+        return {name: d.in_unit(d.value(sample, probe)) for d, probe, name in self._having}

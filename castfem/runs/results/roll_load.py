@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError
 from castfem.base.shown_quantity import Quantity, to_si
 from castfem.base.shown_units import documented, said
-from castfem.base.tolerances import ROUNDING
 from castfem.model.machine import thickness_of
 from castfem.physics.machine.stations import Stations
 from castfem.runs.output.history import HISTORY_NAME, read_history
@@ -20,7 +20,6 @@ from castfem.runs.results.labels import has_values, unit_of
 from castfem.runs.results.run_case import case_with
 
 _FORCE, BULGE = "roll_force", "bulge_pitch"
-_LITTLE = 0.05  # of the larger one; a change that is less is not told
 _NAMES = {_FORCE: "force on roll {}, a metre of width", BULGE: "bulge below roll {}"}
 
 
@@ -40,11 +39,7 @@ class RollLoads:
 
     @classmethod
     def of(cls, folder: Path) -> RollLoads | None:
-        """Those of a run; None of one without rolls, or without bulging.
-
-        Args:
-            folder: Of the run, with its case.
-        """
+        """Those of a run; None of one without rolls, or without bulging."""
         case = case_with(folder, "bulging")
         rolls = None if case is None or case.machine is None else case.machine.pairs()
         if case is None or rolls is None:
@@ -58,10 +53,6 @@ class RollLoads:
 
         The history has the force on a pair in the rows of the pitch below it, the one at the next
         pair included.
-
-        Args:
-            folder: Of the run.
-            stations: Its rolls.
         """
         if stations.rolls is None:
             return None
@@ -110,7 +101,7 @@ class RollLoads:
             if not number:
                 continue
             before, now = theirs[number], ours[number]
-            if abs(now - before) > _LITTLE * max(now, before):
+            if abs(now - before) > 0.05 * max(now, before):
                 unit = documented(self.units[name])
                 values = (said(value, unit, ".3g", name) for value in (before, now))
                 where = self.where(number)
@@ -123,12 +114,7 @@ class RollLoads:
 
 
 def heaviest_roll(folder: Path, stations: Stations) -> Iterator[tuple[str, str]]:
-    """The largest force on a pair of rolls, and which pair it is; nothing without bulging.
-
-    Args:
-        folder: Of the run.
-        stations: Its rolls.
-    """
+    """The largest force on a pair of rolls, and which pair it is; nothing without bulging."""
     loads = RollLoads.read(folder, stations)
     found = None if loads is None else loads.largest(_FORCE)
     if loads is None or found is None:

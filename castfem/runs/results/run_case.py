@@ -1,11 +1,13 @@
-"""The case in the folder of a run: what of it is shown, and where its errors are tabulated."""
+"""The case in the folder of a run: what is shown of it, in which units, and its errors' page."""
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 
-from castfem.base.errors import CastfemError
+from castfem.base.errors import CastfemError, InputError
+from castfem.base.shown_units import ShownUnits
 from castfem.model import Case, load_case, read_case, shipped_cases
 from castfem.model.shipped_cases import CASE_NAME
 
@@ -58,11 +60,7 @@ def error_page(folder: Path) -> str:
 
 
 def error_lines(folders: Mapping[str, Path]) -> list[str]:
-    """Return a line for each page that tabulates errors of runs in some folders.
-
-    Args:
-        folders: By what a reader calls the run.
-    """
+    """Return a line for each page that tabulates errors of runs in some folders."""
     runs: dict[str, list[str]] = {}
     for name, folder in folders.items():
         runs.setdefault(error_page(folder), []).append(name)
@@ -73,3 +71,23 @@ def error_lines(folders: Mapping[str, Path]) -> list[str]:
         for path, names in runs.items()
         if path
     ]
+
+
+def units_of_run(folder: Path) -> ShownUnits:
+    """The choice of the case in the folder of a run; the units of the plant where it makes none.
+
+    Raises:
+        InputError: It is not a choice of units.
+    """
+    path = folder / CASE_NAME
+    try:
+        text = path.read_text(encoding="utf-8")
+        if "units" not in text:
+            return ShownUnits()
+        output = tomllib.loads(text).get("output", {})
+    except (OSError, tomllib.TOMLDecodeError):
+        return ShownUnits()
+    try:
+        return ShownUnits.read(output.get("units", "plant"))
+    except ValueError as error:
+        raise InputError(f"{path}: output.units: {error}") from None

@@ -22,9 +22,6 @@ class SprayRange:
 
     The table holds its end there. Committed states are looked at, with the cooling of the step that
     led to them.
-
-    Args:
-        simulation: With [secondary].
     """
 
     def __init__(self, simulation: Simulation) -> None:

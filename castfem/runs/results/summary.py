@@ -1,15 +1,17 @@
-"""The summary of a run: its results, in engineer's units, beside the case's references."""
+"""The summary of a run: its results beside the case's references, and what is not right in it."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from castfem.base.constants import same_instant
 from castfem.base.shown_quantity import Quantity
-from castfem.base.tolerances import same_instant
+from castfem.model import Case
 from castfem.physics.thermal.mould_flux import MOULD_FLUXES
 from castfem.runs.output.summary import CUT, Comparison, Reference, Summary, Zone, compare
+from castfem.runs.results.labels import resolved
 from castfem.runs.results.registry import results_of
-from castfem.runs.results.resolution import resolved
 
 if TYPE_CHECKING:
     from castfem.model.build.simulation import Simulation
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from castfem.physics.contact.state import ContactSummary
     from castfem.runs.results.run_state import RunState
     from castfem.runs.results.sample import MechanicalSample, Sample
+
 
 # Properties of a steel that a run of temperature alone does not use.
 _MECHANICAL = ("thermal_expansion", "youngs_modulus", "poisson_ratio")
@@ -75,7 +78,6 @@ def last_results(run: RunState) -> tuple[dict[str, Quantity], dict[str, dict[str
 
 
 def _steps(run: RunState) -> dict[str, float]:
-    """Counts of the run."""
     simulation, counts = run.simulation, run.counts
     found = {
         "accepted": counts.steps,
@@ -213,3 +215,28 @@ def _force_balances(sample: Sample | None) -> dict[str, dict[str, Quantity]]:
             "error": Quantity(balance.forces_error, "-", "largest relative error of a node"),
         },
     }
+
+
+def run_warnings(summary: Summary, case: Case, warmed: float) -> Iterator[str]:
+    """Yield what is not right in a run, a line each."""
+    heat, most = summary.balances.get("heat", {}), 1e-7  # over a run: rounding leaves some 1e-12
+    if "whole" in heat and not abs(heat["whole"].value) <= most:
+        yield (
+            f"the heat balance is open by {abs(heat['whole'].value):.1e} of the heat, more than "
+            f"{most:g}: look at the steel's data and the fluxes"
+        )
+    tolerance = 0.0 if case.mechanics is None else case.mechanics.tolerance
+    allowed = max(10.0 * tolerance, most)  # of a solved step
+    for name in ("axial force", "forces in the plane"):
+        error = summary.balances.get(name, {}).get("error")
+        if error is not None and not abs(error.value) <= allowed:
+            yield (
+                f"the balance of {name} is open by {abs(error.value):.1e}, more than {allowed:.1e}"
+                ": stresses are off; look at elasticity, law and loads"
+            )
+    if warmed > 0.1:  # K: what heat of flow does
+        yield (
+            f"its highest temperature has risen by {warmed:.3g} K above that of the start: heat "
+            "flows into the strand, or its conductivity jumps by so much that cells round the "
+            "corner warm up by themselves (docs/thermal.md); the temperature of the liquid is off"
+        )

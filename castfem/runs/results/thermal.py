@@ -120,13 +120,7 @@ class Sampler:
         substeps: SubSteps | None,
         mechanical: MechanicalResult | None = None,
     ) -> Sample:
-        """Read everything off the committed state (collective).
-
-        Args:
-            strand: The state.
-            substeps: Thermal steps that led to it; None at the start.
-            mechanical: The mechanical step that led to it, likewise.
-        """
+        """Read everything off the committed state (collective)."""
         simulation, state = self.simulation, strand.thermal
         profiles = simulation.probes.sample(state.point.temperature)
         if self.mechanics is not None and simulation.problem.shape is not None:
@@ -202,7 +196,7 @@ class Sampler:
         }
 
     def recall(self, memory: dict[str, float | None]) -> None:
-        """Take up what `memory` gave."""
+        """Restore what `memory` gave."""
         self.worst_balance = memory["worst_balance"] or 0.0
         self.metallurgical_length = memory["metallurgical_length"]
         self.liquid_end = memory.get("liquid_end")  # of an older checkpoint they are not there
@@ -232,7 +226,6 @@ class Sampler:
         return reductions.total(simulation.section.comm, change)
 
     def _surface_flux(self, state: ThermalState) -> dict[str, float]:
-        """Heat flux at the surface point of each probe, W/m2."""
         problem = self.simulation.problem
         flow = problem.surface_flow(state.point, state.rate, state.time)
         share = self.simulation.zones.perimeter_share()  # of the surface as it is now

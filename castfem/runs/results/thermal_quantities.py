@@ -2,121 +2,79 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from castfem.base.result_registry import quantity
+from castfem.base.result_registry import AT_FRACTION, QuantityDefinition, quantity, quantity_family
 
 if TYPE_CHECKING:
+    from castfem.physics.materials import Steel
     from castfem.runs.results.sample import Sample
 
 
-@quantity("solidus", unit="degC", label="solidus", column=False)
-def solidus(sample: Sample) -> float:
-    """Solidus of the steel."""
-    return sample.simulation.steel.solidus
-
-
-@quantity("liquidus", unit="degC", label="liquidus", column=False)
-def liquidus(sample: Sample) -> float:
-    """Liquidus of the steel."""
-    return sample.simulation.steel.liquidus
-
-
-@quantity("time", unit="s", label="time", after="position")
-def time(sample: Sample) -> float:
-    """Time since the meniscus."""
-    return sample.time
-
-
-@quantity("position", unit="m", label="position")
-def position(sample: Sample) -> float:
-    """Position of the slice below the meniscus."""
-    return sample.position
-
-
-@quantity("step", unit="s", label="time step", row=False)
-def step(sample: Sample) -> float:
-    """Time step of the thermal problem."""
-    return sample.step
-
-
-@quantity("newton", unit="-", label="Newton iterations of the temperature", row=False)
-def newton(sample: Sample) -> float:
-    """Newton iterations of the temperature in the step."""
-    return float(sample.newton)
-
-
-@quantity(
-    "surface_temperature",
-    unit="degC",
-    label="surface, {}",
-    each="probe",
-    axis="temperature",
+quantity(
+    "solidus", "degC", "solidus", column=False,
+    says="Solidus of the steel.",
+)(lambda sample: sample.simulation.steel.solidus)  # fmt: skip
+quantity(
+    "liquidus", "degC", "liquidus", column=False,
+    says="Liquidus of the steel.",
+)(lambda sample: sample.simulation.steel.liquidus)  # fmt: skip
+quantity(
+    "time", "s", "time", after="position",
+    says="Time since the meniscus.",
+)(lambda sample: sample.time)  # fmt: skip
+quantity(
+    "position", "m", "position",
+    says="Position of the slice below the meniscus.",
+)(lambda sample: sample.position)  # fmt: skip
+quantity(
+    "step", "s", "time step", row=False,
+    says="Time step of the thermal problem.",
+)(lambda sample: sample.step)  # fmt: skip
+quantity(
+    "newton", "-", "Newton iterations of the temperature", row=False,
+    says="Newton iterations of the temperature in the step.",
+)(lambda sample: float(sample.newton))  # fmt: skip
+quantity(
+    "surface_temperature", "degC", "surface, {}", each="probe", axis="temperature",
     after="liquidus_depth",
-)
-def surface_temperature(sample: Sample, probe: str) -> float:
-    """Temperature of the surface."""
-    return float(sample.profiles[probe].temperature[0])
-
-
-@quantity("shell", unit="mm", label="shell, {}", each="probe", axis="depth below the surface")
-def shell(sample: Sample, probe: str) -> float:
-    """Depth of the solidus below the surface, along the probe's line."""
-    return sample.shell[probe]
-
-
-@quantity("solidus_cell", unit="mm", label="cell of the solidus, {}", each="probe", row=False)
-def solidus_cell(sample: Sample, probe: str) -> float:
-    """Size of the cell in which that solidus lies, along the line; empty without one.
-
-    The curve of the shell is a staircase of cells: a vertex cools fast once all round it is solid.
-    It lies within a sixth of the cell of what fine cells give (cells of 4 mm against 0.8 mm in
-    `billet125/thermal` down to 13 m: -0.63 to +0.50 mm, 0.03 mm in the mean).
-    """
-    return sample.cell[probe]
-
-
-@quantity(
-    "liquidus_depth",
-    unit="mm",
-    label="depth of the liquidus, {}",
-    each="probe",
+    says="Temperature of the surface.",
+)(lambda sample, probe: float(sample.profiles[probe].temperature[0]))  # fmt: skip
+quantity(
+    "shell", "mm", "shell, {}", each="probe", axis="depth below the surface",
+    says="Depth of the solidus below the surface, along the probe's line.",
+)(lambda sample, probe: sample.shell[probe])  # fmt: skip
+quantity(
+    "solidus_cell", "mm", "cell of the solidus, {}", each="probe", row=False,
+    says="Size of the cell in which that solidus lies, along the line; empty without one. The "
+    "curve of the shell is a staircase of cells: a vertex cools fast once all round it is "
+    "solid. It lies within a sixth of the cell of what fine cells give (cells of 4 mm against "
+    "0.8 mm in `billet125/thermal` down to 13 m: -0.63 to +0.50 mm, 0.03 mm in the mean).",
+)(lambda sample, probe: sample.cell[probe])  # fmt: skip
+quantity(
+    "liquidus_depth", "mm", "depth of the liquidus, {}", each="probe",
     axis="depth below the surface",
-)
-def liquidus_depth(sample: Sample, probe: str) -> float:
-    """Depth of the liquidus below the surface, along the probe's line."""
-    return sample.liquidus[probe]
+    says="Depth of the liquidus below the surface, along the probe's line.",
+)(lambda sample, probe: sample.liquidus[probe])  # fmt: skip
+quantity(
+    "heat_flux", "kW/m^2", "heat flux, {}", each="probe",
+    says="Heat flux that leaves the surface.",
+)(lambda sample, probe: sample.flux[probe])  # fmt: skip
+quantity(
+    "heat_removed", unit="J/m", shown="MJ/m", label="heat removed per m", axis="heat removed",
+    says="Heat removed since the meniscus, per metre of the whole strand.",
+)(lambda sample: sample.removed)  # fmt: skip
+quantity(
+    "cooling_power", "kW", "cooling power to here",
+    says="Heat removed, at the casting speed: what the machine takes down to here. Where the speed "
+    "changes it is the mean one on the way.",
+)(lambda sample: sample.removed * sample.simulation.machine.mean_speed(sample.time))  # fmt: skip
 
 
-@quantity("heat_flux", unit="kW/m^2", label="heat flux, {}", each="probe")
-def heat_flux(sample: Sample, probe: str) -> float:
-    """Heat flux that leaves the surface."""
-    return sample.flux[probe]
-
-
-@quantity("heat_removed", unit="J/m", shown="MJ/m", label="heat removed per m", axis="heat removed")
-def heat_removed(sample: Sample) -> float:
-    """Heat removed since the meniscus, per metre of the whole strand."""
-    return sample.removed
-
-
-@quantity("cooling_power", unit="kW", label="cooling power to here")
-def cooling_power(sample: Sample) -> float:
-    """Heat removed, at the casting speed: what the machine takes down to here.
-
-    Where the speed changes it is the mean one on the way.
-    """
-    return sample.removed * sample.simulation.machine.mean_speed(sample.time)
-
-
-@quantity(
-    "heat_removed_slice",
-    unit="kJ",
-    label="heat removed in 1 s of casting, modelled part",
-    column=False,
-)
+@quantity("heat_removed_slice", "kJ", "heat removed in 1 s of casting, modelled part", column=False)
 def heat_removed_slice(sample: Sample) -> float:
     """Heat removed from the modelled part of the length that is cast in 1 s."""
     simulation = sample.simulation
@@ -124,73 +82,74 @@ def heat_removed_slice(sample: Sample) -> float:
     return sample.removed / simulation.section.multiplicity * speed
 
 
-@quantity("temperature_core", unit="degC", label="core", row=False)
-def temperature_core(sample: Sample) -> float:
-    """Temperature at the inner end of the first probe's line."""
-    return next((float(p.temperature[-1]) for p in sample.profiles.values()), np.nan)
-
-
-@quantity("temperature_min", unit="degC", label="lowest temperature", row=False)
-def temperature_min(sample: Sample) -> float:
-    """Lowest temperature of the section."""
-    return sample.temperature_range[0]
-
-
-@quantity("temperature_max", unit="degC", label="highest temperature")
-def temperature_max(sample: Sample) -> float:
-    """Highest temperature of the section."""
-    return sample.temperature_range[1]
-
-
-@quantity(
-    "energy_error",
-    unit="-",
-    label="relative error of the energy",
-    row=False,
+quantity(
+    "temperature_core", "degC", "core", row=False,
+    says="Temperature at the inner end of the first probe's line.",
+)(
+    lambda sample: next((float(p.temperature[-1]) for p in sample.profiles.values()), np.nan)
+)  # fmt: skip
+quantity(
+    "temperature_min", "degC", "lowest temperature", row=False,
+    says="Lowest temperature of the section.",
+)(lambda sample: sample.temperature_range[0])  # fmt: skip
+quantity(
+    "temperature_max", "degC", "highest temperature",
+    says="Highest temperature of the section.",
+)(lambda sample: sample.temperature_range[1])  # fmt: skip
+quantity(
+    "energy_error", "-", "relative error of the energy", row=False,
     axis="relative error of\nthe energy",
-)
-def energy_error(sample: Sample) -> float:
-    """Heat in less heat out less change of enthalpy in the step, relative."""
-    return sample.balance
-
-
-@quantity(
-    "metallurgical_length",
-    unit="m",
-    label="metallurgical length",
-    column=False,
-    after="mould_penetration_max",
+    says="Heat in less heat out less change of enthalpy in the step, relative.",
+)(lambda sample: sample.balance)  # fmt: skip
+quantity(
+    "metallurgical_length", "m", "metallurgical length", column=False,
+    after="mould_penetration_max", of_way=True,
+    says="Where the last of the section passed the solidus; none while liquid is left.",
+)(lambda sample: sample.metallurgical_length)  # fmt: skip
+quantity(
+    "liquid_end", "m", "end of the liquid core, fs = 0", column=False,
+    after="mould_penetration_max", of_way=True,
+    says="Where the last of the section passed the liquidus; none while some is above it.",
+)(lambda sample: sample.liquid_end)  # fmt: skip
+quantity(
+    "mould_mean_flux", "kW/m^2", "mean heat flux in the mould", column=False, after="cooling_power",
     of_way=True,
-)
-def metallurgical_length(sample: Sample) -> float | None:
-    """Where the last of the section passed the solidus; none while liquid is left."""
-    return sample.metallurgical_length
+    says="Heat removed in the mould so far, over the surface of the strand and the time there. The "
+    "end of the mould is `mould.length`, or that of the zones which are called a mould.",
+)(lambda sample: sample.mould_flux)  # fmt: skip
 
 
-@quantity(
-    "liquid_end",
-    unit="m",
-    label="end of the liquid core, fs = 0",
-    column=False,
-    after="mould_penetration_max",
-    of_way=True,
-)
-def liquid_end(sample: Sample) -> float | None:
-    """Where the last of the section passed the liquidus; none while some is above it."""
-    return sample.liquid_end
+@lru_cache(maxsize=128)
+def depth_of(percent: int) -> QuantityDefinition:
+    """Return the quantity that is the shell as far as so much of it is solid, at each probe."""
+    levels: dict[int, tuple[Steel, float]] = {}  # the last steel's
+
+    def depth(sample: Sample, probe: str) -> float:
+        """Depth below the surface, along the probe's line, to which at least so much is solid."""
+        steel = sample.simulation.steel
+        if id(steel) not in levels:
+            levels.clear()
+            levels[id(steel)] = steel, temperature_at(steel, percent / 100)
+        return sample.profiles[probe].isotherm_depth(levels[id(steel)][1])
+
+    return QuantityDefinition(
+        f"fs{percent}", unit="mm", label=f"shell to fs = {percent / 100:g}, {{}}", each="probe",
+        axis="depth below the surface", compute=depth,
+    )  # fmt: skip
 
 
-@quantity(
-    "mould_mean_flux",
-    unit="kW/m^2",
-    label="mean heat flux in the mould",
-    column=False,
-    after="cooling_power",
-    of_way=True,
-)
-def mould_mean_flux(sample: Sample) -> float | None:
-    """Heat removed in the mould so far, over the surface of the strand and the time there.
+quantity_family(AT_FRACTION, depth_of)
 
-    The end of the mould is `mould.length`, or that of the zones which are called a mould.
-    """
-    return sample.mould_flux
+
+def temperature_at(steel: Steel, fraction: float) -> float:
+    """Temperature at which so much is solid, K: the highest one, at 1 the solidus."""
+    if fraction >= 1.0:
+        return steel.solidus
+    low, high = steel.solidus, steel.liquidus
+    for _ in range(60):  # halvings of the mushy zone
+        middle = 0.5 * (low + high)
+        if float(steel.solid_fraction(middle)) >= fraction:
+            low = middle
+        else:
+            high = middle
+    return low

@@ -32,15 +32,9 @@ if TYPE_CHECKING:
 
     from castfem.base.progress import Progress
 
-MEGA = 1e6
-
 
 class TensileTest:
     """A tensile test in SI: its law and its strain history.
-
-    Args:
-        case: The case.
-        origin: Where the test was written, for messages about its law.
 
     Attributes:
         law: Constitutive law.
@@ -150,7 +144,6 @@ def run(
 
 
 def _run(case: TensileCase, output: OutputFolder, ranks: int) -> Summary:
-    """The whole run on one rank."""
     begin = perf_counter()
     test = TensileTest(case)
     text, files = portable(case, PROPERTIES_NAME)
@@ -180,13 +173,7 @@ def _run(case: TensileCase, output: OutputFolder, ranks: int) -> Summary:
 
 
 class _Writer:
-    """Writes the rows of the history as the test goes on, and knows the last one.
-
-    Args:
-        path: Of the history.
-        test: The test.
-        analytical: Its stress in closed form (n,), Pa, or None.
-    """
+    """Writes the rows of the history as the test goes on, and knows the last one."""
 
     def __init__(self, path: Path, test: TensileTest, analytical: Array | None) -> None:
         self.test, self.analytical = test, analytical
@@ -224,13 +211,13 @@ class _Writer:
         row = {
             "time": record.time[k],
             "strain": record.axial_strain[k, 0],
-            "stress": record.axial_stress[k, 0] / MEGA,
+            "stress": record.axial_stress[k, 0] / 1e6,
             "viscoplastic_strain": self.flow(k),
             "temperature": self.test.temperature[k] - ZERO_CELSIUS,
-            "work": record.work[k, 0] / MEGA,
+            "work": record.work[k, 0] / 1e6,
         }
         if self.analytical is not None:
-            row["analytical_stress"] = self.analytical[k] / MEGA
+            row["analytical_stress"] = self.analytical[k] / 1e6
         if self._total:
             row["total_strain"] = self.test.strain[k]
         self.history.append(row)
@@ -298,21 +285,19 @@ def _quantities(writer: _Writer, record: Tension) -> dict[str, Quantity]:
     return found
 
 
-STABILISED = 3  # cycle from which on a law that does not harden without end repeats itself
-
-
 def _of_cycles(stress: Array, cycles: list[slice]) -> dict[str, Quantity]:
     """Largest and smallest stress of some of the cycles that are complete, and their growth."""
     whole = [c for c in cycles if c.stop <= len(stress)]
     found = {}
-    for k in sorted({1, STABILISED, len(whole)} & set(range(1, len(whole) + 1))):
+    stable = 3  # from there on a law that does not harden without end repeats itself
+    for k in sorted({1, stable, len(whole)} & set(range(1, len(whole) + 1))):
         part = stress[whole[k - 1]]
         top, low = float(part.max()), float(part.min())
         found[f"tension_{k}"] = Quantity(top, "MPa", f"largest stress, cycle {k}")
         found[f"compression_{k}"] = Quantity(low, "MPa", f"smallest stress, cycle {k}")
-    if len(whole) > STABILISED:
-        first, last = (float(stress[c].max()) for c in (whole[STABILISED - 1], whole[-1]))
+    if len(whole) > stable:
+        first, last = (float(stress[c].max()) for c in (whole[stable - 1], whole[-1]))
         growth = last / first - 1.0 if first > 0.0 else 0.0
-        text = f"growth of the largest stress since cycle {STABILISED}"
+        text = f"growth of the largest stress since cycle {stable}"
         found["growth"] = Quantity(growth, "percent", text)
     return found

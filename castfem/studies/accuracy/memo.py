@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from castfem.base.atomic_files import folder_refused
+from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError, RunFailure
 from castfem.base.shown_quantity import Quantity
-from castfem.base.tolerances import ROUNDING
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.places import quantities_at

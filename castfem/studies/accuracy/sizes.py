@@ -13,8 +13,7 @@ from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from typing import Any
 
-from castfem.base.errors import InputError
-from castfem.base.messages import choices
+from castfem.base.errors import InputError, choices
 from castfem.model import Case
 from castfem.model.mechanics import Way
 from castfem.model.section import meshing

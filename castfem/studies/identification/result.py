@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from castfem.base.constants import ZERO_CELSIUS
-from castfem.base.own_style import own_style
+from castfem.base.libraries import own_style
 from castfem.base.tables import Constant, Table
 from castfem.base.types import Array
 from castfem.physics.constitutive.curves import modified_norton_hoff

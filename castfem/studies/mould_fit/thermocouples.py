@@ -10,9 +10,9 @@ from mpi4py import MPI
 
 import numpy as np
 
+from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError
 from castfem.base.shown_quantity import Quantity
-from castfem.base.tolerances import ROUNDING
 from castfem.model.build_mould import nominal_mould
 from castfem.physics.mould.hot.model import HotMould
 from castfem.runs.results.wall_flux import read_wall_flux

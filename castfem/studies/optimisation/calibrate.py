@@ -18,9 +18,9 @@ import numpy as np
 
 from castfem.base import units
 from castfem.base.atomic_files import write_csv, write_json, write_text
+from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError, RunFailure
 from castfem.base.shown_quantity import Quantity, from_si, unit_of_difference
-from castfem.base.tolerances import ROUNDING
 from castfem.base.types import Array
 from castfem.model.load import value_of
 from castfem.runs.output.history import HISTORY_NAME, read_history

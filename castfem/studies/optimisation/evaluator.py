@@ -7,10 +7,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from castfem.base.atomic_files import folder_refused
-from castfem.base.closing import Closing
-from castfem.base.errors import InputError, RunFailure
-from castfem.base.messages import shown
+from castfem.base.atomic_files import Closing, folder_refused
+from castfem.base.errors import InputError, RunFailure, shown
 from castfem.base.result_registry import smooth_twins
 from castfem.model.load import changed, from_document
 from castfem.model.shipped_cases import as_case

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.base.atomic_files import write_csv
-from castfem.base.tolerances import same_instant
+from castfem.base.constants import same_instant
 from castfem.model.build_mould import build_mould
 
 if TYPE_CHECKING:

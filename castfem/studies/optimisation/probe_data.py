@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from castfem.base.errors import InputError
-from castfem.base.messages import choices
+from castfem.base.errors import InputError, choices
 from castfem.base.shown_quantity import Quantity, to_si
 from castfem.base.units import nearest, parse_any
 from castfem.model import Case

@@ -149,7 +149,7 @@ class DesignProblem:
         Raises:
             InputError: With a line for each.
         """
-        from castfem.runs.results.of_case import faults_of
+        from castfem.runs.results.needs import faults_of
 
         asked = {"minimise": self.table.minimise, "maximise": self.table.maximise}
         keys = [(key, name) for key, names in asked.items() for name in names]

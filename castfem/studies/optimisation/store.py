@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from castfem.base import units
 from castfem.base.atomic_files import UNWRITTEN
-from castfem.base.errors import CastfemError, InputError
-from castfem.base.messages import differences
+from castfem.base.errors import CastfemError, InputError, differences
 from castfem.base.shown_quantity import Quantity
 from castfem.model.key_names import full_key
 from castfem.model.load import portable

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from castfem.base import units
 from castfem.base.constants import ZERO_CELSIUS
-from castfem.base.errors import InputError
-from castfem.base.messages import choices
+from castfem.base.errors import InputError, choices
 from castfem.model import key_names
 from castfem.model.case import Case
 from castfem.model.load import changed

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from castfem.base.constants import EXACT, same_instant
 from castfem.base.errors import InputError
 from castfem.base.shown_units import below_meniscus
-from castfem.base.tolerances import EXACT, same_instant
 from castfem.base.types import Array
 from castfem.model import Case
 from castfem.model.build.cooling import Zones

@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from castfem.base import units
+from castfem.base.constants import EXACT
 from castfem.base.errors import InputError
 from castfem.base.result_registry import QuantityDefinition
 from castfem.base.shown_quantity import Quantity
-from castfem.base.tolerances import EXACT
 from castfem.base.types import Array
 from castfem.model.build.simulation import Simulation
 from castfem.physics.coupling.staggered import StrandState
 from castfem.physics.thermal.stepper import ThermalState
-from castfem.runs.results.of_case import fault_of
+from castfem.runs.results.labels import STAIR
+from castfem.runs.results.needs import fault_of
 from castfem.runs.results.registry import columns_of, results_of
-from castfem.runs.results.resolution import STAIR
 from castfem.runs.results.sample import Sample
 from castfem.runs.results.thermal import Sampler
 from castfem.studies.sensitivity.fronts import LEVELS, Fronts

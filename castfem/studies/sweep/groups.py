@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from castfem.base.closing import Closing
+from castfem.base.atomic_files import Closing
 from castfem.base.errors import InputError
 from castfem.studies.sweep.work import Job, Outcome, work
 

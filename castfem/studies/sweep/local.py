@@ -20,8 +20,8 @@ from dataclasses import replace
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
-from castfem.base import signals
-from castfem.base.closing import Closing
+from castfem.base import process
+from castfem.base.atomic_files import Closing
 from castfem.studies.sweep.work import Job, Outcome, Stop, work
 
 _TICK = 0.25  # s between two looks at the progress
@@ -189,7 +189,7 @@ def _serve(connection: Connection, noise: Path) -> None:
     """Do the jobs that come, until the other end is closed (in the process)."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all; the parent decides
     stop = Stop()
-    signals.keep_hangup()
+    process.keep_hangup()
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is not signal.SIG_IGN:  # as below nohup
             signal.signal(number, lambda *_: setattr(stop, "wanted", True))

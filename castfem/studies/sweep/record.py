@@ -9,9 +9,8 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from castfem.base.atomic_files import write_json
+from castfem.base.atomic_files import taken, write_json
 from castfem.base.errors import InputError
-from castfem.base.file_lock import taken
 from castfem.model.load import portable
 from castfem.model.shipped_cases import CASE_NAME
 from castfem.runs import existing_run

@@ -10,8 +10,7 @@ Across the width the strip is not bent, and stretched freely.
 from __future__ import annotations
 
 from castfem.physics.machine.bulging.creep import CreepingStrip
-from castfem.physics.machine.bulging.elastic import ElasticStrip
-from castfem.physics.machine.bulging.plate import ThesisPlate
+from castfem.physics.machine.bulging.plate import ElasticStrip, ThesisPlate
 from castfem.physics.machine.bulging.result import Bulge, BulgingModel, Span
 from castfem.physics.machine.bulging.shell import Shell, stiffness
 from castfem.physics.machine.bulging.spans import Rolls, over_rolls

@@ -22,26 +22,49 @@ from castfem.base.types import Array
 from castfem.physics.constitutive.base import Law
 from castfem.physics.constitutive.flow_laws import STRAIN
 from castfem.physics.constitutive.hardening_laws import Hardening
-from castfem.physics.machine.bulging.fixed_point import Anderson
 from castfem.physics.machine.bulging.layers import Condition, LayerHistory, Layers
 from castfem.physics.machine.bulging.result import Bulge, Span, deflected
-from castfem.physics.machine.bulging.shell import LAYERS, Shell
+from castfem.physics.machine.bulging.shell import Shell
 
-STEPS = 160
-PASSES = 30
+
+class Anderson:
+    """Remembers the last iterations and proposes the next x.
+
+    All is dropped where what is missing has doubled.
+    """
+
+    depth = 5  # iterations that are remembered
+
+    def __init__(self) -> None:
+        self._x: list[Array] = []
+        self._rest: list[Array] = []
+
+    def next(self, x: Array, image: Array) -> Array:
+        """Return the next x, from x (n,) and its image g(x) (n,)."""
+        rest = image - x
+        if self._rest and np.linalg.norm(rest) > 2.0 * np.linalg.norm(self._rest[-1]):
+            self._x, self._rest = [], []
+        self._x = [*self._x[-self.depth :], x]
+        self._rest = [*self._rest[-self.depth :], rest]
+        if len(self._x) == 1:
+            return image
+        moves = np.diff(np.array(self._x), axis=0).T
+        changes = np.diff(np.array(self._rest), axis=0).T
+        share = np.linalg.lstsq(changes, self._rest[-1], rcond=1e-6)[0]
+        return np.asarray(image - (moves + changes) @ share)
+
+
 VIRGIN_PITCHES = 4  # of a law that cannot become periodic
-TOLERANCE = 3e-4  # of the deflection, from pass to pass
-GAP = 5e-3  # of the range of the curvature: what may be missing to its repetition
-GRADING = 0.6  # how much shorter steps are at the rolls, where the moment has its peaks
-MOST = 0.3  # of M0: its largest change in a pass
-FLOWS = 1e-6  # compliance beyond the elastic, from which on the strip counts as creeping
 
 
 def nodes(length: float, steps: int) -> Array:
-    """Ends of the steps of a pitch, m, (steps + 1,): close to each other at the rolls."""
+    """Ends of the steps of a pitch, m, (steps + 1,): close to each other at the rolls.
+
+    Steps there, where the moment has its peaks, are shorter by 0.6 than on the average.
+    """
     s = np.linspace(0.0, 1.0, steps + 1)
     wave = np.sin(2.0 * np.pi * s)
-    return np.asarray(length * (s - GRADING / (2.0 * np.pi) * wave))
+    return np.asarray(length * (s - 0.6 / (2.0 * np.pi) * wave))
 
 
 def accumulates(law: Law) -> bool:
@@ -99,13 +122,19 @@ class CreepingStrip:
         layers: Points through the thickness; even.
         pitches: Of virgin steel with a law that cannot become periodic.
         shear: Whether it yields to shear.
+        passes: Through the pitch, until it repeats itself.
+        tolerance: Change of the deflection from pass to pass, of the largest.
+        gap: What may be missing to its repetition, of the range of the curvature.
     """
 
     law: Law
-    steps: int = STEPS
-    layers: int = LAYERS
+    steps: int = 160
+    layers: int = 24
     pitches: int = VIRGIN_PITCHES
     shear: bool = False
+    passes: int = 30
+    tolerance: float = 3e-4
+    gap: float = 5e-3
 
     def compliance(self, layers: Layers) -> float:
         """Slope over shear force per metre of width, m/N; 0 without shear."""
@@ -155,11 +184,12 @@ class CreepingStrip:
         Raises:
             RunFailure: If the shell cannot carry the pressure.
         """
-        grows = accumulates(self.law)
+        grows, passes = accumulates(self.law), self.passes
+        tolerance, gap = share * self.tolerance, share * self.gap
         search = _Search(layers, span, nodes(span.length, steps), guess)
-        for k in range(self.pitches if grows else PASSES):
+        for k in range(self.pitches if grows else passes):
             search.advance()
-            if not grows and search.change <= share * TOLERANCE and abs(search.gap) <= share * GAP:
+            if not grows and search.change <= tolerance and abs(search.gap) <= gap:
                 return search.pitch, True
             search.move(accelerated=k > 0 and not grows)
         return search.pitch, False
@@ -251,8 +281,8 @@ class _Search:
         history, first, stiff = self.pitch.history, self._first, self._layers.stiffness.bending
         end = history.end
         creep = float((history.compliance[1:] - 1.0 / stiff).sum())
-        if creep * stiff > FLOWS:
-            most = MOST * max(abs(first), self._clamped)
+        if creep * stiff > 1e-6:  # it creeps; in a pass the moment changes by 0.3 of it at most
+            most = 0.3 * max(abs(first), self._clamped)
             first -= float(np.clip(self._gap / creep, -most, most))
         if not accelerated:
             self._start, self._first = end, first

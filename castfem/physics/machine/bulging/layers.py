@@ -12,10 +12,6 @@ from castfem.base.types import Array
 from castfem.physics.constitutive.base import Law, MaterialStep, Response
 from castfem.physics.machine.bulging.shell import Points, stiffness
 
-ITERATIONS = 120
-TOLERANCE = 1e-6  # of the forces and moments out of balance, over the largest moment
-LEAST_MOVE = 1e-4  # of a Newton step, below which it is no longer halved
-
 
 @compiled
 def _solve(matrix, right):  # type: ignore[no-untyped-def]
@@ -199,14 +195,14 @@ class Layers:
         step = MaterialStep(increment, points.thermal_rate * dt, heat, heat, dt)
         change, taken = np.zeros_like(increment), np.zeros_like(increment)
         share, least = 1.0, np.inf
-        for _ in range(ITERATIONS):
+        for _ in range(120):
             self.law.integrate(step, stress, state, coefficients=self._coefficients, out=out)
             rest, compliance = _correction(
                 out.stress, out.tangent, points.weight, self.arm, moment, points.thickness, change
             )
-            if rest <= TOLERANCE * scale:
+            if rest <= 1e-6 * scale:
                 return float(compliance)
-            if rest < least or share < LEAST_MOVE:
+            if rest < least or share < 1e-4:
                 taken[:], share, least = change, 1.0, rest
                 increment += taken
             else:  # too far: halfway back

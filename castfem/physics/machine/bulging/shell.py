@@ -13,10 +13,7 @@ from castfem.base.types import Array
 from castfem.physics.constitutive.base import Law
 from castfem.physics.constitutive.elasticity import Elasticity
 
-LAYERS = 24
 _GAUSS = 3.0**-0.5
-_SCAN = 801  # depths at which a law is asked where it changes at once
-_JUMP = 0.2  # of the range of a coefficient: a change from one of these depths to the next
 
 Profile = Callable[[Array], npt.ArrayLike]
 """From depths (n,), m, to a number each, or one for all."""
@@ -43,7 +40,7 @@ class Shell:
         if not self.thickness > 0.0:
             raise ValueError(f"a shell needs a thickness, not {self.thickness} m")
 
-    def points(self, layers: int = LAYERS, breaks: Iterable[float] = ()) -> Points:
+    def points(self, layers: int = 24, breaks: Iterable[float] = ()) -> Points:
         """Return two Gauss points in each of the sublayers.
 
         Args:
@@ -70,11 +67,14 @@ class Shell:
         )  # fmt: skip
 
     def breaks(self, law: Law) -> Array:
-        """Depths at which the coefficients of a law jump, m, as where another phase takes over."""
-        depth: Array = np.asarray(np.linspace(0.0, self.thickness, _SCAN))
+        """Depths at which the coefficients of a law jump, m, as where another phase takes over.
+
+        A jump is a fifth of the range of a coefficient, from one of 801 depths to the next.
+        """
+        depth: Array = np.asarray(np.linspace(0.0, self.thickness, 801))
         heat = _at(depth, self.temperature(depth))
         steps = np.abs(np.diff(law.coefficients(heat, heat), axis=0))
-        jumps = (steps > _JUMP * np.maximum(steps.sum(axis=0), 1e-300)).any(axis=1)
+        jumps = (steps > 0.2 * np.maximum(steps.sum(axis=0), 1e-300)).any(axis=1)
         return np.asarray(0.5 * (depth[1:] + depth[:-1])[jumps])
 
 

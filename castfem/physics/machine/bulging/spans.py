@@ -27,12 +27,6 @@ from castfem.physics.machine.bulging.layers import LayerHistory, Layers
 from castfem.physics.machine.bulging.result import Bulge, Span
 from castfem.physics.machine.bulging.shell import Shell
 
-ITERATIONS = 60
-TOLERANCE = 1e-4  # of the largest deflection
-CLOSER = 0.2  # of the tolerances of a pitch: what is missing to its repetition adds up
-LEAST_SIZE = 1e-9  # m: a strip that does not bulge
-FURTHER = 2.0  # growth of what is missing at which a step is halved
-
 
 @dataclass(frozen=True, slots=True)
 class Rolls:
@@ -100,10 +94,11 @@ class _Spans:
 
     def __init__(self, strip: CreepingStrip, rolls: Rolls, layers: Layers, steps: int) -> None:
         self._layers, self._rolls = layers, rolls
-        self._in, _ = strip.periodic(layers, rolls.span(0), steps, share=CLOSER)
+        closer = 0.2  # of the tolerances of a pitch: what is missing to its repetition adds up
+        self._in, _ = strip.periodic(layers, rolls.span(0), steps, share=closer)
         self._out = self._in
         if not np.isclose(rolls.pitches[-1], rolls.pitches[0]):
-            self._out, _ = strip.periodic(layers, rolls.span(-1), steps, share=CLOSER)
+            self._out, _ = strip.periodic(layers, rolls.span(-1), steps, share=closer)
         parts = [
             a + nodes(length, steps)[: steps + (k == len(rolls.pitches) - 1)]
             for k, (a, length) in enumerate(zip(rolls.positions, rolls.pitches, strict=False))
@@ -181,14 +176,14 @@ class _Spans:
         else:
             unknown, matrix = guess
             found, missed = self._advanced(unknown)
-        for _ in range(ITERATIONS):
-            size = max(found.size, LEAST_SIZE)
-            if float(np.abs(missed).max()) <= TOLERANCE * size:
+        for _ in range(60):
+            size = max(found.size, 1e-9)  # m, of a strip that does not bulge
+            if float(np.abs(missed).max()) <= 1e-4 * size:
                 return found, (unknown, matrix)
             step = -np.linalg.solve(matrix, missed)
             before = missed
             found, missed = self._advanced(unknown + step)
-            while float(np.abs(missed).max()) > FURTHER * float(np.abs(before).max()):
+            while float(np.abs(missed).max()) > 2.0 * float(np.abs(before).max()):
                 step *= 0.5
                 found, missed = self._advanced(unknown + step)
                 if float(np.abs(step[:-1]).max()) < 1e-6 * float(np.abs(unknown[:-1]).max()):

@@ -20,8 +20,6 @@ from castfem.physics.machine.bulging.shell import Shell
 from castfem.physics.machine.bulging.spans import Rolls, over_rolls
 
 ABOVE, BELOW = 2, 3  # pitches over which rolls that are not alike are felt: what has crept goes on
-_PULL = 1e-3  # of the pressure on a pitch: a roll that pulls by more is left
-_INTO = 1e-6  # m: a shell that lies so far beyond a roll it had left touches it again
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,13 +137,16 @@ class UnevenRolls:
     ) -> tuple[Bulge, dict[int, float]]:
         """The strip over the rolls that it touches.
 
+        A roll that pulls by more than a thousandth of the pressure on a pitch is left; a shell that
+        lies 1 um beyond a roll it had left touches it again.
+
         Returns:
             The strip, and the force on each roll but the outermost, N per
             metre of width, none on those that it does not touch.
         """
         left: list[int] = []
         firm = (*numbers[:2], *numbers[-2:])
-        least = -_PULL * span.pressure * span.length
+        least = -1e-3 * span.pressure * span.length
         for _ in range(2 * len(numbers)):
             held = [i for i in numbers if i not in left]
             rolls = Rolls(
@@ -158,7 +159,7 @@ class UnevenRolls:
             into = {i: float(whole.at(self.position(i))) - offsets[i] for i in left}
             if loose:
                 left.append(min(loose, key=lambda i: loose[i]))
-            elif into and max(into.values()) > _INTO:
+            elif into and max(into.values()) > 1e-6:
                 left.remove(max(into, key=lambda i: into[i]))
             else:
                 return whole, forces | dict.fromkeys(left, 0.0)

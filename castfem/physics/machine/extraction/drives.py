@@ -8,11 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from castfem.base.constants import EXACT
 from castfem.base.errors import RunFailure
 from castfem.base.types import Array
 from castfem.base.units import convert
-
-_HAIR = 1e-12  # of the resistance: what rounding leaves
 
 
 class StrandStopsError(RunFailure):
@@ -73,7 +72,7 @@ def refuse_standstill(resistance: float, capacities: Array) -> None:
         StrandStopsError: It is.
     """
     most = math.fsum(capacities)
-    if resistance > most * (1.0 + _HAIR):
+    if resistance > most * (1.0 + EXACT):
         raise StrandStopsError(
             f"the strand would stop: its rolls resist with {_in_kn(resistance)}, all its drives "
             f"together pull with {_in_kn(most)} at most; free the rolls that are locked, or check "

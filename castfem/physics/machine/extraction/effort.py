@@ -15,7 +15,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from castfem.base.tolerances import ROUNDING
+from castfem.base.constants import ROUNDING
 from castfem.base.types import Array
 from castfem.physics.machine.extraction import resistance
 from castfem.physics.machine.extraction.drives import refuse_standstill, share, taken

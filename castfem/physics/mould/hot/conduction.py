@@ -18,9 +18,6 @@ from castfem.physics.mould.hot.copper import Copper
 from castfem.physics.mould.hot.solvers import LinearSolver, Method, Solved, chosen, heat_options
 from castfem.physics.mould.hot.tube import Tube
 
-CLOSE = 1e-7  # K: the change of the last iteration
-MOST = 30  # iterations of Newton's method
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FaceLoad:
@@ -98,7 +95,8 @@ class Conduction:
         fixed = _owned_of(conditions, tube.owned)
         matrix, newton = create_matrix(left), 0
         try:
-            for _ in range(MOST):
+            most = 30  # iterations of Newton's method
+            for _ in range(most):
                 newton += 1
                 kelvin.x.array[:] = copper.temperature(theta.x.array)
                 slope.x.array[:] = 1.0 / np.asarray(copper.conductivity(kelvin.x.array))
@@ -111,11 +109,11 @@ class Conduction:
                 full = dof_values.with_ghosts(space, step)
                 theta.x.array[:] += full
                 change = np.abs(full * slope.x.array)
-                if reductions.largest(tube.comm, change) < CLOSE:
+                if reductions.largest(tube.comm, change) < 1e-7:  # K
                     break
             else:
                 raise RunFailure(
-                    f"hot mould: no temperature of the copper after {MOST} iterations: more heat "
+                    f"hot mould: no temperature of the copper after {most} iterations: more heat "
                     "comes in than its water takes; give more water in [mould.tube] "
                     "(water_coefficient), or less heat"
                 )

@@ -73,7 +73,7 @@ class Copper:
     def _knots(self) -> tuple[Array, Array, Array]:
         """Return temperatures, k and theta at the rows, and far beyond them where k is constant."""
         kinks = list(self.conductivity.kinks) or [ZERO_CELSIUS]
-        knots = np.array([kinks[0] - _FAR, *kinks, kinks[-1] + _FAR])
+        knots = np.array([kinks[0] - 1e4, *kinks, kinks[-1] + 1e4])
         k = np.asarray(self.conductivity(knots))
         steps = 0.5 * (k[1:] + k[:-1]) * np.diff(knots)
         theta = np.concatenate([[0.0], np.cumsum(steps)])
@@ -86,6 +86,3 @@ class Copper:
     @staticmethod
     def _slopes(knots: Array, k: Array) -> Array:
         return np.diff(k) / np.diff(knots)
-
-
-_FAR = 1e4  # K

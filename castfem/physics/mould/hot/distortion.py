@@ -9,6 +9,7 @@ import numpy as np
 import ufl
 from dolfinx import fem, la
 
+from castfem.base.constants import ROUNDING
 from castfem.base.types import Array, Indices
 from castfem.fem import dof_values, reductions
 from castfem.fem.compat import (
@@ -41,10 +42,6 @@ SUPPORTS: dict[str, dict[str, str]] = {
 }
 """Components that each support holds on a face, beside the planes of symmetry."""
 _BARLOW = 1.0 / np.sqrt(3.0)
-_EQUAL = 1e-9
-"""Of a stress: two that differ by less are one, whichever rank has them."""
-_SAME_PLACE = 1e-9
-"""Distance of two nodes that are one, m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -180,7 +177,8 @@ class Distortion:
         tube = self.tube
         values = stress.x.array[: tube.owned]
         top = reductions.largest(tube.comm, values)
-        near = tube.scalars.tabulate_dof_coordinates()[: tube.owned][values >= top * (1.0 - _EQUAL)]
+        high = values >= top * (1.0 - ROUNDING)  # the same place, whichever rank has it
+        near = tube.scalars.tabulate_dof_coordinates()[: tube.owned][high]
         own = max((tuple(map(float, place)) for place in near), default=(-np.inf,) * 3)
         x, y, z = max(tube.comm.allgather(own))
         return top, (x, y, z)
@@ -203,7 +201,7 @@ class Distortion:
             # Symmetry keeps it from turning and drifting aside: one node keeps it from falling.
             corner = tube.first_node
             block = fem.locate_dofs_geometrical(
-                space, lambda x: np.linalg.norm(x.T - corner, axis=1) < _SAME_PLACE
+                space, lambda x: np.linalg.norm(x.T - corner, axis=1) < ROUNDING
             )
             held = (3 * block + 2).astype(np.int32)
             conditions.append(fem.dirichletbc(np.array(0.0), held, space.sub(2)))

@@ -25,11 +25,6 @@ from castfem.physics.mould.hot.tube import Tube
 from castfem.physics.mould.mould import Mould
 from castfem.physics.mould.perimeter import Places, corner_of, lengths, sides_of
 
-CORNER_CELLS = 4
-"""On the quarter circle of a corner, at least: a round asks for more by its size."""
-FINE = 3.0
-"""Times that the cells at the meniscus are shorter than elsewhere."""
-
 
 @dataclass(frozen=True, slots=True)
 class TubeSettings:
@@ -122,10 +117,10 @@ class HotMould:
         start = sides_of(mould.cavity, mould.tapers, 0.0)
         right, arc, upper = lengths(start)
         faces = math.ceil(max(right, upper) / settings.size)
-        corner = max(CORNER_CELLS, math.ceil(arc / settings.size))
+        corner = max(4, math.ceil(arc / settings.size))  # a round asks for more
         self.places = Places.spread(start, max(faces, 1), corner)
         self.ways = self.places.ways(start)
-        fine = settings.size / FINE
+        fine = settings.size / 3.0  # at the meniscus
         self.positions = graded(-settings.above, mould.length, fine, settings.size)
         self.tube = Tube(comm, on_root(comm, self._mesh))
 

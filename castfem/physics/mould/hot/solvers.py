@@ -13,9 +13,6 @@ from castfem.base.types import Array
 from castfem.fem.snes import SolverOptions
 
 Method = Literal["auto", "direct", "multigrid"]
-SMALL = 250_000
-"""Unknowns up to which a system is factored: a thin wall is nearly a surface, whose factors grow
-little faster than its unknowns (docs/hot_mould.md); memory sets the limit, 10 kB an unknown."""
 DIRECT = {
     "ksp_type": "preonly",
     "pc_type": "cholesky",
@@ -60,10 +57,14 @@ class Solved:
 
 
 def chosen(method: Method, unknowns: int) -> Literal["direct", "multigrid"]:
-    """Return the method itself, for "auto" by the number of unknowns."""
+    """Return the method itself, for "auto" by the number of unknowns.
+
+    A thin wall is nearly a surface, whose factors grow little faster than its unknowns
+    (docs/hot_mould.md); memory sets the limit, 10 kB an unknown.
+    """
     if method != "auto":
         return method
-    return "direct" if unknowns <= SMALL else "multigrid"
+    return "direct" if unknowns <= 250_000 else "multigrid"
 
 
 def heat_options(method: str) -> Mapping[str, Any]:

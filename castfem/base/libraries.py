@@ -1,4 +1,4 @@
-"""How DOLFINx is imported: after h5py and MPI; where there is none, with a word how to get it.
+"""How libraries are imported: DOLFINx after h5py and MPI, matplotlib without a display.
 
 DOLFINx and petsc4py of PyPI find MPI only where mpi4py has loaded it, and an h5py that is loaded
 after them meets their HDF5 instead of its own.
@@ -6,7 +6,12 @@ after them meets their HDF5 instead of its own.
 
 from __future__ import annotations
 
+import os
 import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from types import ModuleType
+from typing import Any
 
 _LAST = ("dolfinx", "petsc4py")
 _ALL = (*_LAST, "mpi4py", "ufl", "basix")
@@ -49,3 +54,33 @@ def watch() -> None:
     sys.meta_path.insert(0, _Watch())
     if not sys.modules.keys().isdisjoint(_LAST):
         _load_earlier()
+
+
+_DISPLAY = "MPLBACKEND"
+
+
+def own_matplotlib() -> ModuleType:
+    """Import matplotlib also where the environment names a display that this Python does not have.
+
+    Jupyter hands its own to every program it starts. Figures of castfem need none.
+    """
+    display = None if "matplotlib" in sys.modules else os.environ.pop(_DISPLAY, None)
+    try:
+        import matplotlib
+    finally:
+        if display is not None:
+            os.environ[_DISPLAY] = display
+    if display is not None:
+        with suppress(ValueError):  # for figures of the user's own, where it is there
+            matplotlib.rcParams["backend"] = display
+    return matplotlib
+
+
+@contextmanager
+def own_style(settings: Mapping[str, Any] | None = None) -> Iterator[None]:
+    """Inside the block matplotlib has its defaults and these settings, none of a matplotlibrc."""
+    matplotlib = own_matplotlib()
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(settings or {})
+        yield

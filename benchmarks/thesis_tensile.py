@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from castfem.base.own_style import own_style
+from castfem.base.libraries import own_style
 from castfem.base.tables import Constant
 from castfem.base.types import Array
 from castfem.physics.constitutive.curves import modified_norton_hoff, yield_limit
@@ -103,10 +103,6 @@ TESTS = (
 @own_style()
 def plot_tensile_tests(path: str | os.PathLike[str], steps: int = 200) -> Path:
     """Draw the five tests against their analytical curves.
-
-    Args:
-        path: File to write; its ending chooses the format.
-        steps: Time steps in each segment of a test.
 
     Returns:
         The path written.

@@ -1,6 +1,7 @@
-"""Signals that ask a process to stop: of the user, of a batch system, of a terminal that closes.
+"""A process of castfem: the signals that stop it, and one run at a time in it.
 
-Each ends a command as Ctrl-C does: in order, with a line, and with what is done on disk.
+A signal of the user, of a batch system or of a terminal that closes ends a command as Ctrl-C does:
+in order, with a line, and with what is done on disk.
 """
 
 from __future__ import annotations
@@ -8,7 +9,11 @@ from __future__ import annotations
 import os
 import signal
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType
+
+from castfem.base.errors import InputError
 
 STOPS: dict[signal.Signals, str] = {
     signal.SIGINT: "stopped by the user",
@@ -55,3 +60,24 @@ def is_ours(number: signal.Signals) -> bool:
 def reason_of(stop: KeyboardInterrupt) -> str:
     """Why a run was stopped, one line."""
     return str(stop) or STOPS[signal.SIGINT]
+
+
+_running = threading.RLock()  # a run may have others within, in its own thread
+
+
+@contextmanager
+def one_at_a_time() -> Iterator[None]:
+    """Keep other threads from running a case as long as the block lasts.
+
+    Raises:
+        InputError: Another thread runs one.
+    """
+    if not _running.acquire(blocking=False):
+        raise InputError(
+            "another thread of this process runs a case; run one after the other, or in processes "
+            "of their own (castfem sweep, multiprocessing)"
+        )
+    try:
+        yield
+    finally:
+        _running.release()
