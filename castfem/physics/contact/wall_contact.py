@@ -260,11 +260,7 @@ class WallContact(DifferentiableInteraction):
         return self._rounding * reductions.largest(self.section.comm, np.array([far]))
 
     def _with_friction(
-        self,
-        coefficients: Array,
-        along: Array,
-        slip: Array,
-        pressure: Array,
+        self, coefficients: Array, along: Array, slip: Array, pressure: Array
     ) -> tuple[Flags, Array]:
         """Add friction to what the forms see; whether points slide, and their friction.
 

@@ -99,12 +99,7 @@ class Validity:
     """
 
     def __init__(
-        self,
-        points: Points,
-        fields: Fields,
-        law: Law,
-        large: bool,
-        interactions: Interactions,
+        self, points: Points, fields: Fields, law: Law, large: bool, interactions: Interactions
     ) -> None:
         self._points, self._law, self._large = points, law, large
         self._interactions = interactions

@@ -39,13 +39,7 @@ from castfem.fem import reductions
 from castfem.fem.compat import assemble_into, assemble_matrix, assemble_owned, without_zeros
 from castfem.fem.section import Section
 from castfem.fem.snes import Options, SnesSolver, SolveResult, try_options
-from castfem.forms.heat import (
-    conduction,
-    conduction_moved,
-    slice_measure,
-    storage,
-    storage_measure,
-)
+from castfem.forms.heat import conduction, conduction_moved, slice_measure, storage, storage_measure
 from castfem.physics.materials.curve import CurvePoint, ThermalCurve
 from castfem.physics.thermal.boundary import Cooling
 from castfem.physics.thermal.deformed_section import Shape
