@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks import billet_run, corner
+from benchmarks import billet_run
 from benchmarks.__main__ import BENCHMARKS, PAGES
 from benchmarks.report import PAGE, ROOT, Output
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from castfem.base.stopwatch import Stopwatch
 from castfem.fem import reductions
-from castfem.fem.line_probes import LineProbes
+from castfem.fem.probes import LineProbes
 from castfem.fem.root import on_root
 from castfem.fem.section import Section
 from castfem.model.build.cooling import Zones

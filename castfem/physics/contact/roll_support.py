@@ -21,9 +21,8 @@ from castfem.fem.section import Section
 from castfem.forms import finite_strain, supports
 from castfem.forms.mechanics import Direction, of_generalized_strains
 from castfem.physics.contact.facets import Facets
-from castfem.physics.contact.interaction import NOTHING_ADDED, Interaction
-from castfem.physics.contact.interfaces import Motion, Solid
-from castfem.physics.contact.surface_interaction import ALWAYS, SurfaceInteraction
+from castfem.physics.contact.interaction import NOTHING_ADDED, Interaction, Motion, Solid
+from castfem.physics.contact.settings import ALWAYS, SurfaceInteraction
 
 Memory = Mapping[str, Array]
 POINTS = 3  # of a facet; as many as others have that act on the same facets, a wall say

@@ -11,7 +11,7 @@ from castfem.base.types import Array
 from castfem.fem import reductions
 from castfem.fem.section import Section
 from castfem.physics.contact.facets import Facets
-from castfem.physics.contact.interfaces import Motion
+from castfem.physics.contact.interaction import Motion
 from castfem.physics.mould.wall import GapFunction, Wall
 
 RASTER = 2.0**-32  # of the section's size

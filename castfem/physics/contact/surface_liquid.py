@@ -15,7 +15,7 @@ from castfem.base.types import Array, Flags
 from castfem.fem import dof_values, reductions
 from castfem.fem.section import Section
 from castfem.physics.contact.facets import Facets
-from castfem.physics.contact.interfaces import Solid
+from castfem.physics.contact.interaction import Solid
 
 LEAK = 1e-4  # m: a gap across which liquid that comes to the surface still runs to the wall
 # Of the height of surface cells: depth of the first of two Gauss points, those of the mean stress.

@@ -15,7 +15,7 @@ from castfem.forms import finite_strain
 from castfem.forms.mechanics import SQRT2
 from castfem.physics.constitutive.base import Law, MaterialStep, Response, turned
 from castfem.physics.contact.facets import Facets
-from castfem.physics.contact.interfaces import Motion, Solid
+from castfem.physics.contact.interaction import Motion, Solid
 from castfem.physics.contact.state import ContactState
 
 Deformations = tuple[finite_strain.Deformation, finite_strain.Deformation]

@@ -19,14 +19,18 @@ from castfem.fem.section import Section
 from castfem.forms import contact as forms
 from castfem.forms import finite_strain
 from castfem.forms.mechanics import Direction
-from castfem.physics.contact.average import SurfaceMean
-from castfem.physics.contact.checkpoint import ContactCheckpoint
-from castfem.physics.contact.facets import FacetFields, Facets
+from castfem.physics.contact.facets import FacetFields, Facets, SurfaceMean
 from castfem.physics.contact.friction import return_friction
-from castfem.physics.contact.interaction import DifferentiableInteraction
-from castfem.physics.contact.interfaces import Motion, Solid
+from castfem.physics.contact.interaction import DifferentiableInteraction, Motion, Solid
 from castfem.physics.contact.settings import Contact
-from castfem.physics.contact.state import OPEN, SLIP, STICK, ContactEvaluation, ContactState
+from castfem.physics.contact.state import (
+    OPEN,
+    SLIP,
+    STICK,
+    ContactCheckpoint,
+    ContactEvaluation,
+    ContactState,
+)
 from castfem.physics.contact.strand_surface import StrandSurface
 from castfem.physics.contact.surface_liquid import SurfaceLiquid
 from castfem.physics.contact.surface_stress import SurfaceStress

@@ -14,9 +14,10 @@ from castfem.physics.contact.interaction import (
     DifferentiableInteraction,
     Interaction,
     InteractionState,
+    Motion,
+    Solid,
 )
-from castfem.physics.contact.interfaces import Motion, Solid
-from castfem.physics.contact.surface_interaction import SurfaceInteraction
+from castfem.physics.contact.settings import SurfaceInteraction
 from castfem.physics.contact.wall_contact import WallContact
 from castfem.physics.mechanics.state import MechanicalState
 

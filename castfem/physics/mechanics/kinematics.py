@@ -21,7 +21,7 @@ from castfem.forms import finite_strain, mechanics
 from castfem.physics.mechanics.fields import Fields
 from castfem.physics.mechanics.interactions import Interactions
 from castfem.physics.mechanics.quadrature import Points
-from castfem.physics.mechanics.surface_loads import SurfaceLoads
+from castfem.physics.mechanics.supports import SurfaceLoads
 from castfem.physics.mechanics.volume import VolumeStiffness
 
 

@@ -26,7 +26,7 @@ from dolfinx import fem, la
 from castfem.base.types import Array, Flags, Indices
 from castfem.fem import dof_values, reductions
 from castfem.fem.compat import assemble_into, create_matrix
-from castfem.fem.part_matrix import matrix_of_nodes
+from castfem.fem.dof_values import matrix_of_nodes
 from castfem.fem.section import Section
 from castfem.forms.mechanics import following
 from castfem.physics.mechanics.quadrature import Points

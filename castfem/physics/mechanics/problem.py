@@ -22,26 +22,21 @@ from castfem.fem.section import Section
 from castfem.fem.snes import Options, SnesSolver, SolveResult, try_options
 from castfem.physics.constitutive.base import Response
 from castfem.physics.contact.wall_contact import WallContact
-from castfem.physics.mechanics.active_part import ActivePart
-from castfem.physics.mechanics.convergence import Criteria
 from castfem.physics.mechanics.definition import Slice
 from castfem.physics.mechanics.fields import Fields
 from castfem.physics.mechanics.interactions import Interactions
 from castfem.physics.mechanics.kinematics import LargeStrain, SmallStrain
-from castfem.physics.mechanics.line_search import LineSearch
 from castfem.physics.mechanics.liquid import FedLiquid
 from castfem.physics.mechanics.material_points import FedPoints, Material
-from castfem.physics.mechanics.options import split_options
+from castfem.physics.mechanics.newton import Criteria, LineSearch, ResidualState, split_options
 from castfem.physics.mechanics.plane_equations import PlaneEquations
 from castfem.physics.mechanics.planes import check_strains
 from castfem.physics.mechanics.quadrature import ActivePoints, Points
 from castfem.physics.mechanics.quadrature_rules import Integration, displacement_element
-from castfem.physics.mechanics.residual_state import ResidualState
 from castfem.physics.mechanics.scaling import Scales, StressScale
 from castfem.physics.mechanics.state import MechanicalState
-from castfem.physics.mechanics.supports import SPRING, Constraints, symmetry_supports
-from castfem.physics.mechanics.surface_loads import SurfaceLoads
-from castfem.physics.mechanics.tangent import Tangent
+from castfem.physics.mechanics.supports import SPRING, Constraints, SurfaceLoads, symmetry_supports
+from castfem.physics.mechanics.tangent import ActivePart, Tangent
 
 AXIAL = np.array([0.0, 0.0, 1.0, 0.0])  # Mandel
 NEAR = 1e4  # times the tolerance: how near the solution contacts become free to open
