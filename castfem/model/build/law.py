@@ -84,7 +84,7 @@ def try_solver(table: str, options: Options) -> None:
     from castfem.fem.snes import try_options
 
     if table == "thermal":
-        from castfem.physics.thermal.problem import default_options
+        from castfem.physics.thermal.operators import default_options
 
         try_options("thermal_", {**default_options(1), **options})
         return

@@ -108,7 +108,7 @@ class MechanicalProblem:
         self.fields = Fields.on(section, self.space, self.points, pressed)
         held_outside = slice_.ferrostatic is not None and slice_.ferrostatic.outside == "held"
         self.loads = SurfaceLoads.on(section, list(slice_.loads), held_outside)
-        self.interactions = Interactions(section, slice_.interactions, slice_, self.fields)
+        self.interactions = Interactions.build(section, slice_.interactions, slice_, self.fields)
         kind = LargeStrain if slice_.large_strain else SmallStrain
         self.kinematics = kind(
             section, self.points, self.fields, self.loads, self.free > 0, self.interactions,

@@ -61,7 +61,7 @@ class Points:
         count = len(self.mean.points)
         weights = np.reshape(self.mean.volume, (-1, count))
         inside = np.reshape(self.mean.position, (-1, count, 2))
-        self.linear = Linear(section, weights, inside, integration.linear)
+        self.linear = Linear.at(section, weights, inside, integration.linear)
         self._carry = self._carrying()
         moved = forms.strain(forms.of_displacement(ufl.TrialFunction(space)), section.mesh)
         tables = self._tables(moved, space)

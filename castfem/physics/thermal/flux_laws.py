@@ -83,7 +83,7 @@ class Convection(SurfaceLaw):
         return self
 
 
-@dataclass
+@dataclass(frozen=True)
 class Contact(SurfaceLaw):
     """Contact with the mould through a gap d (301): h = h_c k_g / (k_g + h_c d).
 
@@ -97,7 +97,7 @@ class Contact(SurfaceLaw):
         wall: Temperature of the mould's wall, K; a number or a function of time.
         gap_conductivity: k_g, W/mK.
         gap: d, m; a number or one per surface node.
-        follows: Whether the gap is that of the mechanics, which set it before each coupling window.
+        follows: Whether the gap is that of the mechanics, another in each coupling window.
         beside: What else crosses the gap.
     """
 
@@ -107,6 +107,10 @@ class Contact(SurfaceLaw):
     gap: float | Array = 0.0
     follows: bool = False
     beside: tuple[Convection | Radiation, ...] = ()
+
+    def across(self, gap: Array) -> Contact:
+        """The law that holds across the gap (n,), m, of the mechanics, if it follows that."""
+        return replace(self, gap=gap) if self.follows else self
 
     def heat_transfer(self, coefficient: float | Array) -> Array:
         """Overall coefficient h(d) of (301), W/m2K, with a coefficient of contact."""
