@@ -17,11 +17,10 @@ from castfem.fem import compat, reductions
 from castfem.fem.section import Section
 
 if TYPE_CHECKING:
-    from scipy import sparse
+    pass
 
 
 SAMPLES = 401  # along a line, packed towards the surface
-_INSIDE = 1e-9  # of the line's length: how far the first and last sample are drawn inward
 
 
 class Conducts(Protocol):
@@ -102,7 +101,8 @@ class LineProbes:
             name: fraction * float(np.linalg.norm(np.subtract(end, start)))
             for name, (start, end) in self.lines.items()
         }
-        inner = _INSIDE + (1 - 2 * _INSIDE) * fraction
+        inside = 1e-9  # of the line: how far the first and last sample are drawn inward
+        inner = inside + (1 - 2 * inside) * fraction
         points = [
             np.asarray(start) + inner[:, None] * np.subtract(end, start)
             for start, end in self.lines.values()
@@ -115,7 +115,6 @@ class LineProbes:
         rows, columns, weights, sizes = locate(section, self._points, self._along)
         self._matrix = self._interpolation(rows, columns, weights)
         self._field, self._samples = self._matrix.createVecs()
-        self._of_starts = self._rows_of_starts(rows, columns, weights)
         self._cells = dict(zip(self.lines, self._per_line(self._of_all(rows, sizes)), strict=True))
 
     def _interpolation(
@@ -133,30 +132,10 @@ class LineProbes:
         matrix.assemble()
         return matrix
 
-    def _rows_of_starts(
-        self, mine: Indices, columns: list[npt.NDArray[np.int32]], weights: list[Array]
-    ) -> Array:
-        """This rank's columns of the samples on the surface: line, owned vertex, weight (n, 3)."""
-        first, last = self._matrix.getOwnershipRangeColumn()
-        found = [
-            (row // SAMPLES, column - first, weight)
-            for part in self.section.comm.allgather(
-                [p for p in zip(mine, columns, weights, strict=True) if p[0] % SAMPLES == 0]
-            )
-            for row, cols, vals in part
-            for column, weight in zip(cols, vals, strict=True)
-            if first <= column < last
-        ]
-        return np.array(found, float).reshape(-1, 3)
-
     @cached_property
-    def _starts(self) -> sparse.csr_matrix:
-        """The same as a matrix (lines x owned vertices)."""
-        from scipy import sparse  # slow to import; a run of the temperature does without
-
-        lines, columns, weights = self._of_starts.T
-        shape = (len(self.lines), self.section.owned)
-        return sparse.csr_matrix((weights, (lines.astype(int), columns.astype(int))), shape=shape)
+    def _starts(self) -> PointProbes:
+        """Where the lines begin on the surface (collective when it is first asked for)."""
+        return PointProbes(self.section, self._points[::SAMPLES])
 
     def _of_all(self, mine: Indices, values: Array) -> Array:
         """Values of the samples, each from the rank that has it (n,)."""
@@ -183,9 +162,7 @@ class LineProbes:
 
     def starts(self, owned: Array) -> dict[str, Array]:
         """Vertex fields (owned, k) at the start of every line (k,), on every rank: one message."""
-        local = self._starts @ owned
-        values = reductions.totals(self.section.comm, local.ravel()).reshape(local.shape)
-        return dict(zip(self.lines, values, strict=True))
+        return dict(zip(self.lines, self._starts.at(owned), strict=True))
 
     def along(self, owned: Array) -> dict[str, Array]:
         """A vertex field (owned,) along every line, surface first, on every rank."""
@@ -242,9 +219,6 @@ class PointProbes:
         return reductions.totals(self._comm, local.ravel()).reshape(local.shape)
 
 
-_NEARLY = 1e-2  # of a cell: how far outside a sample may lie (a curved face, cut by straight cells)
-
-
 def locate(
     section: Section, points: Array, along: Array
 ) -> tuple[Indices, list[npt.NDArray[np.int32]], list[Array], Array]:
@@ -296,7 +270,8 @@ def _won(section: Section, points: Array, outside: Array) -> npt.NDArray[np.int6
     """The points that lie deepest in a cell of this rank; a tie goes to the lower rank."""
     comm = section.comm
     least = -reductions.largest_of(comm, -outside)
-    if (least > _NEARLY).any():
+    # Of a cell: so far outside a sample may lie, at a curved face that straight cells cut.
+    if (least > 1e-2).any():
         x, y = points[np.argmax(least)]
         raise ValueError(f"probe point ({x:g}, {y:g}) m lies outside the section")
     rank = np.where(outside <= least + 1e-12, comm.rank, comm.size).astype(float)

@@ -209,8 +209,6 @@ class Cellwise:
 
 
 DIRECTIONS = np.array([(0.0, 1.0), (1.0, 0.0), (1.0, 1.0), (1.0, -1.0)])
-LAYERS = 6  # cells of a shell's thickness: so much work hangs on a cell of the rim
-_ROUNDED = 9  # decimals, m: cells of one row stand at the same place
 
 
 def straight_cuts(points: Array, cells: Indices, rim: Flags, ranks: int) -> npt.NDArray[np.int32]:
@@ -244,7 +242,8 @@ def straight_cuts(points: Array, cells: Indices, rim: Flags, ranks: int) -> npt.
 def _cut(places: Array, share: float) -> Flags:
     """Flags of the first cells, a share of all, in the order of their places."""
     first = np.zeros(len(places), bool)
-    order = np.argsort(np.round(places, _ROUNDED), kind="stable")
+    # Rounded, m: cells of one row stand at the same place.
+    order = np.argsort(np.round(places, 9), kind="stable")
     first[order[: round(share * len(places))]] = True
     return first
 
@@ -252,4 +251,5 @@ def _cut(places: Array, share: float) -> Flags:
 def _cost(cells: Indices, rim: Flags, first: Flags, share: float) -> float:
     """What speaks against a cut, in cells: an uneven rim, and nodes that are on both sides."""
     uneven = abs(int(rim[first].sum()) - share * int(rim.sum()))
-    return LAYERS * uneven + len(np.intersect1d(cells[first], cells[~first]))
+    layers = 6  # cells of a shell's thickness: so much work hangs on a cell of the rim
+    return layers * uneven + len(np.intersect1d(cells[first], cells[~first]))

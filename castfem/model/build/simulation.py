@@ -21,7 +21,7 @@ from castfem.model.build.start import given_profile
 from castfem.model.build_machine import build_machine
 from castfem.model.mechanics import Way
 from castfem.model.section import meshing
-from castfem.physics.coupling.staggered import ALLOWED, ORDER, StaggeredCoupling
+from castfem.physics.coupling.staggered import ERROR, StaggeredCoupling
 from castfem.physics.coupling.step_control import ALLOWED_STRAIN, Adaptive, StepControl
 from castfem.physics.coupling.subcycling import MechanicalSteps, ThermalSteps
 from castfem.physics.machine.machine import STANDING
@@ -168,10 +168,10 @@ def _probe_lines(case: Case, section: Section) -> dict[str, tuple[Array, Array]]
 def _windows(case: Case, machine: Machine, milestones: list[float]) -> StepControl:
     """Choice of the coupling windows, of equal times or of equal lengths of strand."""
     duration, given = case.casting.duration, case.coupling.interval
-    allowed, most = case.coupling.window_error or ALLOWED, case.coupling.growth or 1.0
+    allowed, most = case.coupling.window_error or ERROR.allowed, case.coupling.growth or 1.0
     if not isinstance(given, Way):
         return StepControl(
-            duration, milestones, fixed=given, tolerance=allowed, order=ORDER, most=most
+            duration, milestones, fixed=given, tolerance=allowed, order=ERROR.order, most=most
         )
     length = given.length
     return StepControl(
@@ -179,7 +179,7 @@ def _windows(case: Case, machine: Machine, milestones: list[float]) -> StepContr
         milestones,
         fixed=STANDING * machine.window_time(length),
         tolerance=allowed,
-        order=ORDER,
+        order=ERROR.order,
         longest=lambda time: machine.window(time, length),
         unit=machine.window_time(length),
         most=most,

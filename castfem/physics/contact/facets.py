@@ -211,10 +211,6 @@ def _places(
     return cells, np.array(local, dtype=np.int64)
 
 
-LENGTH = 5e-3  # m: of the surface over which pressure is averaged
-FACETS = 3.0  # and no less than the length of so many facets
-
-
 class SurfaceMean:
     """Means over a length of the undeformed surface.
 
@@ -228,10 +224,10 @@ class SurfaceMean:
         length: Over which, m; where three facets are longer, over these.
     """
 
-    def __init__(self, facets: Facets, length: float = LENGTH) -> None:
+    def __init__(self, facets: Facets, length: float = 5e-3) -> None:
         self._comm, self._own = facets.section.comm, facets.position
         facet = facets.weight.reshape(-1, facets.per_facet).sum(axis=1)
-        half = 0.5 * np.maximum(length, FACETS * np.repeat(facet, facets.per_facet))
+        half = 0.5 * np.maximum(length, 3.0 * np.repeat(facet, facets.per_facet))
         self._places = self.gathered(facets.position)
         self._pieces, self._halves = self.gathered(facets.weight), self.gathered(half)
         self._tree = cKDTree(self._places)

@@ -22,7 +22,7 @@ from castfem.forms import finite_strain, supports
 from castfem.forms.mechanics import Direction, of_generalized_strains
 from castfem.physics.contact.facets import Facets
 from castfem.physics.contact.interaction import NOTHING_ADDED, Interaction, Motion, Solid
-from castfem.physics.contact.settings import ALWAYS, SurfaceInteraction
+from castfem.physics.contact.settings import ALWAYS, SurfaceInteraction, still
 
 Memory = Mapping[str, Array]
 POINTS = 3  # of a facet; as many as others have that act on the same facets, a wall say
@@ -143,10 +143,6 @@ class GivenFoundation:
         return {name: bed(end) for name, bed in self.given.items()}, memory
 
 
-def _still(time: float) -> float:
-    return 0.0
-
-
 @dataclass(frozen=True, slots=True)
 class RollSupport(SurfaceInteraction):
     """Support of boundary groups by rolls.
@@ -170,7 +166,7 @@ class RollSupport(SurfaceInteraction):
 
     on: tuple[str, ...]
     foundation: Foundation
-    position: Callable[[float], float] = _still
+    position: Callable[[float], float] = still
     between: tuple[float, float] = ALWAYS
     knots: tuple[float, ...] = ()
     pull: bool = True

@@ -72,7 +72,8 @@ FACTOR = 10.0  # K_p over bulk modulus / height of the surface cells, see docs/c
 LEAST_NITSCHE = 9.0
 
 
-def _still(time: float) -> float:
+def still(time: float) -> float:
+    """Nothing moves, at any time."""
     return 0.0
 
 
@@ -98,11 +99,11 @@ class Contact(SurfaceInteraction):
 
     wall: Wall
     on: tuple[str, ...]
-    position: Callable[[float], float] = _still
+    position: Callable[[float], float] = still
     method: Literal["penalty", "nitsche"] = "penalty"
     factor: float | None = None
     friction: Friction | None = None
-    stroke: Callable[[float], float] = _still
+    stroke: Callable[[float], float] = still
     points: int = 2
 
     def __post_init__(self) -> None:

@@ -17,8 +17,6 @@ from castfem.fem import dof_values, reductions
 from castfem.physics.contact.facets import Facets
 from castfem.physics.contact.interaction import Solid
 
-LEAK = 1e-4  # m: a gap across which liquid that comes to the surface still runs to the wall
-
 
 @dataclass(frozen=True, slots=True)
 class SurfaceTemperatures:
@@ -119,7 +117,8 @@ class SurfaceLiquid:
             self.pool = np.zeros(len(new))
             if self._fluid.any():
                 self.pool = np.where(self._fluid, self._pressure(new), 0.0)
-            self._opened = self._fluid & (old <= solidity.coherent) & (gap > LEAK)
+            leak = 1e-4  # m: a gap across which liquid at the surface still runs to the wall
+            self._opened = self._fluid & (old <= solidity.coherent) & (gap > leak)
 
     def breakout(self) -> str:
         """Where the shell melts open off the wall in a step; empty if nowhere (collective).

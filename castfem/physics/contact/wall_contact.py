@@ -164,7 +164,9 @@ class WallContact(DifferentiableInteraction):
         # that it becomes, or what it sank into the wall would be pushed out as it freezes.
         elasticity, surface = solid.law.elasticity, self.liquid.temperatures[1]
         bulk = elasticity.moduli(np.minimum(surface, elasticity.solidity.solidus))[1]
-        self.stiffness = contact.strength * bulk / self.surface.height
+        self.stiffness: Array = np.asarray(
+            contact.strength * bulk / self.surface.height, np.float64
+        )
         stiffest = reductions.largest(self.section.comm, self.stiffness)
         self._rounding = 8 * np.finfo(float).eps * max(stiffest, 0.0)
         if self.stress is not None:

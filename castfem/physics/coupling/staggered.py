@@ -27,13 +27,19 @@ if TYPE_CHECKING:
 
 
 FACTORS = (0.02, 1.0)  # of the relaxation: smallest and largest
-TINY = 1e-300
-EVEN = 0.5  # change of the rates over a step, relative, up to which they are expected to go on
-COLDEST = 100.0  # K: what mechanics that go first expect may lie below absolute zero
-UNEVEN = 1.0 / 6.0  # of what a change of flux does: left where it comes evenly, its mean all along
-ORDER = 1.5  # of this error in the length of the window
-ALLOWED = 2.0  # K: of it, where the case gives none
-BEYOND = 4.0  # times the error allowed: such a window is cut back before its gap has converged
+
+
+@dataclass(frozen=True, slots=True)
+class WindowError:
+    """Error of the surface temperature in a window, for the gap was held at its mean."""
+
+    share: float = 1.0 / 6.0  # of what the change of flux does, which comes evenly
+    order: float = 1.5  # in the length of the window
+    allowed: float = 2.0  # K, where the case gives none
+    beyond: float = 4.0  # times what is allowed: cut back before the gap has converged
+
+
+ERROR = WindowError()
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,9 +240,9 @@ class StaggeredCoupling:
             assert ended is not None
             mean = 0.5 * (begun + ended)
             if self.max_iterations > 1:
-                error = UNEVEN * self._misjudged(old.time, taken.state, begun, ended)
+                error = ERROR.share * self._misjudged(old.time, taken.state, begun, ended)
                 taken = replace(taken, error=error)
-            if taken.error > BEYOND * allowed:
+            if taken.error > ERROR.beyond * allowed:
                 break
             if self._misjudged(old.time, taken.state, gap, mean) <= self.tolerance:
                 break
@@ -258,7 +264,7 @@ class StaggeredCoupling:
             begun: Its gap (owned,), m.
             end: Of the window, s.
         """
-        if not old.unsteadiness < EVEN:
+        if not old.unsteadiness < 0.5:
             return begun
         ended = self.gap_of(self.mechanics.stepper.going_on(old, end))
         assert ended is not None
@@ -309,7 +315,7 @@ class StaggeredCoupling:
     def _expected(self, old: StrandState, end: float) -> Array:
         """Temperatures at `end` if the slice goes on cooling as before (owned,), K."""
         found = old.thermal.point.temperature + (end - old.time) * old.trend
-        return np.maximum(found, COLDEST)
+        return np.maximum(found, 100.0)  # what is expected may lie below absolute zero
 
     def gap_of(self, state: MechanicalState) -> Array | None:
         """Gap to the wall at the owned vertices (owned,), m, 0 off the surface; None without one.
@@ -327,7 +333,7 @@ class StaggeredCoupling:
         point, surface = state.thermal.point, self.surface
         fluxes = [surface.flux_across(gap, point.temperature, begun) for gap in (taken, found)]
         slope = point.temperature_slope  # 1 / (rho c); that of conduction is k / (rho c)
-        effusivity = np.sqrt(np.maximum(point.conduction_slope, TINY)) / np.maximum(slope, TINY)
+        effusivity = np.sqrt(np.maximum(point.conduction_slope, 1e-300)) / np.maximum(slope, 1e-300)
         duration = state.time - begun
         cooled = np.abs(fluxes[1] - fluxes[0]) * np.sqrt(4.0 / np.pi * duration) / effusivity
         return reductions.largest(self.mechanics.comm, cooled)

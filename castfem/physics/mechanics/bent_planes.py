@@ -15,13 +15,15 @@ import numpy as np
 
 from castfem.base.errors import InputError
 from castfem.base.types import Array
-from castfem.physics.mechanics.planes import Bending, StepTaken, TimeHistory, zero
+from castfem.physics.mechanics.planes import Bending, Planes, StepTaken, TimeHistory, zero
 
 if TYPE_CHECKING:
     from castfem.physics.machine.extraction.effort import Effort, Withdrawal
 
 
-UNCHANGED = 1e-9  # of a curvature: how much it changes by rounding alone
+def same_curvature(one: float, other: float) -> bool:
+    """Whether two curvatures, 1/m, differ by rounding alone."""
+    return abs(one - other) <= 1e-9 * max(abs(one), abs(other))
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ class ImposedAxis:
         found = [(times[0], bending, 1.0)]
         for start, end in itertools.pairwise(times):
             before, after = abs(curvature(start)), abs(curvature(end))
-            if abs(after - before) <= UNCHANGED * max(before, after):
+            if same_curvature(after, before):
                 continue
             place = bending if after > before else straightening
             _, last, thickness = found[-1]
@@ -77,7 +79,7 @@ class ImposedAxis:
 
 
 @dataclass(frozen=True)
-class BentPlanes:
+class BentPlanes(Planes):
     """Planes that converge to the centre of curvature of the machine (39)-(44).
 
     y points from the extrados (outside) at y = -h/2 to the intrados; the machine's radius R is that
@@ -195,8 +197,8 @@ class BentPlanes:
         """See `Planes`."""
         k, now = self.middle(step.time), step.moment()
         change_of_k = k - past.curvature
-        unchanged = abs(change_of_k) <= UNCHANGED * max(abs(k), abs(past.curvature))
-        axis = None if unchanged else -float(step.change[0] / step.change[2])
+        same = same_curvature(k, past.curvature)
+        axis = None if same else -float(step.change[0] / step.change[2])
         work = past.work + 0.5 * change_of_k * (past.moment + now)
         withdrawal = self._withdrawn(past, step, now, work)
         return Bending(k, now, work, axis, withdrawal)

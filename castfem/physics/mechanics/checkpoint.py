@@ -35,7 +35,7 @@ class MechanicalCheckpoint:
     def arrays(self, state: MechanicalState) -> dict[str, Array | None]:
         """The arrays of `state`, whole on rank 0, None elsewhere (collective)."""
         deviator_points, cells = self.problem.points.deviator_points, len(self._cellwise.cells)
-        rate = self._with_ghosts(state.rate)
+        rate = dof_values.with_ghosts(self.problem.space, state.rate)
         parts: dict[str, Array] = {
             "displacement": state.displacement.reshape(-1, 2)[self._nodes],
             "displacement_rate": rate.reshape(-1, 2)[self._nodes],
@@ -55,10 +55,6 @@ class MechanicalCheckpoint:
 
     def _points_in_cell(self, rule: str) -> int:
         return len(getattr(self.problem.points, rule).points)
-
-    def _with_ghosts(self, owned: Array) -> Array:
-        """Values of the owned displacement unknowns, with those of other ranks' nodes."""
-        return dof_values.with_ghosts(self.problem.space, owned)
 
     @staticmethod
     def description(state: MechanicalState) -> dict[str, Any]:

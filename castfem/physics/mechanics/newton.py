@@ -61,13 +61,31 @@ def split_options(
     return nonlinear, {k: v for k, v in chosen.items() if k not in nonlinear}
 
 
-OVERSHOOT = 0.05  # of the work at the start: less is Newton's own business
-CLOSE = 0.05  # what is left of the work at the start when the search ends
-TRIALS = 40
-NEARLY = 1e-2  # of the square of the imbalance: what leaves less of it has not overshot, whatever
-# its work: along a correction that is no longer than rounding that may have any sign
-ALMOST = 10.0  # times what may be out of balance: from there on what makes it smaller is taken
-PATIENCE = 8  # Newton iterations in which contact may overshoot
+@dataclass(frozen=True, slots=True)
+class LineSearchLimits:
+    """When a correction is cut, and when a search ends.
+
+    Attributes:
+        overshoot: Of the work at the start: less is Newton's own business.
+        close: What is left of the work at the start when the search ends.
+        trials: Of one search.
+        nearly: Of the square of the imbalance: what leaves less of it has not overshot, whatever
+            its work: along a correction that is no longer than rounding that may have any sign.
+        almost: Times what may be out of balance: from there on what makes it smaller is taken.
+        patience: Newton iterations in which contact may overshoot.
+        near: Times the tolerance: how near the solution contacts become free to open.
+    """
+
+    overshoot: float = 0.05
+    close: float = 0.05
+    trials: int = 40
+    nearly: float = 1e-2
+    almost: float = 10.0
+    patience: int = 8
+    near: float = 1e4
+
+
+LIMITS = LineSearchLimits()
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,13 +116,13 @@ class LineSearch:
         """
         first, before = self._along(local, step)
         base = self.interactions.evaluated()
-        enough = before if imbalance < ALMOST else NEARLY * before
+        enough = before if imbalance < LIMITS.almost else LIMITS.nearly * before
 
         def work(share: float) -> float:
             found, left = self._along(local - share * step, step)
             if share == 1.0 and left < enough:
                 return 0.0
-            if share < 1.0 or iteration >= PATIENCE:
+            if share < 1.0 or iteration >= LIMITS.patience:
                 return found
             # Points that come into contact make a kink, no overshoot: full steps find them.
             return found + self.interactions.kink(base)
@@ -135,15 +153,15 @@ def step_share(first: float, work: Callable[[float], float]) -> float:
         return found if math.isfinite(found) else -first
 
     full = work_after(1.0)
-    if not first > 0.0 or full >= -OVERSHOOT * first:
+    if not first > 0.0 or full >= -LIMITS.overshoot * first:
         return 1.0
     low, high, share = 0.0, 1.0, 1.0
     at_low, at_high, found = first, full, full
-    for _ in range(TRIALS):
+    for _ in range(LIMITS.trials):
         crossing = (at_low * high - at_high * low) / (at_low - at_high)
         share = 0.1 * high if low == 0.0 else crossing
         found = work_after(share)
-        if abs(found) <= CLOSE * first:
+        if abs(found) <= LIMITS.close * first:
             break
         if found > 0.0:
             low, at_low, at_high = share, found, 0.5 * at_high
@@ -168,9 +186,6 @@ class ResidualState:
     forces: Array
     balance: Array
     scale: StressScale
-
-
-ARRIVED = 1e-12  # of their displacement: how far supports that move may be from their goal
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,11 +216,8 @@ class Criteria:
             residual: Local, N/m; at supports the distance from where they are to be, m.
             load: Along the test directions of the planes (free,), N/m.
         """
-        scale, fixed, force_per_stress = (
-            residual_state.scale,
-            self.constraints.fixed,
-            self.scales.force_per_stress,
-        )
+        scale, fixed = residual_state.scale, self.constraints.fixed
+        force_per_stress = self.scales.force_per_stress
         nodal = np.abs(residual[: len(force_per_stress)]) / force_per_stress
         missing = nodal[fixed] * force_per_stress[fixed]
         nodal[self.constraints.prescribed] = 0.0
@@ -216,7 +228,8 @@ class Criteria:
         allowed = self.tolerance * scale.typical + scale.rounding
         found = {"forces": over(float(worst[0]), allowed)}
         if self.constraints.moving:
-            found["supports"] = over(float(worst[1]), ARRIVED * float(worst[2]))
+            # Of their displacement: how far supports that move may be from their goal.
+            found["supports"] = over(float(worst[1]), 1e-12 * float(worst[2]))
         if len(load):
             most = float(np.abs(load).max()) * self.scales.length
             total = self.tolerance * (scale.total + most) + scale.rounding * self.scales.area

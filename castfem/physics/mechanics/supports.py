@@ -71,7 +71,6 @@ PINS: tuple[tuple[int, tuple[str, str]], ...] = (
     (0, ("mid", "low")),
     (1, ("high", "mid")),
 )
-NOT_HELD = 1e-6  # how little of a motion counts as nothing
 SPRING = 1e-7  # stiffness of a spring over the largest Young's modulus, see docs/mechanics.md
 
 
@@ -234,13 +233,14 @@ class Constraints:
             rows.append(x * rigid_motions(0, borne[0]) + y * rigid_motions(1, borne[0]))
         here = np.linalg.qr(np.concatenate([np.zeros((0, 3)), *rows]), mode="r")
         _, strength, basis = np.linalg.svd(np.concatenate(section.comm.allgather(here)))
-        basis = basis[: int((strength > NOT_HELD * strength.max(initial=0.0)).sum())]
+        nothing = 1e-6  # of a motion
+        basis = basis[: int((strength > nothing * strength.max(initial=0.0)).sum())]
         for component, where in PINS:
             share = np.array([{"low": 0.0, "mid": 0.5, "high": 1.0}[w] for w in where])
             place = _nearest(section.comm, points, low + share * (high - low), size)
             row = rigid_motions(component, np.array([place]))[0]
             row -= basis.T @ (basis @ row)
-            if (left := float(np.linalg.norm(row))) > NOT_HELD:
+            if (left := float(np.linalg.norm(row))) > nothing:
                 basis = np.vstack([basis, row / left])
                 found.append((component, _vertex_at(section, place, size)))
         return found

@@ -42,9 +42,18 @@ from castfem.physics.thermal.operators import Operators, default_options, direct
 
 LINEAR_FAILURE = "DIVERGED_LINEAR_SOLVE"
 ITERATED, FACTORED = "thermal_", "thermal_direct_"  # prefixes of the solvers
-BALANCE = 1e-7  # of the heat stored in a stage: what Newton's method may leave open of the whole
-SPREAD = 10 * BALANCE  # largest relative correction that closes the heat balance
-ROUNDING = 64 * np.finfo(float).eps
+
+
+@dataclass(frozen=True, slots=True)
+class BalanceLimits:
+    """How well the heat balance of the whole section closes."""
+
+    newton: float = 1e-7  # of the heat stored in a stage: what Newton's method may leave open
+    spread: float = 10 * 1e-7  # largest relative correction that closes the heat balance
+    rounding: float = 64 * np.finfo(float).eps  # of all heat in a sum
+
+
+LIMITS = BalanceLimits()
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,7 +255,7 @@ class ThermalProblem:
         open_, size = self.volume @ change + tau * (out - generated), self.volume @ free
         if self.section.comm.size > 1:
             open_, size = reductions.totals(self.section.comm, [open_, size])
-        if abs(open_) < SPREAD * size:
+        if abs(open_) < LIMITS.spread * size:
             change -= open_ / size * free
         rate = np.asarray(change / tau)
         return Stage(base + change, rate, state.point, out, generated, result, tau, self._time)
@@ -355,7 +364,9 @@ class ThermalProblem:
             sums = [float(residual.sum()), stored, stored + rounding]
             if comm.size > 1:
                 sums = list(reductions.totals(comm, sums))
-            sizes["balance"] = abs(sums[0]) / (BALANCE * sums[1] + ROUNDING * sums[2] + 1e-300)
+            sizes["balance"] = abs(sums[0]) / (
+                LIMITS.newton * sums[1] + LIMITS.rounding * sums[2] + 1e-300
+            )
         return sizes
 
     def destroy(self) -> None:
