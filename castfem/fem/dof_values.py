@@ -1,4 +1,4 @@
-"""Values at a rank's degrees of freedom: to and from other ranks, and to points.
+"""Values and matrices of a rank's degrees of freedom: to and from other ranks, and to points.
 
 A rank's own degrees of freedom come first, those of other ranks that its cells touch (ghosts)
 after.

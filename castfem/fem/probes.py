@@ -1,4 +1,4 @@
-"""Values and isotherms along lines through the section, whichever ranks hold its cells."""
+"""Values at points and along lines of the section, whichever ranks hold its cells; isotherms."""
 
 from __future__ import annotations
 

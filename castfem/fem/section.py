@@ -1,4 +1,4 @@
-"""The section's mesh over the ranks, and the way of nodal values to and from rank 0."""
+"""The section's mesh over the ranks; values of nodes and cells, to and from rank 0."""
 
 from __future__ import annotations
 
@@ -159,7 +159,9 @@ class Section:
         for nodes, piece in zip(self._all_nodes, pieces, strict=True):
             values[nodes] = piece
         if self.order == 2:
-            _fill_middle_nodes(self.cell, self.source.cells, values)
+            for node, around in _MIDDLE[self.cell].items():
+                near = values[self.source.cells[:, list(around)]]
+                values[self.source.cells[:, node]] = near.mean(axis=1)
         return values
 
     def scatter(self, values: Array | None) -> Array:
@@ -173,11 +175,6 @@ _MIDDLE: dict[str, dict[int, tuple[int, ...]]] = {
     "triangle": {3: (1, 2), 4: (0, 2), 5: (0, 1)},
     "quadrilateral": {4: (0, 1), 5: (0, 2), 6: (1, 3), 7: (2, 3), 8: (0, 1, 2, 3)},
 }
-
-
-def _fill_middle_nodes(cell: str, cells: npt.NDArray[np.int64], values: Array) -> None:
-    for node, around in _MIDDLE[cell].items():
-        values[cells[:, node]] = values[cells[:, list(around)]].mean(axis=1)
 
 
 class Cellwise:
@@ -213,6 +210,10 @@ DIRECTIONS = np.array([(0.0, 1.0), (1.0, 0.0), (1.0, 1.0), (1.0, -1.0)])
 
 def straight_cuts(points: Array, cells: Indices, rim: Flags, ranks: int) -> npt.NDArray[np.int32]:
     """Rank of each cell (m,): the section is cut in two, each part again, until all have one.
+
+    Where deep liquid is left out of the equations, the work is that of the cells near the surface.
+    A graph partitioner gives all ranks as many cells, but one of two ranks the narrow face of half
+    a slab and with it half as many cells of the rim again as the other.
 
     Of some directions each cut takes that which leaves the rim the most even, and few nodes on both
     sides.

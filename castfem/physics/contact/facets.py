@@ -1,7 +1,7 @@
 """Quadrature points on the facets that may touch a wall, and what the forms see at them.
 
 Arrays over points hold this rank's facets one after the other, k points each.  Each exterior facet
-counts on one rank alone.
+counts on one rank alone.  Means along the surface do not hang on the mesh.
 """
 
 from __future__ import annotations

@@ -3,6 +3,8 @@
 A slice is told of each by an object of settings (`SurfaceInteraction`), which builds what computes
 it (`Interaction`). A kind of support that is new is a subclass of `Interaction` with its forms, and
 its settings; docs/architecture.md counts the lines.
+
+What contact has to know of the strand, `Motion` and `Solid`, the mechanics have, which build on it.
 """
 
 from __future__ import annotations

@@ -298,7 +298,9 @@ class WinklerFoundation(Interaction):
             self._beds, self._memory = self.given.foundation.beds(*told)
             if missing := [name for name in self._faces if name not in self._beds]:
                 raise InputError(f"{', '.join(missing)}: rolls are to bear it, but it has no bed")
-        self._take(self._beds)
+        for name, value in self._values.items():
+            bed = self._beds[name]
+            value.value[:] = bed.pressure, bed.stiffness, bed.rest, bed.within
 
     def axial_strain(self, places: Array) -> Array | None:
         """See `Interaction`."""
@@ -306,11 +308,6 @@ class WinklerFoundation(Interaction):
         if not (self.given.active(end) and isinstance(foundation, StretchingFoundation)):
             return None
         return foundation.axial_strain(self._old.memory, self._memory, start, end, places)
-
-    def _take(self, beds: Mapping[str, Bed]) -> None:
-        for name, value in self._values.items():
-            bed = beds[name]
-            value.value[:] = bed.pressure, bed.stiffness, bed.rest, bed.within
 
     def _readings(self) -> list[tuple[fem.Form, ...]]:
         """Of each group: force along its normal, integral of its displacement, length."""

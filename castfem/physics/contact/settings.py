@@ -1,4 +1,4 @@
-"""What touches the slice, and how contact is to be computed.
+"""What a slice is told of what acts on its surface; how contact with a wall is to be computed.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """

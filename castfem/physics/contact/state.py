@@ -133,7 +133,7 @@ class ContactCheckpoint:
         found: dict[str, Array | None] = {}
         for name in BY_POINT:
             values = np.asarray(getattr(state, name), float)
-            if self._empty(values):
+            if not any(self._comm.allgather(values.size)):  # no rank has any
                 continue
             shape = (len(self._where), self._facets.per_facet, *values.shape[1:])
             pieces = self._comm.gather((self._where, values.reshape(shape)))
@@ -145,10 +145,6 @@ class ContactCheckpoint:
                 found[f"contact_{name}"] = whole
         found["contact_pull"] = state.withdrawal_resistance.copy() if self._comm.rank == 0 else None
         return found
-
-    def _empty(self, values: Array) -> bool:
-        """Whether no rank has any of these (collective)."""
-        return not any(self._comm.allgather(values.size))
 
     def state(self, arrays: dict[str, Array], like: ContactState) -> ContactState:
         """The state of `arrays`, which every rank has.

@@ -1,4 +1,7 @@
-"""What a slice is made of, how it is held and what acts on it."""
+"""What a slice is made of, how it is held and what acts on it; the pressure of its liquid core.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

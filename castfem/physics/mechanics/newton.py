@@ -1,12 +1,4 @@
-"""Line search along Newton's correction, by the work of the forces that are out of balance.
-
-Where a material flows almost without hardening, the tangent of a step that has just begun to flow
-is next to nothing and Newton's correction is far too long.  The forces out of balance derive from a
-convex potential (for laws that do not soften), so their work along the correction falls steadily:
-the step is cut where it would turn clearly negative.  The size of the residual, which other line
-searches go by, says nothing here, until it is almost as small as it has to be: then the sign of its
-work is that of rounding.
-"""
+"""Newton's method for the slice: options, line search, and when equilibrium is good enough."""
 
 from __future__ import annotations
 
@@ -91,6 +83,13 @@ LIMITS = LineSearchLimits()
 @dataclass(frozen=True, slots=True)
 class LineSearch:
     """How much of Newton's correction a slice is to take.
+
+    Where a material flows almost without hardening, the tangent of a step that has just begun to
+    flow is next to nothing and Newton's correction is far too long.  The forces out of balance
+    derive from a convex potential (for laws that do not soften), so their work along the correction
+    falls steadily: the step is cut where it would turn clearly negative.  The size of the residual,
+    which other line searches go by, says nothing here, until it is almost as small as it has to be:
+    then the sign of its work is that of rounding.
 
     Attributes:
         comm: Ranks.

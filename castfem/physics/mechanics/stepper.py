@@ -138,7 +138,7 @@ class MechanicalStepper:
         interactions = problem.interactions.states()
         taken = StepTaken(
             time,
-            self._moment,
+            lambda: float(problem.planes.work_on(np.eye(4)[:, 2:3])[0]),
             residual_state.generalized_strains - old.generalized_strains,
             temperature,
             next((s.added for s in interactions if isinstance(s, BearsRolls)), NOTHING_ADDED),
@@ -158,10 +158,6 @@ class MechanicalStepper:
             interactions=interactions,
             bending=problem.slice.planes.bending_after(old.bending, taken),
         )
-
-    def _moment(self) -> float:
-        """Moment of the axial stress with y, N m (collective)."""
-        return float(self.problem.planes.work_on(np.eye(4)[:, 2:3])[0])
 
     def _unsteadiness(self, before: Array, now: Array) -> float:
         """Change of the displacement's rate over a step, relative."""

@@ -81,8 +81,6 @@ class Springs:
         dofs: Degrees of freedom, of those this rank owns (k,).
         share: Stiffness over the largest Young's modulus in the section.
 
-    Attributes:
-        dofs: As given. share: Likewise.
     """
 
     def __init__(self, dofs: npt.NDArray[np.int64], share: float) -> None:

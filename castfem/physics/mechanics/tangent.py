@@ -1,4 +1,4 @@
-"""Derivative of the forces in the plane by the displacement."""
+"""Derivative of the forces in the plane by the displacement, of the cells that are solved for."""
 
 from __future__ import annotations
 

@@ -202,7 +202,9 @@ class VolumeStiffness:
 
     def forces(self, moved: Array) -> Array:
         """Forces on the local unknowns (n,) as they move by `moved` (n,)."""
-        return self._nodal(self._answer @ (self._change[:, :, self._nodes] @ self._of_cells(moved)))
+        return self._nodal(
+            self._answer @ (self._change[:, :, self._nodes] @ moved[self._dofs][:, :, None])
+        )
 
     def column(self, change: Array) -> Array:
         """Forces on the local unknowns (n,) as the generalized strains change by `change` (4,)."""
@@ -221,9 +223,6 @@ class VolumeStiffness:
 
     def _along(self, rates: Array, change: Array) -> Array:
         return rates[:, :, self._nodes.stop :] @ change[:, None]
-
-    def _of_cells(self, local: Array) -> Array:
-        return local[self._dofs][:, :, None]
 
     def _nodal(self, stress: Array) -> Array:
         """Forces of factors of the mean stress (cells, terms, 1)."""
