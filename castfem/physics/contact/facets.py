@@ -211,6 +211,9 @@ def _places(
     return cells, np.array(local, dtype=np.int64)
 
 
+LENGTH = 5e-3  # m: of the surface over which pressure is averaged
+
+
 class SurfaceMean:
     """Means over a length of the undeformed surface.
 
@@ -224,7 +227,7 @@ class SurfaceMean:
         length: Over which, m; where three facets are longer, over these.
     """
 
-    def __init__(self, facets: Facets, length: float = 5e-3) -> None:
+    def __init__(self, facets: Facets, length: float = LENGTH) -> None:
         self._comm, self._own = facets.section.comm, facets.position
         facet = facets.weight.reshape(-1, facets.per_facet).sum(axis=1)
         half = 0.5 * np.maximum(length, 3.0 * np.repeat(facet, facets.per_facet))
