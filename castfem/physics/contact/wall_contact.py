@@ -274,13 +274,7 @@ class WallContact(DifferentiableInteraction):
         return answer.slides | self.liquid.molten, answer.traction
 
     def hold(self, on: bool) -> bool:
-        """Keep closed what was so at the start of the step, or let it open again (collective).
-
-        What the wall has left behind meanwhile is let go of.
-
-        Returns:
-            Whether there is anything to keep.
-        """
+        """See `Interaction`: points that have left the wall meanwhile are released."""
         self._kept_closed = np.zeros(self.facets.count, dtype=bool)
         if on:
             before = self._motion.u_old.x.array, self._motion.generalized_strains_old.value
