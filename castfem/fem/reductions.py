@@ -7,8 +7,6 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-_EQUAL = 1e-9  # two values that differ by less are one
-
 
 def total(comm: MPI.Comm, value: float) -> float:
     """Sum of one number over the ranks."""
@@ -49,7 +47,7 @@ def peak(
     the number of ranks, does not choose.
     """
     top = largest(comm, values)
-    near = places[values >= top - _EQUAL * abs(top)] if np.isfinite(top) else places[:0]
+    near = places[values >= top - 1e-9 * abs(top)] if np.isfinite(top) else places[:0]
     own = max(((float(x), float(y)) for x, y in near), default=(-np.inf, -np.inf))
     x, y = max(comm.allgather(own))
     return (top, x, y) if np.isfinite(x) else (top, np.nan, np.nan)

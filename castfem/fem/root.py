@@ -17,7 +17,6 @@ from castfem.base.errors import CastfemError
 T = TypeVar("T")
 
 PATIENCE = 5.0  # s for the other ranks to arrive at the same failure
-_INTERRUPTED = 130  # exit status
 
 
 def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
@@ -150,7 +149,7 @@ def _report_alone(error: BaseException, rank: int) -> int:
     if isinstance(error, CastfemError):
         said, status = str(error), error.exit_status
     elif isinstance(error, KeyboardInterrupt):
-        said, status = "interrupted", _INTERRUPTED
+        said, status = "interrupted", 130
     else:
         traceback.print_exception(error)
         said = f"unexpected {type(error).__name__}: {error}"

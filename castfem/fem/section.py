@@ -1,4 +1,4 @@
-"""The section's mesh over the ranks, and the way of nodal values to and from rank 0."""
+"""The section's mesh over the ranks; values of nodes and cells, to and from rank 0."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 from castfem.base.errors import InputError
-from castfem.base.types import Array
+from castfem.base.types import Array, Flags, Indices
 from castfem.fem import compat
-from castfem.fem.partition import straight_cuts
 
 if TYPE_CHECKING:
     from castfem.meshes import SectionMesh
@@ -160,7 +159,9 @@ class Section:
         for nodes, piece in zip(self._all_nodes, pieces, strict=True):
             values[nodes] = piece
         if self.order == 2:
-            _fill_middle_nodes(self.cell, self.source.cells, values)
+            for node, around in _MIDDLE[self.cell].items():
+                near = values[self.source.cells[:, list(around)]]
+                values[self.source.cells[:, node]] = near.mean(axis=1)
         return values
 
     def scatter(self, values: Array | None) -> Array:
@@ -176,6 +177,80 @@ _MIDDLE: dict[str, dict[int, tuple[int, ...]]] = {
 }
 
 
-def _fill_middle_nodes(cell: str, cells: npt.NDArray[np.int64], values: Array) -> None:
-    for node, around in _MIDDLE[cell].items():
-        values[cells[:, node]] = values[cells[:, list(around)]].mean(axis=1)
+class Cellwise:
+    """Values by cell on rank 0, numbered as in the input mesh whatever the number of ranks.
+
+    Checkpoints keep stress, state and displacement like this: what belongs to a cell's points and
+    nodes, in the order of the reference cell.
+    """
+
+    def __init__(self, section: Section) -> None:
+        self.comm = section.comm
+        owned = section.mesh.topology.index_map(2).size_local
+        self.cells = np.asarray(section.mesh.topology.original_cell_index)[:owned]
+        self._all = self.comm.gather(self.cells)
+
+    def gather(self, values: Array) -> Array | None:
+        """Values (own cells, ...) of all ranks as (cells, ...) on rank 0, None elsewhere."""
+        pieces = self.comm.gather(np.ascontiguousarray(values))
+        if pieces is None or self._all is None:
+            return None
+        whole = np.zeros((sum(len(c) for c in self._all), *values.shape[1:]))
+        for cells, piece in zip(self._all, pieces, strict=True):
+            whole[cells] = piece
+        return whole
+
+    def scatter(self, values: Array | None) -> Array:
+        """Inverse of `gather`."""
+        return np.ascontiguousarray(self.comm.bcast(values)[self.cells])
+
+
+DIRECTIONS = np.array([(0.0, 1.0), (1.0, 0.0), (1.0, 1.0), (1.0, -1.0)])
+
+
+def straight_cuts(points: Array, cells: Indices, rim: Flags, ranks: int) -> npt.NDArray[np.int32]:
+    """Rank of each cell (m,): the section is cut in two, each part again, until all have one.
+
+    Where deep liquid is left out of the equations, the work is that of the cells near the surface.
+    A graph partitioner gives all ranks as many cells, but one of two ranks the narrow face of half
+    a slab and with it half as many cells of the rim again as the other.
+
+    Of some directions each cut takes that which leaves the rim the most even, and few nodes on both
+    sides.
+
+    Args:
+        points: (n, 2), m.
+        cells: Nodes of each cell (m, k).
+        rim: Whether a cell is at the surface (m,).
+        ranks: How many.
+    """
+    found = np.zeros(len(cells), np.int32)
+    middles = points[cells].mean(axis=1)
+    waiting: list[tuple[Indices, range]] = [(np.arange(len(cells)), range(ranks))]
+    while waiting:
+        some, those = waiting.pop()
+        if len(those) == 1:
+            found[some] = those[0]
+            continue
+        half = len(those) // 2
+        share = half / len(those)
+        cuts = [_cut(middles[some] @ direction, share) for direction in DIRECTIONS]
+        one = min(cuts, key=lambda cut: _cost(cells[some], rim[some], cut, share))
+        waiting += [(some[one], those[:half]), (some[~one], those[half:])]
+    return found
+
+
+def _cut(places: Array, share: float) -> Flags:
+    """Flags of the first cells, a share of all, in the order of their places."""
+    first = np.zeros(len(places), bool)
+    # Rounded, m: cells of one row stand at the same place.
+    order = np.argsort(np.round(places, 9), kind="stable")
+    first[order[: round(share * len(places))]] = True
+    return first
+
+
+def _cost(cells: Indices, rim: Flags, first: Flags, share: float) -> float:
+    """What speaks against a cut, in cells: an uneven rim, and nodes that are on both sides."""
+    uneven = abs(int(rim[first].sum()) - share * int(rim.sum()))
+    layers = 6  # cells of a shell's thickness: so much work hangs on a cell of the rim
+    return layers * uneven + len(np.intersect1d(cells[first], cells[~first]))

@@ -21,8 +21,9 @@ from castfem.fem import reductions
 from castfem.fem.root import Together, on_root
 from castfem.model.build.simulation import Simulation, build
 from castfem.model.load import portable
-from castfem.physics.coupling.staggered import CouplingWindow, take_window
+from castfem.physics.coupling.staggered import CouplingWindow
 from castfem.physics.coupling.subcycling import SubSteps
+from castfem.physics.coupling.windows import take_window
 from castfem.runs import restart
 from castfem.runs.interrupt import Interrupt, Stopped
 from castfem.runs.output.folder import PROPERTIES_NAME, OutputFolder
@@ -117,7 +118,8 @@ class TimeLoop:
         if zone != run.zone:
             simulation.problem.set_cooling(simulation.zones.cooling(zone))
             if run.zone >= 0:
-                simulation.steps.control.restart()
+                step = simulation.steps.control.restart(run.state.step)
+                run.state = replace(run.state, step=step)
             run.zone = zone
 
     def advance(self) -> None:
@@ -144,7 +146,7 @@ class TimeLoop:
             counts.gap_not_converged += not found.gap_converged
         else:
             substeps, result = found, None
-            run.state = replace(run.state, thermal=substeps.state)
+            run.state = replace(run.state, thermal=substeps.state, step=substeps.length)
             counts.alone += 1
         counts.steps += substeps.steps
         counts.rejected += substeps.rejected
@@ -155,9 +157,9 @@ class TimeLoop:
         """A thermal step or a coupling window that can be kept, and how many windows could not."""
         simulation, state = self.simulation, self.run_state.state
         if simulation.coupling is None or self._released:
-            return simulation.steps.one(state.thermal), 0
+            return simulation.steps.one(state.thermal, state.step), 0
         if same_or_before(simulation.mechanics_end, state.time):
-            found = simulation.steps.one(simulation.coupling.release(state))
+            found = simulation.steps.one(simulation.coupling.release(state), state.step)
             self._released = True
             return found, 0
         return take_window(simulation.coupling, state, simulation.control)

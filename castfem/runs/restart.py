@@ -9,6 +9,7 @@ import numpy as np
 from castfem.base.shown_quantity import Quantity
 from castfem.base.types import Array
 from castfem.physics.coupling.staggered import StrandState
+from castfem.physics.coupling.step_control import StepLength
 from castfem.runs.results.run_state import Counts, RunState
 from castfem.runs.results.summary import last_results
 
@@ -47,8 +48,8 @@ def description(run: RunState) -> dict[str, Any]:
         "allowed": [a if np.isfinite(a) else None for a in thermal.allowed or ()],
         "fed": thermal.fed,
         "counts": run.counts.stored(),
-        "step": run.simulation.control.step,
-        "substep": run.simulation.steps.control.step,
+        "step": (run.state.step if mechanical is None else run.state.window).step,
+        "substep": run.state.step.step,
         "zone": run.zone,
         "measure": run.sampler.memory(),
         "snapshots": [[position, _plain(found)] for position, found in run.snapshots.items()],
@@ -58,7 +59,7 @@ def description(run: RunState) -> dict[str, Any]:
     if run.mechanical_checkpoint is not None and mechanical is not None:
         found["mechanical"] = run.mechanical_checkpoint.description(mechanical)
     if run.simulation.control.most > 1.0:
-        found["growth"] = run.simulation.control.growth
+        found["growth"] = run.state.window.growth
         found["strain_rate"] = run.state.strain_rate.tolist()
     if run.sampler.quality is not None:
         found["quality"] = run.sampler.quality.memory()
@@ -70,15 +71,16 @@ def restore(run: RunState, meta: dict[str, Any], by_node: dict[str, Array]) -> N
     nodes = run.simulation.section.node_of_owned
     enthalpy, rate, next_rate = (np.asarray(by_node[name])[nodes] for name in STATE)
     filled = np.asarray(by_node["filled"])[nodes] if "filled" in by_node else None
+    allowed = None
+    if meta["allowed"]:
+        low, high = meta["allowed"]
+        allowed = low, np.inf if high is None else high
     thermal = run.simulation.stepper.state_from(
         meta["time"], enthalpy, rate, meta["removed"], meta["generated"], next_rate, filled,
-        meta.get("fed", 0.0),
+        meta.get("fed", 0.0), allowed,
     )  # fmt: skip
     if thermal.filled.size:
         run.simulation.problem.fill(thermal.filled)
-    if meta["allowed"]:
-        low, high = meta["allowed"]
-        thermal.allowed = low, np.inf if high is None else high
     mechanical = None
     if run.mechanical_checkpoint is not None:
         mechanical = run.mechanical_checkpoint.state(meta["mechanical"], by_node)
@@ -87,11 +89,10 @@ def restore(run: RunState, meta: dict[str, Any], by_node: dict[str, Array]) -> N
         for name in ("heating", "trend")
     )
     rate = np.asarray(meta.get("strain_rate", []), float)
-    run.state = StrandState(thermal, mechanical, heating, trend, rate)
-    run.simulation.control.growth = meta.get("growth", 1.0)
+    window = StepLength(meta["step"], meta.get("growth", 1.0))
+    step = StepLength(meta["substep"])
+    run.state = StrandState(thermal, mechanical, heating, trend, rate, step, window)
     run.counts = Counts.restored(meta["counts"])
-    run.simulation.control.step = meta["step"]
-    run.simulation.steps.control.step = meta["substep"]
     run.zone = meta["zone"]
     if run.zone >= 0:
         run.simulation.problem.set_cooling(run.simulation.zones.cooling(run.zone))

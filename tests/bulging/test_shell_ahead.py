@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.fem.line_probes import Profile
+from castfem.fem.probes import Profile
 from castfem.model.build.shell_prediction import ShellPrediction
 from castfem.physics.closed_forms.by_name import closed_form
 from castfem.physics.materials import load_steel

@@ -9,8 +9,7 @@ import pytest
 from mechanics.casting import billet_mesh
 
 from castfem.fem.section import Section
-from castfem.physics.contact.average import LENGTH, SurfaceMean
-from castfem.physics.contact.facets import Facets
+from castfem.physics.contact.facets import LENGTH, Facets, SurfaceMean
 
 HALF = 0.0625
 END = np.array([HALF - 5e-3, HALF])  # of the arc, where it goes over into the face

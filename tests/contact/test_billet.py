@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from mechanics.casting import STEEL, CastSetup, billet_mesh
 
-from castfem.physics.contact.checkpoint import ContactCheckpoint
 from castfem.physics.contact.friction import Coulomb
 from castfem.physics.contact.settings import Contact
+from castfem.physics.contact.state import ContactCheckpoint
 from castfem.physics.contact.summary import summary
 from castfem.physics.machine import Machine, Steady
-from castfem.physics.mechanics.ferrostatic import Ferrostatic
+from castfem.physics.mechanics.definition import Ferrostatic
 from castfem.physics.mechanics.surface_gap import SurfaceGap
 from castfem.physics.mould import Mould, RectangleCavity, Taper, same
 

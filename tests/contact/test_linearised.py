@@ -59,7 +59,7 @@ def test_forces_and_state_change_by_the_chain_rule(method: str, friction: str) -
     along = scaled.directions @ direction[problem.owned :, None]
     stress = liquid = None
     if wall.stress is not None:
-        strain = wall.stress.increments(motion[:, 0], along[:, 0])
+        strain = wall.stress.strained.increments(motion[:, 0], along[:, 0])
         stress = np.einsum("nij,nj->ni", wall.stress.response.tangent, strain)[:, :, None]
         liquid = np.zeros((len(strain), 1))
     given = GivenChanges.none(wall.facets.count, 1)

@@ -13,7 +13,7 @@ from castfem.physics.contact.friction import Coulomb, Friction, Lubricant
 from castfem.physics.contact.settings import Contact
 from castfem.physics.contact.state import SLIP
 from castfem.physics.contact.summary import summary
-from castfem.physics.mechanics.ferrostatic import Ferrostatic
+from castfem.physics.mechanics.definition import Ferrostatic
 from castfem.physics.mechanics.planes import PlainPlanes
 from castfem.physics.mechanics.supports import PrescribedDisplacement
 from contact.setups import FOOT

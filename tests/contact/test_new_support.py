@@ -15,9 +15,8 @@ from castfem.base.errors import InputError
 from castfem.base.types import Array
 from castfem.fem.section import Section
 from castfem.forms.mechanics import Direction, Expr
-from castfem.physics.contact.interaction import Interaction
-from castfem.physics.contact.interfaces import Motion, Solid
-from castfem.physics.contact.surface_interaction import SurfaceInteraction
+from castfem.physics.contact.interaction import Interaction, Motion, Solid
+from castfem.physics.contact.settings import SurfaceInteraction
 from castfem.physics.mechanics.supports import PrescribedDisplacement
 from castfem.physics.mechanics.varied_problem import VariedProblem
 from contact.test_roll_support import GROUPS, PLANE_STRAIN, YOUNG

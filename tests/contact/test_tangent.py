@@ -15,7 +15,7 @@ from castfem.physics.constitutive.flow_laws import NortonCreep, ThermoElastic
 from castfem.physics.contact.friction import Coulomb, Lubricant, Tresca, Viscous
 from castfem.physics.contact.settings import Contact
 from castfem.physics.contact.state import OPEN, SLIP, STICK
-from castfem.physics.mechanics.ferrostatic import Ferrostatic
+from castfem.physics.mechanics.definition import Ferrostatic
 from castfem.physics.mechanics.planes import PlainPlanes
 from castfem.physics.mould import Circular, Contour, GapFunction
 from contact.setups import TwoWalls

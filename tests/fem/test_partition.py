@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.fem.partition import straight_cuts
+from castfem.fem.section import straight_cuts
 from castfem.meshes import SectionMesh, build
-from castfem.physics.mechanics.options import SEVERAL_RANKS, split_options
+from castfem.physics.mechanics.newton import SEVERAL_RANKS, split_options
 
 
 def slab() -> SectionMesh:

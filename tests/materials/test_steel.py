@@ -83,7 +83,7 @@ def test_tables_of_density_and_heat_multiply_exactly():
         return (b - a) / 6.0 * (f[0] + 4.0 * f[1] + f[2])
 
     assert h[-1] == pytest.approx(exact(1000.0, 1400.0) + exact(1400.0, 1800.0), rel=1e-13)
-    assert 1400.0 in t and np.diff(t).max() <= knots.LONGEST + 1e-9
+    assert 1400.0 in t and np.diff(t).max() <= knots.LIMITS.longest + 1e-9
 
 
 def test_latent_heat_with_varying_density():

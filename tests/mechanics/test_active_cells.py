@@ -13,7 +13,7 @@ from dolfinx import fem, la
 
 from castfem.base.types import Array
 from castfem.fem.compat import CELLS, CellForm, assemble_into, create_matrix
-from castfem.fem.part_matrix import matrix_of_nodes
+from castfem.fem.dof_values import matrix_of_nodes
 from castfem.physics.contact.settings import Contact
 from castfem.physics.mechanics.state import Balance
 from castfem.physics.mechanics.supports import SPRING

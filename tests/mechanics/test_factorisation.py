@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from castfem.fem import factorisation
+from castfem.fem import bordered_system
 from castfem.fem.bordered_system import BorderedSystem
 
 MUMPS = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
@@ -90,9 +90,9 @@ def test_more_room_is_given_where_it_runs_out(monkeypatch: pytest.MonkeyPatch) -
     saddle = sparse.bmat([[None, block + laplacian(n * n)], [(block + laplacian(n * n)).T, None]])
     tight = MUMPS | {"mat_mumps_icntl_14": -50}  # half of it; later MUMPS expect enough
     rooms: list[int] = []
-    given = factorisation._given
+    given = bordered_system._given
     monkeypatch.setattr(
-        factorisation, "_given", lambda name, room: (rooms.append(room), given(name, room))[1]
+        bordered_system, "_given", lambda name, room: (rooms.append(room), given(name, room))[1]
     )
     made = Bordered(saddle, 1, tight)
     assert made.error() < 1e-8

@@ -12,7 +12,7 @@ import pytest
 from castfem.base.types import Array
 from castfem.physics.constitutive.elasticity import Elasticity, Solidity
 from castfem.physics.constitutive.flow_laws import ThermoElastic
-from castfem.physics.mechanics.ferrostatic import Ferrostatic
+from castfem.physics.mechanics.definition import Ferrostatic
 from castfem.physics.mechanics.planes import PlainPlanes
 from castfem.physics.mechanics.supports import PrescribedDisplacement
 from mechanics.setups import RING_GROUPS, SliceSetup, box, mapped, ring

@@ -14,7 +14,7 @@ import pytest
 from castfem.base.errors import InputError
 from castfem.base.types import Array
 from castfem.physics.machine import Machine, Steady
-from castfem.physics.mechanics.ferrostatic import SHARES, Ferrostatic
+from castfem.physics.mechanics.definition import SHARES, Ferrostatic
 from mechanics.setups import Map, SliceSetup, box, elastic, mapped, skewed
 
 SOLIDUS, LIQUIDUS, HEAD = 1700.0, 1750.0, 3.0e5

@@ -7,7 +7,7 @@ import pytest
 
 from castfem.base.types import Array
 from castfem.fem import dof_values
-from castfem.physics.mechanics.ferrostatic import Ferrostatic
+from castfem.physics.mechanics.definition import Ferrostatic
 from castfem.physics.mechanics.force_operators import ForceOperators
 from castfem.physics.mechanics.planes import PlainPlanes
 from mechanics.setups import SliceSetup, elastic, expansion, mapped, skewed

@@ -8,8 +8,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.physics.mechanics.bent_planes import BentPlanes
-from castfem.physics.mechanics.imposed_axis import ImposedAxis
+from castfem.physics.mechanics.bent_planes import BentPlanes, ImposedAxis
 
 HALF, MIDDLE = 0.11, 1.0 / (8.006 - 0.11)  # m, 1/m
 

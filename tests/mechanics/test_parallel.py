@@ -9,7 +9,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from castfem.fem.cellwise import Cellwise
+from castfem.fem.section import Cellwise
 from castfem.physics.contact.settings import Contact
 from castfem.physics.mechanics.supports import SPRING
 from castfem.physics.mould import Mould, RectangleCavity, Taper, same

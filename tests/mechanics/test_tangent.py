@@ -11,7 +11,7 @@ from castfem.base.types import Array
 from castfem.physics.constitutive.elasticity import Elasticity
 from castfem.physics.constitutive.flow_laws import NortonCreep, ThermoElastic
 from castfem.physics.mechanics.bent_planes import BentPlanes
-from castfem.physics.mechanics.ferrostatic import Ferrostatic
+from castfem.physics.mechanics.definition import Ferrostatic
 from castfem.physics.mechanics.planes import PlainPlanes
 from castfem.physics.mechanics.supports import SurfacePressure, Traction
 from mechanics.setups import SliceSetup, elastic, expansion, mapped, skewed

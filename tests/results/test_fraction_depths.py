@@ -13,7 +13,7 @@ from small_case import small
 import castfem
 from castfem.base.errors import InputError
 from castfem.base.result_registry import declared, find, unit_of
-from castfem.fem.line_probes import Profile
+from castfem.fem.probes import Profile
 from castfem.model.build.simulation import build, case_steel
 from castfem.runs.results.headline import headline
 from castfem.runs.results.registry import columns_of

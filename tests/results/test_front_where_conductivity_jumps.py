@@ -13,7 +13,7 @@ import pytest
 from small_case import small
 
 import castfem
-from castfem.fem.line_probes import Profile
+from castfem.fem.probes import Profile
 from castfem.physics.materials import load_steel
 
 

@@ -58,10 +58,10 @@ def failing(monkeypatch: pytest.MonkeyPatch, error: BaseException, time: float) 
     """Let every thermal step from `time` (s) on meet an error."""
     take = ThermalSteps.one
 
-    def one(self: ThermalSteps, state, stop=None):  # type: ignore[no-untyped-def]
+    def one(self: ThermalSteps, state, *given):  # type: ignore[no-untyped-def]
         if state.time >= time:
             raise error
-        return take(self, state, stop)
+        return take(self, state, *given)
 
     monkeypatch.setattr(ThermalSteps, "one", one)
 
@@ -250,10 +250,10 @@ from castfem.cli import main
 from castfem.cli.parallel import communicator
 from castfem.physics.coupling.subcycling import ThermalSteps
 take, comm = ThermalSteps.one, communicator()
-def one(self, state, stop=None):
+def one(self, state, *given):
     if comm.rank == 1 and state.time > 0.45:
         os.kill(os.getpid(), signal.SIGHUP)
-    return take(self, state, stop)
+    return take(self, state, *given)
 ThermalSteps.one = one
 main(sys.argv[1:])
 """

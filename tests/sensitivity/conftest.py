@@ -13,5 +13,5 @@ from castfem.physics.thermal import problem as heat_balance
 def exact() -> Iterator[None]:
     """Let Newton's method close the balance of a stage to rounding: differences of runs tell."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(heat_balance, "BALANCE", 1e-13)
+        patch.setattr(heat_balance, "LIMITS", heat_balance.BalanceLimits(newton=1e-13))
         yield

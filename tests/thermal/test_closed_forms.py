@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import brentq
 
 from castfem.base.constants import STEFAN_BOLTZMANN
-from castfem.fem.line_probes import Profile
+from castfem.fem.probes import Profile
 from castfem.physics.closed_forms import Neumann, ThreeZones
 from castfem.physics.thermal import flux_laws
 from thermal.setups import ThermalSetup, constant_steel, strip

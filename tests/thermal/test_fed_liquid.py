@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from castfem import meshes
-from castfem.fem.line_probes import Profile
+from castfem.fem.probes import Profile
 from castfem.physics.closed_forms import ThreeZones
 from castfem.physics.materials import load_steel
 from castfem.physics.thermal import flux_laws

@@ -11,7 +11,7 @@ from castfem.base.types import Array
 from castfem.model import load_case
 from castfem.model.build.simulation import build
 from castfem.physics.thermal import flux_laws
-from castfem.physics.thermal.stepper import REBOUND, ThermalStepper
+from castfem.physics.thermal.stepper import DAMPING, ThermalStepper
 from castfem.runs.loop import TimeLoop
 from castfem.runs.results.run_state import Counts, RunState
 from thermal.setups import ThermalSetup, constant_steel, strip
@@ -99,7 +99,7 @@ def test_a_zone_downstream_cools_or_warms_one_way(coefficient: float, way: float
     found = [simulation.state.point.temperature[skin]]
     simulation.cool(*((face, flux_laws.Convection(coefficient, AMBIENT)) for face in faces))
     simulation.advance(7.0, 0.5, lambda: found.append(simulation.state.point.temperature[skin]))
-    assert (way * np.diff(found, axis=0)).max() < REBOUND
+    assert (way * np.diff(found, axis=0)).max() < DAMPING.rebound
     assert (way * (found[0] - found[1])).min() > 50.0
     assert simulation.results[-1].limited is False
     assert simulation.worst_balance < 1e-9

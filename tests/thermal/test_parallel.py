@@ -7,7 +7,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from castfem.fem.line_probes import LineProbes
+from castfem.fem.probes import LineProbes
 from castfem.physics.thermal import flux_laws
 from thermal.setups import ThermalSetup, constant_steel
 from thermal.test_extremes import CAST, WALL, billet

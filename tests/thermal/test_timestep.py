@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,16 +12,51 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from castfem.base.errors import RunFailure
-from castfem.physics.coupling.step_control import Adaptive, StepControl, rung
+from castfem.physics.coupling.step_control import (
+    Adaptive,
+    Proposal,
+    StepControl,
+    StepLength,
+    rung,
+)
 
 BOUNDS = Adaptive(tolerance=1.0, first=1e-3, smallest=1e-5, largest=0.5)
 
 
-def advance(control: StepControl, error: float) -> list[float]:
+class Stepping:
+    """A control, the length that its steps have come to, and the step that was proposed last."""
+
+    def __init__(self, *given: Any, **more: Any) -> None:
+        self.control = StepControl(*given, **more)
+        self.length = self.control.first
+        self.tried = Proposal(0.0, 0.0, self.length.step, False, self.length)
+        self.end, self.accepts = self.control.end, self.control.accepts
+        self.at_milestone = self.control.at_milestone
+
+    @property
+    def step(self) -> float:
+        return self.length.step
+
+    def propose(self, time: float) -> float:
+        self.tried = self.control.propose(self.length, time)
+        self.length = self.tried.length
+        return self.tried.end
+
+    def _taken(self, taken: float) -> Proposal:
+        return replace(self.tried, taken=taken, length=self.length)
+
+    def learn(self, taken: float, error: float) -> None:
+        self.length = self.control.learn(self._taken(taken), error)
+
+    def failed(self, taken: float, reason: str) -> None:
+        self.length = self.control.failed(self._taken(taken), reason)
+
+
+def advance(control: Stepping, error: float) -> list[float]:
     return steps_of(control, error, 100_000)
 
 
-def steps_of(control: StepControl, error: float, most: int) -> list[float]:
+def steps_of(control: Stepping, error: float, most: int) -> list[float]:
     """Times of the steps to the end, or of so many."""
     times = [0.0]
     while times[-1] < control.end and len(times) <= most:
@@ -35,8 +71,8 @@ def steps_of(control: StepControl, error: float, most: int) -> list[float]:
 @given(st.lists(st.floats(0.01, 9.99), max_size=8), st.sampled_from([0.05, 0.3, 20.0]))
 def test_milestones_are_hit_exactly(stops: list[float], step: float) -> None:
     for control in (
-        StepControl(10.0, stops, fixed=step),
-        StepControl(10.0, stops, adaptive=BOUNDS),
+        Stepping(10.0, stops, fixed=step),
+        Stepping(10.0, stops, adaptive=BOUNDS),
     ):
         times = advance(control, 0.3)
         assert times[-1] == 10.0
@@ -46,7 +82,7 @@ def test_milestones_are_hit_exactly(stops: list[float], step: float) -> None:
 
 
 def test_adaptive_steps_grow_to_the_largest_and_leave_no_crumb() -> None:
-    times = advance(StepControl(100.0, adaptive=BOUNDS), 0.01)
+    times = advance(Stepping(100.0, adaptive=BOUNDS), 0.01)
     steps = [b - a for a, b in pairwise(times)]
     assert max(steps) == pytest.approx(0.5)
     assert min(steps[20:]) > 0.2
@@ -54,7 +90,7 @@ def test_adaptive_steps_grow_to_the_largest_and_leave_no_crumb() -> None:
 
 def test_a_fixed_step_is_cut_for_its_error_and_grows_back() -> None:
     """By the order of its error, to a rung; never beyond what was given, nor by a milestone."""
-    control = StepControl(100.0, [10.0, 10.01], fixed=1.0, tolerance=2.0, order=1.5)
+    control = Stepping(100.0, [10.0, 10.01], fixed=1.0, tolerance=2.0, order=1.5)
     assert control.propose(0.0) == 1.0 and control.accepts(2.0) and not control.accepts(2.1)
     control.learn(1.0, 16.0)
     assert control.step == pytest.approx(0.2)  # 0.9 / 8^(1/1.5) = 0.225
@@ -66,13 +102,13 @@ def test_a_fixed_step_is_cut_for_its_error_and_grows_back() -> None:
     assert control.step == pytest.approx(0.8)
     control.learn(control.propose(10.0) - 10.0, 2.0)
     assert control.step == pytest.approx(0.8)
-    free = StepControl(100.0, fixed=1.0)
+    free = Stepping(100.0, fixed=1.0)
     free.learn(free.propose(0.0), 1e9)
     assert free.step == 1.0
 
 
 def test_a_step_grows_between_milestones_and_begins_anew_at_each() -> None:
-    control = StepControl(40.0, [20.0], fixed=1.0, tolerance=2.0, order=1.5, most=6.0)
+    control = Stepping(40.0, [20.0], fixed=1.0, tolerance=2.0, order=1.5, most=6.0)
     times = steps_of(control, 1e-9, 99)
     steps = [b - a for a, b in pairwise(times)]
     assert steps == pytest.approx([1.0, 2.0, 4.0, 6.0, 3.5, 3.5] * 2)  # no crumb at the end
@@ -81,7 +117,7 @@ def test_a_step_grows_between_milestones_and_begins_anew_at_each() -> None:
 
 def test_a_step_that_has_grown_is_cut_no_shorter_than_it_was_given() -> None:
     """For its error by its order, for a failure to a quarter; what was given stays."""
-    control = StepControl(100.0, fixed=1.0, tolerance=2.0, order=1.5, most=6.0)
+    control = Stepping(100.0, fixed=1.0, tolerance=2.0, order=1.5, most=6.0)
     for start, taken in ((0.0, 1.0), (1.0, 2.0), (3.0, 4.0)):
         assert control.propose(start) - start == pytest.approx(taken)
         control.learn(taken, 1e-9)
@@ -118,7 +154,7 @@ def test_a_step_that_is_all_but_a_rung_has_one_below(step: float) -> None:
 def test_two_runs_whose_errors_differ_little_take_the_same_steps() -> None:
     ends = []
     for error in (7.0, 7.2):
-        control = StepControl(10.0, fixed=1.0, tolerance=2.0, order=1.5)
+        control = Stepping(10.0, fixed=1.0, tolerance=2.0, order=1.5)
         control.learn(1.0, error)
         ends.append(steps_of(control, 1.9, 99))
     assert ends[0] == ends[1] and len(ends[0]) > 11
@@ -126,7 +162,7 @@ def test_two_runs_whose_errors_differ_little_take_the_same_steps() -> None:
 
 def test_steps_of_a_length_of_strand_are_cut_to_parts_of_what_one_takes() -> None:
     """Where the strand stands one may last ten times as long, which is no multiple of a rung."""
-    control = StepControl(
+    control = Stepping(
         100.0, fixed=7.0, tolerance=2.0, order=1.5, longest=lambda time: 1.0, unit=1.0
     )
     assert control.propose(0.0) == 1.0
@@ -135,22 +171,22 @@ def test_steps_of_a_length_of_strand_are_cut_to_parts_of_what_one_takes() -> Non
 
 
 def test_large_error_is_rejected_and_cut() -> None:
-    control = StepControl(10.0, adaptive=BOUNDS)
+    control = Stepping(10.0, adaptive=BOUNDS)
     assert not control.accepts(8.0)
-    control.step = 0.4
+    control.length = StepLength(0.4)
     control.learn(0.4, 8.0)
     assert control.step == pytest.approx(0.4 * 0.9 / 2.0)
 
 
 def test_below_the_smallest_step_the_run_fails_with_the_key_to_change() -> None:
-    control = StepControl(10.0, adaptive=BOUNDS)
+    control = Stepping(10.0, adaptive=BOUNDS)
     with pytest.raises(RunFailure, match=r"thermal\.time\.adaptive\.smallest"):
         for _ in range(50):
             control.learn(control.step, 1e9)
 
 
 def test_failed_solver_cuts_back_and_a_fixed_step_recovers() -> None:
-    control = StepControl(10.0, fixed=0.1)
+    control = Stepping(10.0, fixed=0.1)
     control.failed(0.1, "DIVERGED_MAX_IT")
     assert control.step == pytest.approx(0.025)
     for _ in range(5):
@@ -163,13 +199,11 @@ def test_failed_solver_cuts_back_and_a_fixed_step_recovers() -> None:
 
 def test_restart_begins_small_again() -> None:
     control = StepControl(10.0, adaptive=BOUNDS)
-    control.step = 0.4
-    control.restart()
-    assert control.step == BOUNDS.first
+    assert control.restart(StepLength(0.4)).step == BOUNDS.first
 
 
 def test_step_accepted_at_the_smallest_goes_on_with_the_smallest() -> None:
-    control = StepControl(10.0, adaptive=replace(BOUNDS, first=BOUNDS.smallest))
+    control = Stepping(10.0, adaptive=replace(BOUNDS, first=BOUNDS.smallest))
     times = steps_of(control, 0.9, 20)
     assert np.allclose(np.diff(times), BOUNDS.smallest, rtol=1e-9)
 
@@ -184,7 +218,7 @@ def test_the_smallest_step_is_tried_before_the_run_fails(how: str) -> None:
         else:
             control.learn(taken, 1e9)
 
-    control = StepControl(10.0, adaptive=replace(BOUNDS, first=3 * BOUNDS.smallest))
+    control = Stepping(10.0, adaptive=replace(BOUNDS, first=3 * BOUNDS.smallest))
     refuse(control.propose(0.0))
     assert control.propose(0.0) == BOUNDS.smallest
     with pytest.raises(RunFailure, match="1e-05 s"):
@@ -194,7 +228,7 @@ def test_the_smallest_step_is_tried_before_the_run_fails(how: str) -> None:
 @pytest.mark.parametrize("error", [2.0, np.nan])
 def test_what_a_milestone_leaves_below_the_smallest_step_is_divided_once(error: float) -> None:
     crumb = 0.5 * BOUNDS.smallest
-    control = StepControl(1.0 + crumb, [1.0], adaptive=BOUNDS)
+    control = Stepping(1.0 + crumb, [1.0], adaptive=BOUNDS)
     assert control.propose(1.0) == control.end
     control.learn(crumb, error)
     part = control.propose(1.0) - 1.0

@@ -13,12 +13,12 @@ from castfem.base.constants import same_or_before
 from castfem.base.errors import RunFailure
 from castfem.base.tables import as_function
 from castfem.base.types import Array
-from castfem.fem.line_probes import LineProbes, Profile
+from castfem.fem.probes import LineProbes, Profile
 from castfem.fem.root import shared_out
 from castfem.model.build.shell_prediction import Core, ShellPrediction, core_of, front_of
 from castfem.model.bulging import Bulging
 from castfem.physics.contact.roll_support import POINTS, Bed, RollSupport
-from castfem.physics.contact.surface_interaction import ALWAYS
+from castfem.physics.contact.settings import ALWAYS
 from castfem.physics.machine.bulging import (
     Bulge,
     BulgingModel,
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from castfem.physics.machine import Machine
     from castfem.physics.machine.bulging.uneven import UnevenRolls
     from castfem.physics.materials import Steel
-    from castfem.physics.mechanics.ferrostatic import Ferrostatic
+    from castfem.physics.mechanics.definition import Ferrostatic
 
 Memory = Mapping[str, Array]
 WIDTHLESS = (

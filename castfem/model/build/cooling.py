@@ -95,9 +95,10 @@ class Zones:
     def set_gap(self, gap: Array) -> None:
         """Let heat cross these gaps from now on, at the owned vertices (owned,), m."""
         for cooling in self._coolings:
-            for patch, law in cooling.laws:
-                if isinstance(law, flux_laws.Contact) and law.follows:
-                    law.gap = gap[patch.dofs]
+            cooling.laws = [
+                (patch, law.across(gap[patch.dofs]) if isinstance(law, flux_laws.Contact) else law)
+                for patch, law in cooling.laws
+            ]
 
     def follow_shape(self) -> None:
         """Cool the surface as it is now (collective)."""
@@ -114,7 +115,7 @@ class Zones:
         flux = np.zeros_like(temperature)
         for patch, law in self._coolings[self.index(time)].laws:
             if isinstance(law, flux_laws.Contact) and law.follows:
-                across = replace(law, gap=gap[patch.dofs])
+                across = law.across(gap[patch.dofs])
                 flux[patch.dofs] += across.flux(temperature[patch.dofs], time)[0]
         return flux
 

@@ -84,11 +84,11 @@ def try_solver(table: str, options: Options) -> None:
     from castfem.fem.snes import try_options
 
     if table == "thermal":
-        from castfem.physics.thermal.options import default_options
+        from castfem.physics.thermal.operators import default_options
 
         try_options("thermal_", {**default_options(1), **options})
         return
-    from castfem.physics.mechanics.options import split_options
+    from castfem.physics.mechanics.newton import split_options
 
     nonlinear, linear = split_options(options, symmetric=False)
     try_options("mechanical_", {**nonlinear, **linear})

@@ -13,7 +13,7 @@ from castfem.base.errors import CaseError, InputError
 from castfem.base.stopwatch import Stopwatch
 from castfem.base.tables import Table, as_function
 from castfem.base.types import Array
-from castfem.fem.line_probes import LineProbes
+from castfem.fem.probes import LineProbes
 from castfem.fem.section import Section
 from castfem.model import mechanics as given
 from castfem.model.bending import axis_position, places_of
@@ -22,13 +22,10 @@ from castfem.model.build_mould import build_mould
 from castfem.model.heat_law import no_expansion
 from castfem.model.machine import thickness_of
 from castfem.physics.constitutive.base import Law
-from castfem.physics.contact.settings import Contact
-from castfem.physics.contact.surface_interaction import SurfaceInteraction
+from castfem.physics.contact.settings import Contact, SurfaceInteraction
 from castfem.physics.machine.machine import over_time
-from castfem.physics.mechanics.bent_planes import BentPlanes
-from castfem.physics.mechanics.definition import Slice
-from castfem.physics.mechanics.ferrostatic import Ferrostatic
-from castfem.physics.mechanics.imposed_axis import ImposedAxis
+from castfem.physics.mechanics.bent_planes import BentPlanes, ImposedAxis
+from castfem.physics.mechanics.definition import Ferrostatic, Slice
 from castfem.physics.mechanics.planes import PlainPlanes, Planes, TimeHistory, allowed_strains, zero
 from castfem.physics.mechanics.problem import MechanicalProblem
 from castfem.physics.mechanics.stepper import MechanicalStepper

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from castfem.base.types import Array
-from castfem.fem.line_probes import Profile
+from castfem.fem.probes import Profile
 from castfem.physics.constitutive import ThermoElastic
 from castfem.physics.machine.bulging import CreepingStrip
 from castfem.physics.machine.bulging.uneven import UnevenRolls
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from castfem.physics.constitutive.base import Law
     from castfem.physics.machine.rolls import Rolls
     from castfem.physics.materials import Steel
-    from castfem.physics.mechanics.ferrostatic import Ferrostatic
+    from castfem.physics.mechanics.definition import Ferrostatic
 
 
 @dataclass(frozen=True, slots=True)

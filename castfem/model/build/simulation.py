@@ -15,7 +15,7 @@ import numpy as np
 from castfem.base.constants import ROUNDING
 from castfem.base.stopwatch import Stopwatch
 from castfem.fem import reductions
-from castfem.fem.line_probes import LineProbes
+from castfem.fem.probes import LineProbes
 from castfem.fem.root import on_root
 from castfem.fem.section import Section
 from castfem.model.build.cooling import Zones
@@ -23,7 +23,7 @@ from castfem.model.build.start import given_profile
 from castfem.model.build_machine import build_machine
 from castfem.model.mechanics import Way
 from castfem.model.section import meshing
-from castfem.physics.coupling.staggered import ALLOWED, ORDER, StaggeredCoupling
+from castfem.physics.coupling.staggered import ERROR, StaggeredCoupling
 from castfem.physics.coupling.step_control import ALLOWED_STRAIN, Adaptive, StepControl
 from castfem.physics.coupling.subcycling import MechanicalSteps, ThermalSteps
 from castfem.physics.machine.machine import STANDING
@@ -171,8 +171,8 @@ def _windows(case: Case, machine: Machine, milestones: list[float]) -> StepContr
     """Choice of the coupling windows, of equal times or of equal lengths of strand."""
     given = case.coupling.interval
     windows = partial(
-        StepControl, case.casting.duration, milestones, order=ORDER,
-        tolerance=case.coupling.window_error or ALLOWED, most=case.coupling.growth or 1.0,
+        StepControl, case.casting.duration, milestones, order=ERROR.order,
+        tolerance=case.coupling.window_error or ERROR.allowed, most=case.coupling.growth or 1.0,
     )  # fmt: skip
     if not isinstance(given, Way):
         return windows(fixed=given)

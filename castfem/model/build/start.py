@@ -67,14 +67,15 @@ def through_mould(simulation: Simulation, state: ThermalState, end: float) -> Th
     zones = simulation.zones
     stops = sorted({t for t in (*zones.changes, *simulation.machine.kinks) if 0.0 < t < end})
     steps = ThermalSteps(simulation.stepper, step_control(simulation.case, stops, end))
-    entered = -1
+    entered, length = -1, steps.control.first
     for stop in (*stops, end):
         zone = zones.index(state.time)
         if zone != entered:
             simulation.problem.set_cooling(zones.cooling(zone))
-            steps.control.restart()
+            length = steps.control.restart(length)
             entered = zone
-        state = steps.to(state, stop).state
+        taken = steps.to(state, length, stop)
+        state, length = taken.state, taken.length
     return state
 
 

@@ -4,12 +4,4 @@ from castfem.physics.closed_forms.by_name import NAMES, ClosedForm, Expected, cl
 from castfem.physics.closed_forms.half_space import HalfSpace
 from castfem.physics.closed_forms.solidification import Neumann, ThreeZones
 
-__all__ = [
-    "NAMES",
-    "ClosedForm",
-    "Expected",
-    "HalfSpace",
-    "Neumann",
-    "ThreeZones",
-    "closed_form",
-]
+__all__ = ["NAMES", "ClosedForm", "Expected", "HalfSpace", "Neumann", "ThreeZones", "closed_form"]

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 Profile = Callable[[Array, float], Array]
 
 SHARP = 0.2  # K: a narrower freezing range is one temperature
-NEAR = 1.0  # K: a melt poured so near to its melting point is at it
 _PROPERTIES = ("density", "specific_heat", "conductivity")
 _WITHIN = "freezing at one temperature moves the front from vertex to vertex: within one cell"
 
@@ -169,7 +168,7 @@ def _half_space(steel: Steel, surface: float, start: float) -> ClosedForm:
     if (
         not np.allclose(found, wanted, rtol=1e-9)
         or steel.liquidus - steel.solidus > SHARP
-        or max(abs(steel.liquidus - melting), start - melting) > NEAR
+        or max(abs(steel.liquidus - melting), start - melting) > 1.0  # K
     ):
         raise InputError(
             'verification.closed_form: "weiner_boley" is of its own constants: steel.name = '

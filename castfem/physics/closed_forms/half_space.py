@@ -41,10 +41,7 @@ class HalfSpace:
     """
 
     def __init__(
-        self,
-        alpha: float = ALPHA,
-        yield_stress: float = YIELD,
-        conductivity: float = CONDUCTIVITY,
+        self, alpha: float = ALPHA, yield_stress: float = YIELD, conductivity: float = CONDUCTIVITY
     ) -> None:
         self._alpha, self._yield, self._conductivity = alpha, yield_stress, conductivity
         self.diffusivity = conductivity / (DENSITY * HEAT)

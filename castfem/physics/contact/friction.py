@@ -26,9 +26,18 @@ from castfem.base.types import Array, Flags
 SQRT3 = 3.0**0.5
 CAP = 1.0  # friction over pressure, where the law itself has friction without pressure
 FINITE = (1e-300, 1e300)
-ITERATIONS = 60  # for viscous friction, at most: as many halvings as the bracket takes
-FURTHEST = 60.0  # of the logarithm of the rate of slip: what is less is no slip
-CLOSE = 1e-14  # likewise, and beside 1 in the logarithm of stress: rounding
+
+
+@dataclass(frozen=True, slots=True)
+class ViscousLimits:
+    """How the rate of slip of viscous friction is searched for, by its logarithm."""
+
+    iterations: int = 60  # as many halvings as the bracket takes
+    furthest: float = 60.0  # what is less than the largest by that is no slip
+    close: float = 1e-14  # rounding, of it and, beside 1, of the logarithm of stress
+
+
+LIMITS = ViscousLimits()
 
 
 class Friction(Protocol):
@@ -283,12 +292,12 @@ def _viscous(law: Friction, size: Array, limit: Array, damping: Array) -> tuple[
         return found
 
     over = np.log(size - limit)
-    rounding = CLOSE * (1.0 + np.abs(over))
+    rounding = LIMITS.close * (1.0 + np.abs(over))
     high = over - np.log(damping)  # the rate without friction
-    low = high - FURTHEST
+    low = high - LIMITS.furthest
     sticks = excess(low)[0] >= size - limit
     at = np.where(sticks, low, high - np.log1p(excess(high)[0] / (size - limit)))
-    for _ in range(ITERATIONS):
+    for _ in range(LIMITS.iterations):
         rate = np.exp(at)
         value, slope = excess(at)
         whole = damping * rate + value
@@ -298,7 +307,7 @@ def _viscous(law: Friction, size: Array, limit: Array, damping: Array) -> tuple[
         new = at - step
         new = np.where((new >= low) & (new <= high), new, 0.5 * (low + high))
         found = sticks | (np.abs(error) <= rounding)
-        done = found | (np.abs(new - at) <= CLOSE)
+        done = found | (np.abs(new - at) <= LIMITS.close)
         at = np.where(found, at, new)
         if done.all():
             break

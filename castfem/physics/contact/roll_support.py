@@ -21,9 +21,8 @@ from castfem.fem.section import Section
 from castfem.forms import finite_strain, supports
 from castfem.forms.mechanics import Direction, of_generalized_strains
 from castfem.physics.contact.facets import Facets
-from castfem.physics.contact.interaction import NOTHING_ADDED, Interaction
-from castfem.physics.contact.interfaces import Motion, Solid
-from castfem.physics.contact.surface_interaction import ALWAYS, SurfaceInteraction
+from castfem.physics.contact.interaction import NOTHING_ADDED, Interaction, Motion, Solid
+from castfem.physics.contact.settings import ALWAYS, SurfaceInteraction, still
 
 Memory = Mapping[str, Array]
 POINTS = 3  # of a facet; as many as others have that act on the same facets, a wall say
@@ -144,10 +143,6 @@ class GivenFoundation:
         return {name: bed(end) for name, bed in self.given.items()}, memory
 
 
-def _still(time: float) -> float:
-    return 0.0
-
-
 @dataclass(frozen=True, slots=True)
 class RollSupport(SurfaceInteraction):
     """Support of boundary groups by rolls.
@@ -171,7 +166,7 @@ class RollSupport(SurfaceInteraction):
 
     on: tuple[str, ...]
     foundation: Foundation
-    position: Callable[[float], float] = _still
+    position: Callable[[float], float] = still
     between: tuple[float, float] = ALWAYS
     knots: tuple[float, ...] = ()
     pull: bool = True
@@ -303,7 +298,9 @@ class WinklerFoundation(Interaction):
             self._beds, self._memory = self.given.foundation.beds(*told)
             if missing := [name for name in self._faces if name not in self._beds]:
                 raise InputError(f"{', '.join(missing)}: rolls are to bear it, but it has no bed")
-        self._take(self._beds)
+        for name, value in self._values.items():
+            bed = self._beds[name]
+            value.value[:] = bed.pressure, bed.stiffness, bed.rest, bed.within
 
     def axial_strain(self, places: Array) -> Array | None:
         """See `Interaction`."""
@@ -311,11 +308,6 @@ class WinklerFoundation(Interaction):
         if not (self.given.active(end) and isinstance(foundation, StretchingFoundation)):
             return None
         return foundation.axial_strain(self._old.memory, self._memory, start, end, places)
-
-    def _take(self, beds: Mapping[str, Bed]) -> None:
-        for name, value in self._values.items():
-            bed = beds[name]
-            value.value[:] = bed.pressure, bed.stiffness, bed.rest, bed.within
 
     def _readings(self) -> list[tuple[fem.Form, ...]]:
         """Of each group: force along its normal, integral of its displacement, length."""

@@ -1,23 +1,69 @@
-"""What touches the slice, and how contact is to be computed.
+"""What a slice is told of what acts on its surface; how contact with a wall is to be computed.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from castfem.base.errors import InputError
 from castfem.physics.contact.friction import Friction
-from castfem.physics.contact.surface_interaction import SurfaceInteraction
 from castfem.physics.mould.wall import Wall
 
 if TYPE_CHECKING:
     from castfem.fem.section import Section
-    from castfem.physics.contact.interfaces import Motion, Solid
+    from castfem.physics.contact.interaction import Interaction, Motion, Solid
     from castfem.physics.contact.wall_contact import WallContact
+
+
+ALWAYS = (float("-inf"), float("inf"))
+"""Range of positions of what acts on the whole way, m."""
+
+
+class SurfaceInteraction(ABC):
+    """Settings of something that acts on boundary groups; what they leave out is as it is here."""
+
+    @property
+    def between(self) -> tuple[float, float]:
+        """Positions between which it may act, m; a coupling window ends at each."""
+        return ALWAYS
+
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Further positions at which a window has to end, m."""
+        return ()
+
+    @property
+    def holds(self) -> bool:
+        """Whether it bears loads that are not in equilibrium, as a wall does.
+
+        Motions as a rigid body that nothing else holds then are left to it, and to weak springs for
+        the time that it does not act: points held rigidly would bear its share.
+        """
+        return True
+
+    @property
+    def holds_liquid(self) -> bool:
+        """Whether it holds liquid that comes to the surface."""
+        return False
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether it has friction along the strand."""
+        return False
+
+    @abstractmethod
+    def build(self, section: Section, solid: Solid, motion: Motion) -> Interaction:
+        """What computes it on a section (collective).
+
+        Raises:
+            InputError: If a group does not exist.
+        """
+
 
 METHODS = ("penalty", "nitsche")
 FACTOR = 10.0  # K_p over bulk modulus / height of the surface cells, see docs/contact.md
@@ -26,7 +72,8 @@ FACTOR = 10.0  # K_p over bulk modulus / height of the surface cells, see docs/c
 LEAST_NITSCHE = 9.0
 
 
-def _still(time: float) -> float:
+def still(time: float) -> float:
+    """Nothing moves, at any time."""
     return 0.0
 
 
@@ -52,11 +99,11 @@ class Contact(SurfaceInteraction):
 
     wall: Wall
     on: tuple[str, ...]
-    position: Callable[[float], float] = _still
+    position: Callable[[float], float] = still
     method: Literal["penalty", "nitsche"] = "penalty"
     factor: float | None = None
     friction: Friction | None = None
-    stroke: Callable[[float], float] = _still
+    stroke: Callable[[float], float] = still
     points: int = 2
 
     def __post_init__(self) -> None:

@@ -11,10 +11,8 @@ from castfem.base.types import Array
 from castfem.fem import reductions
 from castfem.fem.section import Section
 from castfem.physics.contact.facets import Facets
-from castfem.physics.contact.interfaces import Motion
+from castfem.physics.contact.interaction import Motion
 from castfem.physics.mould.wall import GapFunction, Wall
-
-RASTER = 2.0**-32  # of the section's size
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +105,7 @@ class StrandSurface:
             moved: Displacement of the points (n, 2), m.
             strand: Outward normal of the strand (n, 2).
         """
-        start, raster = self._facets.position, self.size * RASTER
+        start, raster = self._facets.position, self.size * 2.0**-32
         near = np.round((start + moved) / raster) * raster
         return Met(moved, strand, near, wall.gap_function(near, strand, position))
 

@@ -6,64 +6,89 @@ depth; friction is borne by what is solid, and so is the stress that Nitsche's m
 
 from __future__ import annotations
 
-import copy
+from dataclasses import dataclass
 
 import numpy as np
 import ufl
+from scipy import sparse
 
 from castfem.base.types import Array, Flags
 from castfem.fem import dof_values, reductions
-from castfem.fem.section import Section
 from castfem.physics.contact.facets import Facets
-from castfem.physics.contact.interfaces import Solid
+from castfem.physics.contact.interaction import Solid
 
-LEAK = 1e-4  # m: a gap across which liquid that comes to the surface still runs to the wall
-# Of the height of surface cells: depth of the first of two Gauss points, those of the mean stress.
-SKIN = 0.5 - 0.5 / 3.0**0.5
+
+@dataclass(frozen=True, slots=True)
+class SurfaceTemperatures:
+    """From temperatures of the vertices to those of the surface.
+
+    Attributes:
+        facets: Points of the surface.
+        at_vertices: Operator from vertex values to the points.
+        slopes: Operator to their gradient there; None where no fed liquid meets friction.
+    """
+
+    facets: Facets
+    at_vertices: sparse.csr_matrix
+    slopes: sparse.csr_matrix | None
+
+    @classmethod
+    def at(cls, facets: Facets, slopes: bool) -> SurfaceTemperatures:
+        """Those of some facets (collective)."""
+        space = facets.section.vertex_space
+        trial = ufl.TrialFunction(space)
+        own = facets.operator(trial, space)
+        return cls(facets, own, facets.operator(ufl.grad(trial), space) if slopes else None)
+
+    def hottest(self, local: Array) -> Array:
+        """Largest temperature in the cell of each point (n,), K."""
+        facets = self.facets
+        cells = np.asarray(facets.section.vertex_space.dofmap.list)[facets.cells]
+        found = local[cells].max(axis=1) if len(cells) else np.zeros(0)
+        return np.asarray(np.repeat(found, facets.per_facet))
+
+    def below(self, surface: Array, local: Array) -> Array:
+        """Temperature at the depth of the first points of the mean stress below each point, K."""
+        assert self.slopes is not None
+        slope = (self.slopes @ local).reshape(-1, 2)
+        outward = np.einsum("ni,ni->n", slope, self.facets.normal)
+        # Of the height of surface cells: the first of two Gauss points, those of the mean stress.
+        skin = 0.5 - 0.5 / 3.0**0.5
+        return np.asarray(surface - skin * self.facets.height * outward)
 
 
 class SurfaceLiquid:
     """The surface of one slice, liquid and solid, a step at a time.
 
     Args:
-        section: The distributed section.
-        facets: Points of the surface.
+        surface: Temperatures at its points.
         solid: What the slice is made of.
         has_friction: Whether there is friction to be borne.
+        like: Another slice on the same mesh: what is molten or liquid there is so here.
 
     Attributes:
-        at_vertices: Operator from vertex values to the points.
+        surface: As given.
         temperatures: At the points (n,), at the start and the end of the step, K.
         molten: Points that bear no friction (n,); of a step without friction none is told.
         fed: Whether the liquid is.
         pool: Pressure of fed liquid that is at the surface (n,), Pa; 0 elsewhere.
     """
 
-    def __init__(self, section: Section, facets: Facets, solid: Solid, has_friction: bool) -> None:
-        self.section, self._facets, self._solid, self._has_friction = (
-            section,
-            facets,
-            solid,
-            has_friction,
-        )
-        space = section.vertex_space
-        self.at_vertices = facets.operator(ufl.TrialFunction(space), space)
-        self.fed = solid.liquid == "fed"
-        if self.fed and has_friction:
-            self._slopes = facets.operator(ufl.grad(ufl.TrialFunction(space)), space)
-        nothing: Array = np.zeros(facets.count)
+    def __init__(
+        self,
+        surface: SurfaceTemperatures,
+        solid: Solid,
+        has_friction: bool,
+        like: SurfaceLiquid | None = None,
+    ) -> None:
+        self.surface, self._solid, self._has_friction = surface, solid, has_friction
+        self.fed, self._like = solid.liquid == "fed", like
+        nothing: Array = np.zeros(surface.facets.count)
         self.temperatures: tuple[Array, Array] = (nothing, nothing)
         self.pool = self._gap = nothing
-        self.molten: Flags = np.zeros(facets.count, dtype=bool)
+        self.molten: Flags = np.zeros(len(nothing), dtype=bool)
         self._opened: Flags = self.molten
         self._fluid: Flags = self.molten
-        self._run: SurfaceLiquid | None = None
-
-    def of_solid(self, solid: Solid) -> SurfaceLiquid:
-        """That of another slice: what is molten or liquid here is so there."""
-        other = copy.copy(self)
-        other._solid, other._run = solid, self
-        return other
 
     def begin(self, gap: Array, before: Array, after: Array, end: float) -> None:
         """Prepare a step (collective).
@@ -74,16 +99,17 @@ class SurfaceLiquid:
             after: At its end, K.
             end: Of the step, s.
         """
-        space = self.section.vertex_space
+        surface = self.surface
+        space = surface.facets.section.vertex_space
         self._local = tuple(dof_values.with_ghosts(space, t) for t in (before, after))
-        old, new = (np.asarray(self.at_vertices @ local) for local in self._local)
+        old, new = (np.asarray(surface.at_vertices @ local) for local in self._local)
         self.temperatures, self._end, self._gap = (old, new), end, gap
         solidity = self._solid.law.elasticity.solidity
-        if self._run is not None:
-            self.molten, self._fluid = self._run.molten, self._run._fluid
+        if self._like is not None:
+            self.molten, self._fluid = self._like.molten, self._like._fluid
         else:
             if self._has_friction:
-                backed = np.maximum(new, self._below()) if self.fed else new
+                backed = np.maximum(new, surface.below(new, self._local[1])) if self.fed else new
                 self.molten = backed > solidity.solidus
             if self.fed:
                 self._fluid = solidity.weight(new) == 0.0
@@ -91,7 +117,8 @@ class SurfaceLiquid:
             self.pool = np.zeros(len(new))
             if self._fluid.any():
                 self.pool = np.where(self._fluid, self._pressure(new), 0.0)
-            self._opened = self._fluid & (old <= solidity.coherent) & (gap > LEAK)
+            leak = 1e-4  # m: a gap across which liquid at the surface still runs to the wall
+            self._opened = self._fluid & (old <= solidity.coherent) & (gap > leak)
 
     def breakout(self) -> str:
         """Where the shell melts open off the wall in a step; empty if nowhere (collective).
@@ -99,12 +126,12 @@ class SurfaceLiquid:
         Fed liquid would run out there until the wall or its own freezing stops it, which is another
         model's.
         """
+        facets, comm = self.surface.facets, self.surface.facets.section.comm
         gap = np.where(self._opened, self._gap, -np.inf)
-        if reductions.largest(self.section.comm, gap) == -np.inf:
+        if reductions.largest(comm, gap) == -np.inf:
             return ""
-        widest, x, y = reductions.peak(self.section.comm, gap, self._facets.position)
-        height = np.where(self._opened, self._facets.height, 0.0)
-        cells = reductions.largest(self.section.comm, height)
+        widest, x, y = reductions.peak(comm, gap, facets.position)
+        cells = reductions.largest(comm, np.where(self._opened, facets.height, 0.0))
         return (
             f"a breakout: the shell melts open at x = {1e3 * x:.4g} mm, y = {1e3 * y:.4g} mm, "
             + (f"{1e3 * widest:.3g} mm off the wall" if np.isfinite(widest) else "below the mould")
@@ -122,27 +149,16 @@ class SurfaceLiquid:
         """
         if not self.fed:
             return self.temperatures, self._pressure(self.temperatures[1])
-        old, new = (self._hottest(local) for local in self._local)
+        old, new = (self.surface.hottest(local) for local in self._local)
         return (old, new), self._pressure(new)
 
     def _pressure(self, temperature: Array) -> Array:
         """Ferrostatic pressure (n,), Pa, less what is held from outside beside the wall."""
         liquid = self._solid.ferrostatic
         if liquid is None:
-            return np.zeros(self._facets.count)
+            return np.zeros(len(temperature))
         found = np.asarray(liquid.pressure(temperature, self._end))
         if liquid.outside == "held":
-            found = found - self.at_vertices @ liquid.pressure(self._local[1], self._end)
+            at_vertices = liquid.pressure(self._local[1], self._end)
+            found = found - self.surface.at_vertices @ at_vertices
         return np.asarray(found)
-
-    def _hottest(self, local: Array) -> Array:
-        """Largest temperature in the cell of each point (n,), K."""
-        cells = np.asarray(self.section.vertex_space.dofmap.list)[self._facets.cells]
-        hottest = local[cells].max(axis=1) if len(cells) else np.zeros(0)
-        return np.asarray(np.repeat(hottest, self._facets.per_facet))
-
-    def _below(self) -> Array:
-        """Temperature at the depth of the first points of the mean stress below each point, K."""
-        slope = (self._slopes @ self._local[1]).reshape(-1, 2)
-        outward = np.einsum("ni,ni->n", slope, self._facets.normal)
-        return np.asarray(self.temperatures[1] - SKIN * self._facets.height * outward)

@@ -5,7 +5,8 @@ The constitutive law has a further rule of points there, with a state of its own
 
 from __future__ import annotations
 
-import copy
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
@@ -15,42 +16,82 @@ from castfem.forms import finite_strain
 from castfem.forms.mechanics import SQRT2
 from castfem.physics.constitutive.base import Law, MaterialStep, Response, turned
 from castfem.physics.contact.facets import Facets
-from castfem.physics.contact.interfaces import Motion, Solid
+from castfem.physics.contact.interaction import Motion, Solid
 from castfem.physics.contact.state import ContactState
 
 Deformations = tuple[finite_strain.Deformation, finite_strain.Deformation]
+
+
+@dataclass(frozen=True, slots=True)
+class SurfaceStrain:
+    """How the facets' points are strained by the motion, whatever the law.
+
+    Attributes:
+        gradients: Operator from displacement to its gradient at the points.
+        thickness: Strain zz at the points by a0, a1 and a2 (n, 3).
+        motion: Displacement and generalized strains.
+        step: Gives increments and turning over a step at large strain; None at small.
+    """
+
+    gradients: sparse.csr_matrix
+    thickness: Array
+    motion: Motion
+    step: Callable[[], Array] | None
+
+    @classmethod
+    def at(
+        cls,
+        facets: Facets,
+        gradients: sparse.csr_matrix,
+        motion: Motion,
+        step: Deformations | None,
+    ) -> SurfaceStrain:
+        """That of some facets (collective); `step`: Deformation at the end and the start."""
+        thickness = np.column_stack([np.ones(facets.count), facets.position])
+        found = None if step is None else facets.tabulate(finite_strain.increment(*step))
+        return cls(gradients, thickness, motion, found)
+
+    def increments(self, change: Array, generalized_strains: Array) -> Array:
+        """Strain at the points (n, 4) of small changes of displacement and generalized strains."""
+        g = (self.gradients @ change).reshape(-1, 4)
+        return np.column_stack(
+            [
+                g[:, 0],
+                g[:, 3] + generalized_strains[3],
+                self.thickness @ generalized_strains[:3],
+                (g[:, 1] + g[:, 2]) / SQRT2,
+            ]
+        )
+
+    def of_step(self) -> tuple[Array, Array | None]:
+        """Increments of the step (n, 4), and the angles the material turns by; None for none."""
+        if self.step is not None:
+            found = self.step().reshape(-1, 5)
+            return np.ascontiguousarray(found[:, :4]), 2.0 * np.arctan(0.5 * found[:, 4])
+        motion = self.motion
+        change = motion.u.x.array - motion.u_old.x.array
+        strains = motion.generalized_strains.value - motion.generalized_strains_old.value
+        return self.increments(change, strains), None
 
 
 class SurfaceStress:
     """The constitutive law at the facets' points, one step at a time.
 
     Args:
-        facets: The points.
+        strained: How the points are strained.
         law: Constitutive law.
-        gradients: Operator from displacement to its gradient at the points.
-        motion: Displacement and generalized strains.
-        step: Deformation at the end and at the start of a step at large strain; None at small.
 
     Attributes:
-        response: What the law answered last. strain: Increments it was asked about (n, 4).
+        strained: As given. response: What the law answered last.
+        strain: Increments it was asked about (n, 4).
         liquid: Ferrostatic pressure at the points at the end of the step (n,), Pa.
     """
 
-    def __init__(
-        self,
-        facets: Facets,
-        law: Law,
-        gradients: sparse.csr_matrix,
-        motion: Motion,
-        step: Deformations | None,
-    ) -> None:
-        self._law, self._gradients, self._motion = law, gradients, motion
-        self._step = None
-        if step is not None:
-            self._step = facets.tabulate(finite_strain.increment(*step))
-        self._thickness = np.column_stack([np.ones(facets.count), facets.position])
-        self.strain: Array = np.zeros((facets.count, 4))
-        self.response = Response.empty(facets.count, len(law.state_names))
+    def __init__(self, strained: SurfaceStrain, law: Law) -> None:
+        self.strained, self._law = strained, law
+        count = len(strained.thickness)
+        self.strain: Array = np.zeros((count, 4))
+        self.response = Response.empty(count, len(law.state_names))
 
     def begin(
         self,
@@ -76,40 +117,6 @@ class SurfaceStress:
         self._coefficients = self._law.coefficients(before, after)
         self.liquid = liquid
 
-    def of_law(self, law: Law) -> SurfaceStress:
-        """The same for another law, with a response of its own."""
-        other = copy.copy(self)
-        other._law = law
-        other.response = Response.empty(len(self.strain), len(law.state_names))
-        return other
-
-    def _increments(self) -> tuple[Array, Array, Array]:
-        """Strain increments (n, 4), and the old stress and state turned with the material."""
-        old = self._old
-        if self._step is not None:
-            found = self._step().reshape(-1, 5)
-            angle = 2.0 * np.arctan(0.5 * found[:, 4])
-            strain = np.ascontiguousarray(found[:, :4])
-            return strain, turned(old.stress, angle), self._law.turned(old.internal, angle)
-        motion = self._motion
-        strain = self.increments(
-            motion.u.x.array - motion.u_old.x.array,
-            motion.generalized_strains.value - motion.generalized_strains_old.value,
-        )
-        return strain, old.stress, old.internal
-
-    def increments(self, change: Array, generalized_strains: Array) -> Array:
-        """Strain at the points (n, 4) of small changes of displacement and generalized strains."""
-        g = (self._gradients @ change).reshape(-1, 4)
-        return np.column_stack(
-            [
-                g[:, 0],
-                g[:, 3] + generalized_strains[3],
-                self._thickness @ generalized_strains[:3],
-                (g[:, 1] + g[:, 2]) / SQRT2,
-            ]
-        )
-
     def integrate(self, strain: Array, stress_old: Array, internal: Array) -> Response:
         """What the law answers to increments (n, 4) from an old stress and state."""
         step = MaterialStep(strain, self._thermal, *self._temperatures, self._dt)
@@ -125,7 +132,10 @@ class SurfaceStress:
             n . sigma n (n,), ferrostatic pressure included; its derivative by the strain (n, 4) and
             by the angle at which the stress turns (n,).
         """
-        self.strain, stress_old, internal = self._increments()
+        self.strain, angle = self.strained.of_step()
+        stress_old, internal = self._old.stress, self._old.internal
+        if angle is not None:
+            stress_old, internal = turned(stress_old, angle), self._law.turned(internal, angle)
         response = self.integrate(self.strain, stress_old, internal)
         x, y = normal.T
         along = np.column_stack([x * x, y * y, np.zeros_like(x), SQRT2 * x * y])

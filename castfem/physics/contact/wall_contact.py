@@ -6,7 +6,6 @@ Everything is evaluated at the facets' quadrature points with numpy; the forms o
 
 from __future__ import annotations
 
-import copy
 from functools import cached_property
 
 import numpy as np
@@ -17,24 +16,26 @@ from castfem.base.types import Array, Flags
 from castfem.fem import reductions
 from castfem.fem.section import Section
 from castfem.forms import contact as forms
-from castfem.forms import finite_strain
 from castfem.forms.mechanics import Direction
-from castfem.physics.contact.average import SurfaceMean
-from castfem.physics.contact.checkpoint import ContactCheckpoint
-from castfem.physics.contact.facets import FacetFields, Facets
+from castfem.physics.contact.facets import SurfaceMean
 from castfem.physics.contact.friction import return_friction
-from castfem.physics.contact.interaction import DifferentiableInteraction
-from castfem.physics.contact.interfaces import Motion, Solid
+from castfem.physics.contact.interaction import DifferentiableInteraction, Motion, Solid
 from castfem.physics.contact.settings import Contact
-from castfem.physics.contact.state import OPEN, SLIP, STICK, ContactEvaluation, ContactState
-from castfem.physics.contact.strand_surface import StrandSurface
+from castfem.physics.contact.state import (
+    OPEN,
+    SLIP,
+    STICK,
+    ContactCheckpoint,
+    ContactEvaluation,
+    ContactState,
+)
 from castfem.physics.contact.surface_liquid import SurfaceLiquid
 from castfem.physics.contact.surface_stress import SurfaceStress
+from castfem.physics.contact.wall_surface import WallSurface
 
 # Columns of what the forms see.
 TRACTION, BY_PRESSURE, BY_SLIP, NORMAL = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 11)
 STIFFNESS, BY_STRAIN, BY_TURN, POOL, WIDTH = 11, slice(12, 16), 16, 17, 18
-HOLDING_GAP = 1e-2  # of the height of surface cells: a wall farther away holds nothing
 
 
 class WallContact(DifferentiableInteraction):
@@ -45,9 +46,11 @@ class WallContact(DifferentiableInteraction):
         contact: The contact wanted.
         solid: What the slice is made of.
         motion: Displacement and generalized strains of the mechanical problem.
+        like: Of another slice on the same mesh, whose surface it shares: this one is not evaluated.
 
     Attributes:
-        facets: Points. strand: Where they are, and how far off the wall is.
+        surface: What it shares with others. facets: Points.
+        strand: Where they are, and how far off the wall is.
         symmetric: Whether contact leaves a symmetric tangent symmetric.
         at_vertices: Operator from vertex values to the points.
         liquid: What of the surface is solid in the step, and what its liquid does.
@@ -63,74 +66,57 @@ class WallContact(DifferentiableInteraction):
 
     name = "contact"
 
-    def __init__(self, section: Section, contact: Contact, solid: Solid, motion: Motion) -> None:
+    def __init__(
+        self,
+        section: Section,
+        contact: Contact,
+        solid: Solid,
+        motion: Motion,
+        like: WallContact | None = None,
+    ) -> None:
         super().__init__(section, motion, contact.on)
-        self.contact, self._solid = contact, solid
+        self.contact, self._solid, self._large = contact, solid, solid.large_strain
         self.symmetric = contact.symmetric
-        self.facets = facets = Facets(section, self.tags, contact.points)
-        mesh = section.mesh
-        has_friction = contact.friction is not None
-        self.liquid = SurfaceLiquid(section, facets, solid, has_friction)
-        self.at_vertices = self.liquid.at_vertices
-        self._large = solid.large_strain
-        self.strand = StrandSurface(section, facets, motion, solid.large_strain)
-        self._surface, self.stress = self._geometry(mesh)
-        self._given = FacetFields(facets, WIDTH)
-        self._action = self._wall_action()
-        self._travel = fem.Constant(mesh, np.float64(0.0))
-        length, area = reductions.totals(
-            section.comm, [facets.weight.sum(), facets.weight @ facets.height]
+        self.surface: WallSurface = (
+            WallSurface.of(section, contact, solid, motion, WIDTH) if like is None else like.surface
         )
-        # One for all points: uniform pressure is then a uniform penetration (patch test).
-        self._height = area / length
+        surface, fluid = self.surface, None if like is None else like.liquid
+        self.facets, self.strand = surface.facets, surface.strand
+        self.at_vertices = surface.temperatures.at_vertices
+        has_friction = contact.friction is not None
+        self.liquid: SurfaceLiquid = SurfaceLiquid(surface.temperatures, solid, has_friction, fluid)
+        strained = surface.strained
+        self.stress = None if strained is None else SurfaceStress(strained, solid.law)
+        self._action = self._wall_action()
+        self._travel = fem.Constant(section.mesh, np.float64(0.0))
         self.now: ContactEvaluation | None = None
 
     def of_slice(self, given: Contact, solid: Solid) -> WallContact:
         """See `DifferentiableInteraction`: what is liquid here is so there."""
-        other = copy.copy(self)
-        other.contact, other._solid, other.now = given, solid, None
-        other._travel = fem.Constant(self.section.mesh, np.float64(0.0))
-        other.liquid = self.liquid.of_solid(solid)
-        if self.stress is not None:
-            other.stress = self.stress.of_law(solid.law)
-        return other
+        return WallContact(self.section, given, solid, self._motion, self)
 
     @property
     def travel(self) -> float:
         """How far the strand goes down in the step, m."""
         return float(self._travel.value)
 
-    def _geometry(self, mesh: ufl.Mesh) -> tuple[forms.Surface, SurfaceStress | None]:
-        """Geometry the forms see, and Nitsche's stress."""
-        motion, law = self._motion, self._solid.law
-        surface: forms.Surface = forms.Undeformed(mesh)
-        step = None
-        if self._large:
-            now = finite_strain.deformation(motion.u, motion.generalized_strains, mesh)
-            old = finite_strain.deformation(motion.u_old, motion.generalized_strains_old, mesh)
-            surface = forms.Deformed(now, old, mesh)
-            step = (now, old)
-        if self.contact.method != "nitsche":
-            return surface, None
-        return surface, SurfaceStress(self.facets, law, self.strand.gradients, motion, step)
-
     # What the mechanical problem compiles.
 
     def virtual_work(self, virtual: Direction) -> ufl.Form:
         """See `Interaction`."""
         return forms.virtual_work(
-            self._action, self._surface, virtual, self._travel, self.facets.measure
+            self._action, self.surface.geometry, virtual, self._travel, self.facets.measure
         )
 
     def tangent(self, by: Direction, virtual: Direction) -> ufl.Form:
         """See `Interaction`."""
         return forms.stiffness(
-            self._action, self._surface, by, virtual, self._travel, self.facets.measure
+            self._action, self.surface.geometry, by, virtual, self._travel, self.facets.measure
         )
 
     def _wall_action(self) -> forms.WallAction:
         """What the forms see."""
-        f, nitsche = self._given.function, self.stress is not None
+        f, nitsche = self.surface.given.function, self.stress is not None
         return forms.WallAction(
             traction=_part(f, TRACTION),
             by_pressure=_part(f, BY_PRESSURE),
@@ -178,7 +164,9 @@ class WallContact(DifferentiableInteraction):
         # that it becomes, or what it sank into the wall would be pushed out as it freezes.
         elasticity, surface = solid.law.elasticity, self.liquid.temperatures[1]
         bulk = elasticity.moduli(np.minimum(surface, elasticity.solidity.solidus))[1]
-        self.stiffness = contact.strength * bulk / self._height
+        self.stiffness: Array = np.asarray(
+            contact.strength * bulk / self.surface.height, np.float64
+        )
         stiffest = reductions.largest(self.section.comm, self.stiffness)
         self._rounding = 8 * np.finfo(float).eps * max(stiffest, 0.0)
         if self.stress is not None:
@@ -248,7 +236,7 @@ class WallContact(DifferentiableInteraction):
         friction: Array = np.zeros((self.facets.count, 2))
         if self.contact.friction is not None:
             slides, friction = self._with_friction(coefficients, along, moved - before, pressure)
-        self._given.fill(coefficients)
+        self.surface.given.fill(coefficients)
         if wets.any():
             pressure, n = _directed(borne, n, wets, pressure)
         strain = np.zeros((0, 4)) if self.stress is None else self.stress.strain
@@ -260,11 +248,7 @@ class WallContact(DifferentiableInteraction):
         return self._rounding * reductions.largest(self.section.comm, np.array([far]))
 
     def _with_friction(
-        self,
-        coefficients: Array,
-        along: Array,
-        slip: Array,
-        pressure: Array,
+        self, coefficients: Array, along: Array, slip: Array, pressure: Array
     ) -> tuple[Flags, Array]:
         """Add friction to what the forms see; whether points slide, and their friction.
 
@@ -290,18 +274,13 @@ class WallContact(DifferentiableInteraction):
         return answer.slides | self.liquid.molten, answer.traction
 
     def hold(self, on: bool) -> bool:
-        """Keep closed what was so at the start of the step, or let it open again (collective).
-
-        What the wall has left behind meanwhile is let go of.
-
-        Returns:
-            Whether there is anything to keep.
-        """
+        """See `Interaction`: points that have left the wall meanwhile are released."""
         self._kept_closed = np.zeros(self.facets.count, dtype=bool)
         if on:
             before = self._motion.u_old.x.array, self._motion.generalized_strains_old.value
             gap = self.gap(self.position, *before)
-            self._kept_closed = (self._old.pressure > 0.0) & (gap < HOLDING_GAP * self._height)
+            # A wall farther away than this share of the surface cells holds nothing.
+            self._kept_closed = (self._old.pressure > 0.0) & (gap < 0.01 * self.surface.height)
         return reductions.largest(self.section.comm, self._kept_closed.astype(float)) > 0.0
 
     @property

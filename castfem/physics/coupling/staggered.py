@@ -15,11 +15,9 @@ from mpi4py import MPI
 
 import numpy as np
 
-from castfem.base import log
-from castfem.base.errors import RunFailure
 from castfem.base.types import Array
 from castfem.fem import reductions
-from castfem.physics.coupling.step_control import ALLOWED_STRAIN, StepControl
+from castfem.physics.coupling.step_control import ALLOWED_STRAIN, NO_STEP, StepLength
 from castfem.physics.coupling.subcycling import MechanicalSteps, SubSteps, ThermalSteps
 from castfem.physics.thermal.stepper import ThermalState
 
@@ -29,17 +27,19 @@ if TYPE_CHECKING:
 
 
 FACTORS = (0.02, 1.0)  # of the relaxation: smallest and largest
-TINY = 1e-300
-SHORTEST = 0.02  # of the window: cut back no further for a gap that does not converge, or for a
-# state beyond the range of the model: a shorter window ends there, too
-EVEN = 0.5  # change of the rates over a step, relative, up to which they are expected to go on
-COLDEST = 100.0  # K: what mechanics that go first expect may lie below absolute zero
-UNEVEN = 1.0 / 6.0  # of what a change of flux does: left where it comes evenly, its mean all along
-ORDER = 1.5  # of this error in the length of the window
-ALLOWED = 2.0  # K: of it, where the case gives none
-FINE = 0.1  # s: a window this short is not cut back for its error, however long others may be
-GROWN = 1.0 + 1e-9  # times the window of the case: one that has grown
-BEYOND = 4.0  # times the error allowed: such a window is cut back before its gap has converged
+
+
+@dataclass(frozen=True, slots=True)
+class WindowError:
+    """Error of the surface temperature in a window, for the gap was held at its mean."""
+
+    share: float = 1.0 / 6.0  # of what the change of flux does, which comes evenly
+    order: float = 1.5  # in the length of the window
+    allowed: float = 2.0  # K, where the case gives none
+    beyond: float = 4.0  # times what is allowed: cut back before the gap has converged
+
+
+ERROR = WindowError()
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +54,8 @@ class StrandState:
             know of the next; empty where they do not.
         strain_rate: Of the generalized strains a0, a1, a2 in the last window (3,), 1/s, 1/(m s):
             what the next one is compared with; empty where windows do not grow.
+        step: Of the next thermal step, as learnt; window: of the next window likewise. Without a
+            length where none follows.
     """
 
     thermal: ThermalState
@@ -61,6 +63,8 @@ class StrandState:
     heating: Array
     trend: Array = field(default_factory=lambda: np.zeros(0))
     strain_rate: Array = field(default_factory=lambda: np.zeros(0))
+    step: StepLength = NO_STEP
+    window: StepLength = NO_STEP
 
     @property
     def time(self) -> float:
@@ -228,7 +232,6 @@ class StaggeredCoupling:
         gap = begun
         if begun is not None and repeats and self.max_iterations > 1:
             gap = self._expected_gap(strained, begun, end)
-        learnt = self.thermal.control.step
         relaxed = self._relaxation()
         taken = self._iterate(old, end, gap)
         while taken.converged and repeats:
@@ -237,20 +240,18 @@ class StaggeredCoupling:
             assert ended is not None
             mean = 0.5 * (begun + ended)
             if self.max_iterations > 1:
-                error = UNEVEN * self._misjudged(old.time, taken.state, begun, ended)
+                error = ERROR.share * self._misjudged(old.time, taken.state, begun, ended)
                 taken = replace(taken, error=error)
-            if taken.error > BEYOND * allowed:
+            if taken.error > ERROR.beyond * allowed:
                 break
             if self._misjudged(old.time, taken.state, gap, mean) <= self.tolerance:
                 break
             if taken.iterations == self.max_iterations:
-                taken = replace(taken, gap_converged=False)
+                kept = replace(taken.state, step=old.step)
+                taken = replace(taken, gap_converged=False, state=kept)
                 break
-            self.thermal.control.step = learnt
             gap = relaxed(gap, mean)
             taken = taken.before(self._iterate(old, end, gap))
-        if not (taken.converged and taken.gap_converged):
-            self.thermal.control.step = learnt
         return taken if taken.converged else replace(taken, state=given)
 
     def _expected_gap(self, old: MechanicalState, begun: Array, end: float) -> Array:
@@ -263,7 +264,7 @@ class StaggeredCoupling:
             begun: Its gap (owned,), m.
             end: Of the window, s.
         """
-        if not old.unsteadiness < EVEN:
+        if not old.unsteadiness < 0.5:
             return begun
         ended = self.gap_of(self.mechanics.stepper.going_on(old, end))
         assert ended is not None
@@ -284,7 +285,7 @@ class StaggeredCoupling:
                 gap = self.gap_of(first.state)
         if gap is not None:
             self.surface.set_gap(gap)
-        substeps, moments = self.thermal.through(old.thermal, instants)
+        substeps, moments = self.thermal.through(old.thermal, old.step, instants)
         result = first or self.mechanics.through(old.mechanical, moments)
         if not result.converged:
             return CouplingWindow(False, old, substeps, result, 1)
@@ -297,7 +298,10 @@ class StaggeredCoupling:
         if self.reach is not None:
             moved = result.state.generalized_strains - old.mechanical.generalized_strains
             rate = np.asarray(moved[:3] / duration)
-        state = StrandState(substeps.state, result.state, self._heating(result), trend, rate)
+        state = StrandState(
+            substeps.state, result.state, self._heating(result), trend, rate, substeps.length,
+            old.window,
+        )  # fmt: skip
         return CouplingWindow(True, state, substeps, result, 1)
 
     def _follow_shape(self, state: MechanicalState) -> None:
@@ -311,7 +315,7 @@ class StaggeredCoupling:
     def _expected(self, old: StrandState, end: float) -> Array:
         """Temperatures at `end` if the slice goes on cooling as before (owned,), K."""
         found = old.thermal.point.temperature + (end - old.time) * old.trend
-        return np.maximum(found, COLDEST)
+        return np.maximum(found, 100.0)  # what is expected may lie below absolute zero
 
     def gap_of(self, state: MechanicalState) -> Array | None:
         """Gap to the wall at the owned vertices (owned,), m, 0 off the surface; None without one.
@@ -329,7 +333,7 @@ class StaggeredCoupling:
         point, surface = state.thermal.point, self.surface
         fluxes = [surface.flux_across(gap, point.temperature, begun) for gap in (taken, found)]
         slope = point.temperature_slope  # 1 / (rho c); that of conduction is k / (rho c)
-        effusivity = np.sqrt(np.maximum(point.conduction_slope, TINY)) / np.maximum(slope, TINY)
+        effusivity = np.sqrt(np.maximum(point.conduction_slope, 1e-300)) / np.maximum(slope, 1e-300)
         duration = state.time - begun
         cooled = np.abs(fluxes[1] - fluxes[0]) * np.sqrt(4.0 / np.pi * duration) / effusivity
         return reductions.largest(self.mechanics.comm, cooled)
@@ -369,58 +373,10 @@ class StaggeredCoupling:
         off = float(changes @ np.array([1.0, *self.reach])) * (new.time - old.time)
         return 0.5 * off / self.strain_error
 
-    def start(self, thermal: ThermalState) -> StrandState:
-        """The slice as it begins: undeformed and free of stress."""
+    def start(self, thermal: ThermalState, window: StepLength) -> StrandState:
+        """The slice as it begins, undeformed and free of stress, with a window of some length."""
         mechanical = self.mechanics.stepper.initial(thermal.time, thermal.point.temperature)
         owned = len(thermal.enthalpy) if self.dissipation else 0
         trend = np.zeros(len(thermal.enthalpy) if self.order == "mechanics_first" else 0)
-        return StrandState(thermal, mechanical, np.zeros(owned), trend)
-
-
-def take_window(
-    coupling: StaggeredCoupling, state: StrandState, control: StepControl
-) -> tuple[CouplingWindow, int]:
-    """A window that succeeds, cut back as often as it takes, and how often that was for a failure.
-
-    A window whose gap does not converge counts as a failure, but does not end the run.  A gap that
-    changes too much for the window's error cuts it back as well.
-
-    Raises:
-        RunFailure: At the smallest window, where the model ends (`mechanics.validity`), or where
-            nothing is there to bear a load.
-    """
-    failed = cut = 0
-    begins = control.at_milestone(state.time)  # the rate before is not that after
-    while True:
-        end = control.propose(state.time)
-        taken = end - state.time
-        short = taken < SHORTEST * coupling.window
-        fine = taken < min(SHORTEST * coupling.window, FINE)
-        allowed = np.inf if fine else control.tolerance
-        learnt = coupling.thermal.control.step
-        attempt = coupling.take(state, end, allowed)
-        if attempt.converged and taken > GROWN * control.base and not begins:
-            curved = coupling.curved(state, attempt.state) * control.tolerance
-            attempt = replace(attempt, error=max(attempt.error, curved))
-        if attempt.converged and attempt.error > allowed:
-            log.logger.debug(
-                "t = %.6g s: coupling window %.3g s: error %.3g K", state.time, taken, attempt.error
-            )
-            coupling.thermal.control.step = learnt
-            control.learn(taken, attempt.error)
-            cut += 1
-            continue
-        kept = coupling.max_iterations == 1 or short
-        if attempt.converged and (attempt.gap_converged or kept):
-            if not fine or control.accepts(attempt.error):  # or else the next one is as long
-                control.learn(taken, attempt.error)
-            return replace(attempt, cut_for_error=cut), failed
-        reason = "the gap does not converge" if attempt.converged else attempt.mechanical.reason
-        log.logger.debug("t = %.6g s: coupling window %.3g s: %s", state.time, taken, reason)
-        if attempt.mechanical.unborne or (attempt.mechanical.refused and short):
-            raise RunFailure(f"mechanics: {reason}")
-        try:
-            control.failed(taken, reason)
-        except RunFailure as error:
-            raise RunFailure(f"mechanics: {error}") from None
-        failed += 1
+        step = self.thermal.control.first
+        return StrandState(thermal, mechanical, np.zeros(owned), trend, step=step, window=window)

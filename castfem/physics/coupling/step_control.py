@@ -1,5 +1,8 @@
 """Choice of the time step: fixed or by error control; milestones hit exactly, cut-back.
 
+What is learnt of a step is a value: each function here takes the length so far and returns the next
+one, so that a step that is not kept leaves nothing behind.
+
 A fixed step that is cut back has a length from a ladder, not just any: two runs that differ little
 then take the same steps, and their results differ by what differs between the runs, not by where
 their steps end.
@@ -10,18 +13,27 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from castfem.base.constants import EXACT
 from castfem.base.errors import RunFailure
 
-SAFETY = 0.9
-GROWTH = 2.0
-SHRINK = 0.2
-FAILED = 0.25  # what is left of the step when the solver fails
 ALLOWED_STRAIN = 1e-5  # error of the axial strain of a window that has grown, by default
-_NEARLY = 1e-6  # of the smallest step: how far rounding takes a step from it
-_RUNGS = 1.0, 1.25, 1.6  # of the ladder, from one to its double
+
+
+@dataclass(frozen=True, slots=True)
+class StepLimits:
+    """By how much a step may differ from the one before, and what counts as one length."""
+
+    safety: float = 0.9  # of the step that would just meet the error allowed
+    growth: float = 2.0  # at most, from step to step
+    shrink: float = 0.2  # at least, for an error that is too large
+    failed: float = 0.25  # what is left of the step when the solver fails
+    rounding: float = 1e-6  # of the smallest step: how far rounding takes a step from it
+    rungs: tuple[float, ...] = (1.0, 1.25, 1.6)  # of the ladder, from one to its double
+
+
+LIMITS = StepLimits()
 
 
 def rung(step: float, unit: float) -> float:
@@ -31,9 +43,9 @@ def rung(step: float, unit: float) -> float:
         step: To be shortened.
         unit: 1, 4/5, 5/8, 1/2 and so on of it are on the ladder, likewise what is longer.
     """
-    limit = step / unit * (1.0 + _NEARLY)
+    limit = step / unit * (1.0 + LIMITS.rounding)
     whole = 2.0 ** (math.frexp(limit)[1] - 1)
-    return unit * max(whole * part for part in _RUNGS if whole * part <= limit)
+    return unit * max(whole * part for part in LIMITS.rungs if whole * part <= limit)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +64,36 @@ class Adaptive:
     largest: float
 
 
+@dataclass(frozen=True, slots=True)
+class StepLength:
+    """Length of the next step as learnt so far: `step` (s), and how many times that it may be."""
+
+    step: float
+    growth: float = 1.0
+
+
+NO_STEP = StepLength(0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """A step to try.
+
+    Attributes:
+        end: Where it ends, s. taken: Its length, s. base: The same without growth, s.
+        clipped: Whether a milestone or a limit ends it.
+        length: What it was proposed from.
+    """
+
+    end: float
+    taken: float
+    base: float
+    clipped: bool
+    length: StepLength
+
+
 class StepControl:
-    """Proposes the end of the next step and learns from how it went.
+    """Proposes the end of the next step, and tells what follows from how it went.
 
     Args:
         end: Where the run ends, s.
@@ -65,6 +105,9 @@ class StepControl:
         longest: Of a step that begins at a time, s; None for no other limit than these.
         unit: Whose parts a fixed step is cut to, s; that step where it is None.
         most: How many times such a step, fixed or longest, one may grow to between milestones.
+
+    Attributes:
+        first: What a run begins with.
     """
 
     def __init__(
@@ -90,10 +133,9 @@ class StepControl:
         self._fixed, self._adaptive, self._exponent = fixed, adaptive, 1.0 / order
         allowed = adaptive.tolerance if adaptive is not None else tolerance
         self.tolerance = float("inf") if allowed is None else allowed
-        self.step = fixed if fixed is not None else adaptive.first  # type: ignore[union-attr]
-        self.smallest = adaptive.smallest if adaptive is not None else 1e-6 * self.step
-        self._longest, self._clipped, self._unit = longest, False, unit or fixed
-        self.most, self.growth, self.base = most, 1.0, self.step
+        self.first = StepLength(fixed if adaptive is None else adaptive.first)  # type: ignore[arg-type]
+        self.smallest = 1e-6 * self.first.step if adaptive is None else adaptive.smallest
+        self._longest, self._unit, self.most = longest, unit or fixed, most
 
     def next_stop(self, time: float) -> float:
         """The first milestone after `time`, or the end."""
@@ -104,98 +146,100 @@ class StepControl:
         before = bisect_right(self._stops, time + self._tiny) - 1
         return time - (self._stops[before] if before >= 0 else 0.0) <= self._tiny
 
-    def propose(self, time: float, limit: float | None = None) -> float:
-        """End of the step to try from `time`, never past the next milestone or `limit`, s."""
+    def propose(self, length: StepLength, time: float, limit: float | None = None) -> Proposal:
+        """The step to try from `time`, never past the next milestone or `limit`, s."""
         if self.most > 1.0 and self.at_milestone(time):
-            self.growth = 1.0
+            length = replace(length, growth=1.0)
         stop = self.next_stop(time)
         stop = stop if limit is None else min(stop, limit)
-        left = stop - time
-        step = self.step if self._longest is None else min(self.step, self._longest(time))
-        self.base, step = step, step * self.growth
-        self._clipped = left <= step * (1 + 1e-9)
-        if self._clipped:
-            return stop
-        if (self._adaptive is not None or self.growth > 1.0) and left < 2 * step:
-            return time + 0.5 * left  # two even steps rather than a crumb at the end
-        return time + step
+        base = length.step if self._longest is None else min(length.step, self._longest(time))
+        left, step = stop - time, base * length.growth
+        clipped = left <= step * (1 + 1e-9)
+        end = stop if clipped else time + step
+        if not clipped and (self._adaptive is not None or length.growth > 1.0) and left < 2 * step:
+            end = time + 0.5 * left  # two even steps rather than a crumb at the end
+        return Proposal(end, end - time, base, clipped, length)
 
     def accepts(self, error: float) -> bool:
         """Whether a step with this estimated error (K) may be kept."""
         return error <= self.tolerance
 
-    def learn(self, taken: float, error: float) -> None:
-        """Adapt the step to the error of the step `taken` (s), kept or not.
+    def learn(self, tried: Proposal, error: float) -> StepLength:
+        """What follows from the error of a step, kept or not.
 
         Raises:
             RunFailure: If the error of the smallest step is too large.
         """
-        ratio = self.tolerance / max(error, 1e-300)
-        if self.most > 1.0 and (self.accepts(error) or self.growth > 1.0):
-            scale = min(max(SHRINK, SAFETY * ratio**self._exponent), GROWTH)
-            self.growth = min(max(taken / self.base * scale, 1.0), self.most)
-            if not self.accepts(error):
-                return
-        if self._adaptive is None and self.accepts(error):
-            grown = min(GROWTH, SAFETY * ratio**self._exponent)
-            grown = max(grown, 1.0) if self._clipped else grown
-            self.step = min(self._fixed or self.step, self._on_ladder(self.step * grown))
-            return
+        ratio, accepted = self.tolerance / max(error, 1e-300), self.accepts(error)
+        length, taken = tried.length, tried.taken
+        if self.most > 1.0 and (accepted or length.growth > 1.0):
+            scale = min(max(LIMITS.shrink, LIMITS.safety * ratio**self._exponent), LIMITS.growth)
+            growth = min(max(taken / tried.base * scale, 1.0), self.most)
+            length = replace(length, growth=growth)
+            if not accepted:
+                return length
+        if self._adaptive is None and accepted:
+            grown = min(LIMITS.growth, LIMITS.safety * ratio**self._exponent)
+            grown = max(grown, 1.0) if tried.clipped else grown
+            step = min(self._fixed or length.step, self._on_ladder(length.step * grown))
+            return replace(length, step=step)
         # Growth is damped: vertices that pass the liquidus make the estimate jump from step to
         # step, and a step that grows on a quiet one is rejected at the next.
-        factor = SAFETY * ratio ** (self._exponent if ratio < 1.0 else 0.5 * self._exponent)
-        factor = min(max(SHRINK, factor), GROWTH)  # in this order SHRINK for an error that is NaN
-        proposed = taken * factor
-        if not self.accepts(error):
-            shorter = self._shorter(taken, proposed)
+        factor = LIMITS.safety * ratio ** (self._exponent if ratio < 1.0 else 0.5 * self._exponent)
+        # In this order it shrinks for an error that is NaN.
+        proposed = taken * min(max(LIMITS.shrink, factor), LIMITS.growth)
+        if not accepted:
+            shorter = self._shorter(tried, proposed)
             if shorter is None:
                 raise RunFailure(
                     f"the error of a step of {taken:.3g} s is {error:.3g} K; allow a shorter step "
                     "(thermal.time.adaptive.smallest) or a larger error "
                     "(thermal.time.adaptive.tolerance)"
                 )
-            self.step = shorter
-            return
-        if self._clipped:  # a step cut short by a milestone teaches no smaller one
-            proposed = max(proposed, self.step)
+            return replace(length, step=shorter)
+        if tried.clipped:  # a step cut short by a milestone teaches no smaller one
+            proposed = max(proposed, length.step)
         assert self._adaptive is not None
-        self.step = min(max(proposed, self.smallest), self._adaptive.largest)
+        return replace(length, step=min(max(proposed, self.smallest), self._adaptive.largest))
 
-    def failed(self, taken: float, reason: str, wanted: float | None = None) -> None:
-        """Cut the step back after the solver failed on the step `taken` (s).
+    def failed(self, tried: Proposal, reason: str, wanted: float | None = None) -> StepLength:
+        """What to try after the solver failed on a step.
 
         Args:
-            taken: Its length.
+            tried: The step.
             reason: Why it failed.
             wanted: What to try instead, s; a share of it if not known.
 
         Raises:
             RunFailure: If the step is already the smallest.
         """
-        if self.growth > 1.0:
-            self.growth = max(taken * FAILED / self.base, 1.0)
-            return
-        shorter = self._shorter(taken, taken * FAILED if wanted is None else wanted)
+        left = tried.taken * LIMITS.failed
+        if tried.length.growth > 1.0:
+            return replace(tried.length, growth=max(left / tried.base, 1.0))
+        shorter = self._shorter(tried, left if wanted is None else wanted)
         if shorter is None:
-            raise RunFailure(f"the solver fails at the smallest step ({taken:.3g} s): {reason}")
-        self.step = shorter
+            raise RunFailure(
+                f"the solver fails at the smallest step ({tried.taken:.3g} s): {reason}"
+            )
+        return replace(tried.length, step=shorter)
 
-    def _shorter(self, taken: float, proposed: float) -> float | None:
-        """The step to try after one of `taken` that is not kept, s; None if there is none.
+    def _shorter(self, tried: Proposal, proposed: float) -> float | None:
+        """The step to try after one that is not kept, s; None if there is none.
 
         It is no shorter than the smallest.  Only what a milestone had cut below that may be
         divided once more: the length that is left was not chosen for its error.
         """
-        if taken > self.smallest * (1 + _NEARLY):
+        if tried.taken > self.smallest * (1 + LIMITS.rounding):
             return max(self._on_ladder(proposed), self.smallest)
-        cut = self._clipped and taken < self.smallest * (1 - _NEARLY)
+        cut = tried.clipped and tried.taken < self.smallest * (1 - LIMITS.rounding)
         return proposed if cut else None
 
     def _on_ladder(self, step: float) -> float:
         """A step that is no longer, from the ladder where steps are fixed, s."""
         return step if self._unit is None else rung(step, self._unit)
 
-    def restart(self) -> None:
+    def restart(self, length: StepLength) -> StepLength:
         """Forget the step learnt: the cooling has just changed."""
-        if self._adaptive is not None:
-            self.step = min(self.step, self._adaptive.first)
+        if self._adaptive is None:
+            return length
+        return replace(length, step=min(length.step, self._adaptive.first))

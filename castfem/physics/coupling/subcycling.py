@@ -9,12 +9,10 @@ from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
-import numpy as np
-
 from castfem.base import log
 from castfem.base.constants import same_instant
 from castfem.base.types import Array
-from castfem.physics.coupling.step_control import StepControl
+from castfem.physics.coupling.step_control import Proposal, StepControl, StepLength
 from castfem.physics.thermal.stepper import StepResult, ThermalState, ThermalStepper
 
 if TYPE_CHECKING:
@@ -23,7 +21,6 @@ if TYPE_CHECKING:
 
 ROUNDING = 1e-9  # of a step: how much longer it may be
 FALLS = "the heat flux falls so steeply as the surface warms that the step has several solutions"
-BELOW = 0.7  # of the longest step that has one: what is tried
 Moment = tuple[float, Array]  # a time, s, and temperatures of the owned vertices then, K
 
 
@@ -32,7 +29,8 @@ class SubSteps:
     """Thermal steps that were taken one after another.
 
     Attributes:
-        state: At their end. step: Length of the last, s. newton: Newton iterations of all.
+        state: At their end. step: Length of the last, s. length: Of the next, as learnt.
+        newton: Newton iterations of all.
         balance: Largest relative error of their heat balances. steps: Their number.
         rejected: Steps that were tried and not kept. limited: Steps taken by backward Euler
             because the second-order scheme left the physical bounds, or would have come back.
@@ -40,6 +38,7 @@ class SubSteps:
 
     state: ThermalState
     step: float
+    length: StepLength
     newton: int
     balance: float
     steps: int
@@ -50,8 +49,8 @@ class SubSteps:
         """Both, `after` being the later."""
         worse = max(self.balance, after.balance, key=abs)
         return SubSteps(
-            after.state, after.step, self.newton + after.newton, worse, self.steps + after.steps,
-            self.rejected + after.rejected, self.limited + after.limited,
+            after.state, after.step, after.length, self.newton + after.newton, worse,
+            self.steps + after.steps, self.rejected + after.rejected, self.limited + after.limited,
         )  # fmt: skip
 
 
@@ -59,58 +58,61 @@ class ThermalSteps:
     """Thermal steps with error control and cut-back.
 
     Args:
-        stepper: Takes one step. control: Chooses its length and learns.
+        stepper: Takes one step. control: Chooses its length.
     """
 
     def __init__(self, stepper: ThermalStepper, control: StepControl) -> None:
         self.stepper, self.control = stepper, control
 
-    def one(self, state: ThermalState, stop: float | None = None) -> SubSteps:
-        """One step, not past `stop` (s).
+    def one(self, state: ThermalState, length: StepLength, stop: float | None = None) -> SubSteps:
+        """One step of some length, or cut back, not past `stop` (s).
 
         Raises:
             RunFailure: At the smallest step.
         """
-        rejected = 0
-        while True:
-            end = self.control.propose(state.time, stop)
-            dt = end - state.time
-            result = self.stepper.step(state, end)
-            stray = self.stepper.stray(state, result.state) if result.converged else ""
-            longest = self.stepper.longest(state, result.state) if not stray else np.inf
-            if not result.converged or stray:
-                reason = stray or result.reason
-                log.logger.debug("t = %.6g s: step %.3g s: %s", state.time, dt, reason)
-                self.control.failed(dt, reason)
-            elif dt > longest * (1.0 + ROUNDING):
-                log.logger.debug("t = %.6g s: step %.3g s: the flux falls", state.time, dt)
-                self.control.failed(dt, FALLS, BELOW * longest)
-            else:
-                self.control.learn(dt, result.error)
-                if self.control.accepts(result.error):
-                    break
+        rejected, kept = -1, False
+        while not kept:
+            tried = self.control.propose(length, state.time, stop)
+            result = self.stepper.step(state, tried.end)
+            length, kept = self._judged(state, tried, result)
             rejected += 1
         self.kept(state, result)
         return SubSteps(
-            result.state, dt, result.newton, result.balance, 1, rejected, int(result.limited)
-        )
+            result.state, tried.taken, length, result.newton, result.balance, 1, rejected,
+            int(result.limited),
+        )  # fmt: skip
+
+    def _judged(
+        self, state: ThermalState, tried: Proposal, result: StepResult
+    ) -> tuple[StepLength, bool]:
+        """Length of the step to take after one that was tried, and whether this one is kept."""
+        reason = self.stepper.stray(result.state) if result.converged else result.reason
+        if reason:
+            log.logger.debug("t = %.6g s: step %.3g s: %s", state.time, tried.taken, reason)
+            return self.control.failed(tried, reason), False
+        longest = self.stepper.longest(state, result.state)
+        if tried.taken > longest * (1.0 + ROUNDING):
+            log.logger.debug("t = %.6g s: step %.3g s: the flux falls", state.time, tried.taken)
+            # Somewhat less than the longest step that has one solution.
+            return self.control.failed(tried, FALLS, 0.7 * longest), False
+        return self.control.learn(tried, result.error), self.control.accepts(result.error)
 
     def kept(self, old: ThermalState, result: StepResult) -> None:
         """Called with each step that is kept, and the state it began with; here nothing is done."""
 
-    def to(self, state: ThermalState, end: float) -> SubSteps:
-        """As many steps as it takes to `end` (s).
+    def to(self, state: ThermalState, length: StepLength, end: float) -> SubSteps:
+        """As many steps as it takes to `end` (s), the first of some length.
 
         Raises:
             RunFailure: At the smallest step.
         """
-        substeps = self.one(state, end)
+        substeps = self.one(state, length, end)
         while not same_instant(substeps.state.time, end, self.control.end):
-            substeps += self.one(substeps.state, end)
+            substeps += self.one(substeps.state, substeps.length, end)
         return substeps
 
     def through(
-        self, state: ThermalState, instants: Sequence[float]
+        self, state: ThermalState, length: StepLength, instants: Sequence[float]
     ) -> tuple[SubSteps, list[Moment]]:
         """As many steps as it takes to the last of some instants (s), all of which are hit.
 
@@ -120,10 +122,10 @@ class ThermalSteps:
         Raises:
             RunFailure: At the smallest step.
         """
-        substeps = self.to(state, instants[0])
+        substeps = self.to(state, length, instants[0])
         moments = [(instants[0], substeps.state.point.temperature)]
         for end in instants[1:]:
-            substeps += self.to(substeps.state, end)
+            substeps += self.to(substeps.state, substeps.length, end)
             moments.append((end, substeps.state.point.temperature))
         return substeps, moments
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -17,10 +18,19 @@ import numpy.typing as npt
 from castfem.base.types import Array
 from castfem.physics.materials.iron_carbon import Side
 
-LONGEST = 2.0  # K
-FEWEST = 64  # pieces of a curved interval: the lever rule is steep near the liquidus
-MERGE = 1e-9  # K: kinks closer than this are one (rounding of the same point computed two ways)
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
+
+
+@dataclass(frozen=True, slots=True)
+class PieceLimits:
+    """Into how many pieces a property is cut."""
+
+    longest: float = 2.0  # K, of a curved piece
+    fewest: int = 64  # pieces of a curved interval: the lever rule is steep near the liquidus
+    merge: float = 1e-9  # K: closer kinks are one (rounding of a point computed two ways)
+
+
+LIMITS = PieceLimits()
 
 
 def _lobatto() -> tuple[Array, Array, Array]:
@@ -52,24 +62,25 @@ def merged(kinks: Iterable[float], jumps: Iterable[float], lower: float, upper: 
     """
     kept = sorted({t for t in jumps if lower <= t <= upper})
     for t in sorted(set(kinks)):
-        if lower <= t <= upper and all(abs(t - other) > MERGE for other in kept):
+        if lower <= t <= upper and all(abs(t - other) > LIMITS.merge for other in kept):
             kept.append(t)
     return np.array(sorted(kept), float)
 
 
 def grid(breakpoints: Array, lower: float, upper: float, curved: bool) -> Array:
     """Knots from `lower` to `upper` with all breakpoints; curved pieces are cut up finely."""
-    inside = breakpoints[(breakpoints > lower + MERGE) & (breakpoints < upper - MERGE)]
+    merge = LIMITS.merge
+    inside = breakpoints[(breakpoints > lower + merge) & (breakpoints < upper - merge)]
     ends = np.concatenate([[lower], inside, [upper]])
     # A breakpoint next to an end replaces it, so that a jump there is met exactly.
     for i, end in ((0, lower), (-1, upper)):
-        near = breakpoints[np.abs(breakpoints - end) <= MERGE]
+        near = breakpoints[np.abs(breakpoints - end) <= merge]
         if near.size:
             ends[i] = near[0]
     if not curved:
         return ends
     pieces = [
-        np.linspace(a, b, max(FEWEST, int(np.ceil((b - a) / LONGEST))) + 1)[:-1]
+        np.linspace(a, b, max(LIMITS.fewest, int(np.ceil((b - a) / LIMITS.longest))) + 1)[:-1]
         for a, b in itertools.pairwise(ends)
     ]
     return np.unique(np.concatenate([*pieces, ends[-1:]]))

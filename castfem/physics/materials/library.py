@@ -179,7 +179,9 @@ def _composition(
         sets = ", ".join(s for s in available_steels() if "plain_carbon" in s)
         text = f"{name} is not computed from a composition; leave it out, take {sets}, or write "
         text += "the composition into the file of your own steel: its laws then go by it"
-        return dict(_sound(given.composition)), [Problem(("composition",), text)]
+        own = given.composition.items()
+        sound = {e: float(w) for e, w in own if isinstance(w, int | float)}
+        return sound, [Problem(("composition",), text)]
     for element, value in {**given.composition, **(asked or {})}.items():
         most = MAX_CARBON if element == "C" else MAX_ALLOYING
         if element not in ELEMENTS and element not in TRACES:
@@ -199,10 +201,6 @@ def _composition(
             text = f"is needed by {name}, in weight percent, such as {element} = 0.2"
             problems.append(Problem(("composition", element), text))
     return amounts, problems
-
-
-def _sound(composition: Mapping[str, Any]) -> Mapping[str, float]:
-    return {e: float(w) for e, w in composition.items() if isinstance(w, int | float)}
 
 
 def _line(

@@ -21,8 +21,6 @@ from castfem.physics.materials.properties import ByFormula
 from castfem.physics.materials.schema import KINDS, ExpansionEntry, MaterialFile, Problem
 from castfem.physics.materials.steel import Steel
 
-TWICE = 0.2  # of the latent heat: so much more in the specific heat is no rounding
-SMOOTH = 1.3  # the specific heats of solid and liquid differ by less
 COLDEST, HOTTEST = 293.15, 1973.15  # K: where formulas must give sensible values
 MARGIN = 50.0  # K beyond solidus and liquidus: a peak may be wider than they say
 
@@ -135,10 +133,10 @@ def _counted_twice(steel: Steel) -> Iterator[Problem]:
     inside = [t for t in law.arguments if low < t < high]
     t = np.concatenate([np.linspace(a, b, 33) for a, b in itertools.pairwise([low, *inside, high])])
     values = law(t)
-    usual = SMOOTH * min(values[0], values[-1])
+    usual = 1.3 * min(values[0], values[-1])  # those of solid and liquid differ by less
     more = np.maximum(values - usual, 0.0)
     held = float(np.trapezoid(more, t))
-    if held <= TWICE * steel.latent_heat:
+    if held <= 0.2 * steel.latent_heat:  # so much is no rounding
         return
     where = t[more > 0.0] - ZERO_CELSIUS
     yield Problem(

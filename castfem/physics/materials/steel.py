@@ -26,10 +26,6 @@ from castfem.physics.materials.iron_carbon import IronCarbon, Side
 from castfem.physics.materials.properties import Property
 from castfem.physics.materials.solid_fraction import SolidFraction
 
-NEAR_SOLIDUS = 1e-3  # K: the mean coefficient is taken this far below the solidus at least
-ISOTHERMAL = 1e-8  # K below a melting point down to which steel is still at it
-MOLTEN = 1.0  # K above the liquidus: where the density of the liquid is taken
-
 
 @dataclass(frozen=True, slots=True)
 class Origin:
@@ -135,13 +131,13 @@ class Steel:
         interpolation has not frozen yet.
         """
         if side == "above" and self.solidus == self.liquidus:
-            temperature = np.asarray(temperature, float) + ISOTHERMAL
+            temperature = np.asarray(temperature, float) + 1e-8
         return self.fraction(temperature, side)
 
     @property
     def liquid_density(self) -> float:
         """Density of what presses on the shell, liquid a little above the liquidus, kg/m3."""
-        return float(self.density(self.liquidus + MOLTEN))
+        return float(self.density(self.liquidus + 1.0))
 
     def thermal_strain(self, temperature: npt.ArrayLike) -> Array:
         """Linear thermal strain since the solidus; 0 above it, negative in the shell."""
@@ -158,7 +154,7 @@ class Steel:
         where strain over temperature would be 0 over 0.
         """
         t = np.asarray(temperature, float)
-        solid = np.minimum(t, self.solidus - NEAR_SOLIDUS)
+        solid = np.minimum(t, self.solidus - 1e-3)
         return np.where(t < self.solidus, self.thermal_strain(solid) / (solid - self.solidus), 0.0)
 
     def breakpoints(self, lower: float, upper: float) -> Array:

@@ -6,8 +6,7 @@ its equilibrium at the end of a step, a `MechanicalStepper` takes it from one st
 
 from __future__ import annotations
 
-from castfem.physics.mechanics.definition import Slice
-from castfem.physics.mechanics.ferrostatic import Ferrostatic
+from castfem.physics.mechanics.definition import Ferrostatic, Slice
 from castfem.physics.mechanics.planes import PlainPlanes
 from castfem.physics.mechanics.problem import MechanicalProblem
 from castfem.physics.mechanics.state import MechanicalState

@@ -5,6 +5,9 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
+import itertools
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -12,15 +15,71 @@ import numpy as np
 
 from castfem.base.errors import InputError
 from castfem.base.types import Array
-from castfem.physics.mechanics.imposed_axis import UNCHANGED, ImposedAxis
-from castfem.physics.mechanics.planes import Bending, StepTaken, TimeHistory, zero
+from castfem.physics.mechanics.planes import Bending, Planes, StepTaken, TimeHistory, zero
 
 if TYPE_CHECKING:
     from castfem.physics.machine.extraction.effort import Effort, Withdrawal
 
 
+def same_curvature(one: float, other: float) -> bool:
+    """Whether two curvatures, 1/m, differ by rounding alone."""
+    return abs(one - other) <= 1e-9 * max(abs(one), abs(other))
+
+
 @dataclass(frozen=True)
-class BentPlanes:
+class ImposedAxis:
+    """Where the thickness of the slice stays as it is, from one instant to the next (42).
+
+    Attributes:
+        times: From which on each place holds (n,), s; the first holds before, too.
+        places: y1 (n,), m.
+        thicknesses: Of the slice there (n,).
+    """
+
+    times: tuple[float, ...]
+    places: tuple[float, ...]
+    thicknesses: tuple[float, ...]
+
+    @classmethod
+    def alternating(
+        cls,
+        curvature: Callable[[float], float],
+        times: Sequence[float],
+        bending: float,
+        straightening: float,
+    ) -> ImposedAxis:
+        """One place where the curvature grows, another where it decreases.
+
+        Where it stays, the place stays. The slice goes on as thick as it is when the place changes,
+        and it is 1 thick at the first.
+
+        Args:
+            curvature: k of the strand's middle over time, 1/m.
+            times: Between which it is monotonic, increasing, s.
+            bending: y1 where it grows, m.
+            straightening: y1 where it decreases, m.
+        """
+        found = [(times[0], bending, 1.0)]
+        for start, end in itertools.pairwise(times):
+            before, after = abs(curvature(start)), abs(curvature(end))
+            if same_curvature(after, before):
+                continue
+            place = bending if after > before else straightening
+            _, last, thickness = found[-1]
+            if place != last:
+                k = curvature(start)
+                found.append((start, place, thickness * (1.0 - k * place) / (1.0 - k * last)))
+        parts = tuple(zip(*found, strict=True))
+        return cls(*parts)
+
+    def at(self, time: float) -> tuple[float, float]:
+        """The place y1, m, and the thickness of the slice there, at `time` (s)."""
+        i = max(bisect_right(self.times, time) - 1, 0)
+        return self.places[i], self.thicknesses[i]
+
+
+@dataclass(frozen=True)
+class BentPlanes(Planes):
     """Planes that converge to the centre of curvature of the machine (39)-(44).
 
     y points from the extrados (outside) at y = -h/2 to the intrados; the machine's radius R is that
@@ -138,8 +197,8 @@ class BentPlanes:
         """See `Planes`."""
         k, now = self.middle(step.time), step.moment()
         change_of_k = k - past.curvature
-        unchanged = abs(change_of_k) <= UNCHANGED * max(abs(k), abs(past.curvature))
-        axis = None if unchanged else -float(step.change[0] / step.change[2])
+        same = same_curvature(k, past.curvature)
+        axis = None if same else -float(step.change[0] / step.change[2])
         work = past.work + 0.5 * change_of_k * (past.moment + now)
         withdrawal = self._withdrawn(past, step, now, work)
         return Bending(k, now, work, axis, withdrawal)

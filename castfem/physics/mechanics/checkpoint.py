@@ -10,7 +10,7 @@ from dolfinx import fem
 
 from castfem.base.types import Array
 from castfem.fem import dof_values, reductions
-from castfem.fem.cellwise import Cellwise
+from castfem.fem.section import Cellwise
 from castfem.physics.mechanics.planes import STRAIGHT, Bending
 from castfem.physics.mechanics.problem import MechanicalProblem
 from castfem.physics.mechanics.state import MechanicalState
@@ -35,7 +35,7 @@ class MechanicalCheckpoint:
     def arrays(self, state: MechanicalState) -> dict[str, Array | None]:
         """The arrays of `state`, whole on rank 0, None elsewhere (collective)."""
         deviator_points, cells = self.problem.points.deviator_points, len(self._cellwise.cells)
-        rate = self._with_ghosts(state.rate)
+        rate = dof_values.with_ghosts(self.problem.space, state.rate)
         parts: dict[str, Array] = {
             "displacement": state.displacement.reshape(-1, 2)[self._nodes],
             "displacement_rate": rate.reshape(-1, 2)[self._nodes],
@@ -55,10 +55,6 @@ class MechanicalCheckpoint:
 
     def _points_in_cell(self, rule: str) -> int:
         return len(getattr(self.problem.points, rule).points)
-
-    def _with_ghosts(self, owned: Array) -> Array:
-        """Values of the owned displacement unknowns, with those of other ranks' nodes."""
-        return dof_values.with_ghosts(self.problem.space, owned)
 
     @staticmethod
     def description(state: MechanicalState) -> dict[str, Any]:

@@ -1,4 +1,7 @@
-"""What a slice is made of, how it is held and what acts on it."""
+"""What a slice is made of, how it is held and what acts on it; the pressure of its liquid core.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 
@@ -8,13 +11,64 @@ from typing import Literal
 
 import numpy as np
 
+from castfem.base.errors import InputError
 from castfem.base.types import Array
 from castfem.physics.constitutive.base import Law
-from castfem.physics.contact.surface_interaction import SurfaceInteraction
-from castfem.physics.mechanics.ferrostatic import Ferrostatic
-from castfem.physics.mechanics.planes import PlainPlanes, Planes
+from castfem.physics.contact.settings import SurfaceInteraction
+from castfem.physics.mechanics.planes import PlainPlanes, Planes, TimeHistory
 from castfem.physics.mechanics.quadrature_rules import Integration
 from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure, Traction
+
+# How much of the pressure is felt at a solid fraction: (219), and the two extremes of Fig. 63.
+SHARES: dict[str, Callable[[Array], Array]] = {
+    "proportional": lambda solid: 1.0 - solid,
+    "full": lambda solid: np.where(solid < 1.0, 1.0, 0.0),
+    "none": lambda solid: np.where(solid > 0.0, 0.0, 1.0),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Ferrostatic:
+    """Pressure p = gamma D (1 - fs) (219) at each point, from its own temperature.
+
+    It acts as -p div v in the plane.  Between liquid cells and solid ones the nodal forces add up
+    to gamma D times the projected length of the front whatever the mesh does in between, since the
+    shape functions add up to one.
+
+    Where liquid reaches the surface, as it does below the meniscus before a shell has formed, there
+    is nothing in the slice that could hold it: its stand-in stiffness would, and the section
+    would swell by millimetres that freeze into the shell.  There the pressure is held from outside,
+    by the mould or whatever the liquid is in, and the slice feels the front alone.
+
+    Attributes:
+        head: gamma D over time, Pa.
+        solid_fraction: Over temperature, K.
+        mushy_zone: Pressure there: "proportional" to the liquid (219), "full" until all is solid,
+            or "none" as soon as anything is (Fig. 63).
+        outside: Where the surface is liquid, the pressure is "held" there, or it is "free".
+    """
+
+    head: TimeHistory
+    solid_fraction: Callable[[Array], Array]
+    mushy_zone: Literal["proportional", "full", "none"] = "proportional"
+    outside: Literal["held", "free"] = "held"
+
+    def __post_init__(self) -> None:
+        """Check the names."""
+        if self.outside not in ("held", "free"):
+            raise InputError(f'ferrostatic.outside: "{self.outside}"; one of held, free')
+        if self.mushy_zone not in SHARES:
+            raise InputError(
+                f'ferrostatic.mushy_zone: "{self.mushy_zone}"; one of {", ".join(SHARES)}'
+            )
+
+    def pressure(self, temperature: Array, time: float) -> Array:
+        """Pressure at points with these temperatures (n,), K, at `time` (s): (n,), Pa."""
+        return np.asarray(self.head(time) * self.share(temperature))
+
+    def share(self, temperature: Array) -> Array:
+        """How much of the head is felt at temperatures (n,), K."""
+        return SHARES[self.mushy_zone](np.asarray(self.solid_fraction(temperature)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from castfem.physics.mechanics.quadrature import ActivePoints, Points
 
 ONE = np.array([1.0, 1.0, 1.0, 0.0])
 MEAN = ONE / 3.0
-TRACE = 1e-9  # of the bulk modulus, see `Fields.take_tangent`
+AXIAL = np.array([0.0, 0.0, 1.0, 0.0])  # Mandel
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +86,7 @@ class Fields:
             bulk[: points.deviator_points], np.outer(ONE, ONE)
         )
         flows = np.flatnonzero(response.flows[: points.deviator_points])
-        shape[flows] += np.outer(TRACE * bulk[flows], np.eye(4) - np.outer(ONE, ONE) / 3.0)
+        shape[flows] += np.outer(1e-9 * bulk[flows], np.eye(4) - np.outer(ONE, ONE) / 3.0)
         points.fill(self.tangent, shape)
         return np.asarray(bulk[points.deviator_points :])
 

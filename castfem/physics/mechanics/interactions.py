@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -14,9 +13,10 @@ from castfem.physics.contact.interaction import (
     DifferentiableInteraction,
     Interaction,
     InteractionState,
+    Motion,
+    Solid,
 )
-from castfem.physics.contact.interfaces import Motion, Solid
-from castfem.physics.contact.surface_interaction import SurfaceInteraction
+from castfem.physics.contact.settings import SurfaceInteraction
 from castfem.physics.contact.wall_contact import WallContact
 from castfem.physics.mechanics.state import MechanicalState
 
@@ -27,23 +27,32 @@ class Interactions:
     """The interactions of one slice, in the order in which it was told of them.
 
     Args:
-        section: The distributed section.
-        given: Settings of each.
-        solid: What the slice is made of.
-        motion: Displacement and generalized strains of the mechanical problem.
+        each: The interactions.
 
     Attributes:
         symmetric: Whether they leave a symmetric tangent symmetric, at small strain.
-
-    Raises:
-        InputError: If a group does not exist.
     """
 
-    def __init__(
-        self, section: Section, given: Sequence[SurfaceInteraction], solid: Solid, motion: Motion
-    ) -> None:
-        self._each: tuple[Interaction, ...] = tuple(g.build(section, solid, motion) for g in given)
+    def __init__(self, each: Sequence[Interaction]) -> None:
+        self._each = tuple(each)
         self.symmetric = all(one.symmetric for one in self._each)
+
+    @classmethod
+    def build(
+        cls, section: Section, given: Sequence[SurfaceInteraction], solid: Solid, motion: Motion
+    ) -> Interactions:
+        """Those of the settings given (collective).
+
+        Args:
+            section: The distributed section.
+            given: Settings of each.
+            solid: What the slice is made of.
+            motion: Displacement and generalized strains of the mechanical problem.
+
+        Raises:
+            InputError: If a group does not exist.
+        """
+        return cls([one.build(section, solid, motion) for one in given])
 
     def __iter__(self) -> Iterator[Interaction]:
         return iter(self._each)
@@ -76,9 +85,7 @@ class Interactions:
                     "runs (castfem sweep)"
                 )
             others.append(one.of_slice(its, solid))
-        other = copy.copy(self)
-        other._each = tuple(others)
-        return other
+        return Interactions(others)
 
     def always_held(self) -> tuple[Array, Array] | None:
         """Places (n, 2), m, and directions (n, 2) along which they are held in every step."""

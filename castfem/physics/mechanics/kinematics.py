@@ -6,8 +6,9 @@ Both kinds offer the same: `increments` for the law, and compiled forms for what
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import ClassVar
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -15,18 +16,21 @@ import ufl
 from dolfinx import fem
 
 from castfem.base.types import Array
-from castfem.fem.compat import CellForm, Tabulation
+from castfem.fem.compat import Tabulation
 from castfem.fem.section import Section
 from castfem.forms import finite_strain, mechanics
 from castfem.physics.mechanics.fields import Fields
 from castfem.physics.mechanics.interactions import Interactions
 from castfem.physics.mechanics.quadrature import Points
-from castfem.physics.mechanics.surface_loads import SurfaceLoads
+from castfem.physics.mechanics.supports import SurfaceLoads
 from castfem.physics.mechanics.volume import VolumeStiffness
+
+Part = TypeVar("Part")
+Other = TypeVar("Other")
 
 
 @dataclass(frozen=True, slots=True)
-class Forms:
+class Parts(Generic[Part]):
     """Forms on some cells; to stiffness, column, row and corner comes that of `VolumeStiffness`.
 
     Attributes:
@@ -39,106 +43,41 @@ class Forms:
         corner: Derivative of the work on `one` along `other` (scalar).
     """
 
-    work: fem.Form
-    stiffness: fem.Form
-    generalized_work: fem.Form
-    column: fem.Form | None
-    row: fem.Form | None
-    corner: fem.Form | None
+    work: Part
+    stiffness: Part
+    generalized_work: Part
+    column: Part | None
+    row: Part | None
+    corner: Part | None
+
+    def each(self, make: Callable[[str, Part], Other]) -> Parts[Other]:
+        """What is made of each that there is, by its name."""
+        parts = {one.name: getattr(self, one.name) for one in fields(self)}
+        made: dict[str, Any] = {n: None if p is None else make(n, p) for n, p in parts.items()}
+        return Parts(**made)
 
 
-@dataclass(frozen=True, slots=True)
-class CompiledForms:
-    """The same before it is said on which cells."""
-
-    work: CellForm
-    stiffness: CellForm
-    generalized_work: CellForm
-    column: CellForm | None
-    row: CellForm | None
-    corner: CellForm | None
-
-    def on(self, cells: npt.NDArray[np.int32]) -> Forms:
-        """On some cells and on all of the surface."""
-        column, row, corner = (
-            None if one is None else one.on(cells) for one in (self.column, self.row, self.corner)
-        )
-        work, stiffness = self.work.on(cells), self.stiffness.on(cells)
-        return Forms(work, stiffness, self.generalized_work.on(cells), column, row, corner)
+Terms = Parts[ufl.Form]
+"""Forms before they are compiled."""
+Directions = tuple[
+    mechanics.Direction, mechanics.Direction, mechanics.Direction, mechanics.Direction
+]
+"""Those the forms are written for: virtual displacement, displacement, `Fields.one`, `other`."""
 
 
-@dataclass(frozen=True, slots=True)
-class Directions:
-    """Directions the forms are written for.
-
-    Attributes:
-        nodal: Virtual displacement.
-        moved: Displacement.
-        one: Along the generalized strains `Fields.one`.
-        other: Along `Fields.other`.
-    """
-
-    nodal: mechanics.Direction
-    moved: mechanics.Direction
-    one: mechanics.Direction
-    other: mechanics.Direction
-
-    @classmethod
-    def of(cls, fields: Fields, mesh: ufl.Mesh) -> Directions:
-        """Those of a section."""
-        space = fields.u.function_space
-        return cls(
-            mechanics.of_displacement(ufl.TestFunction(space)),
-            mechanics.of_displacement(ufl.TrialFunction(space)),
-            mechanics.of_generalized_strains(fields.one, mesh),
-            mechanics.of_generalized_strains(fields.other, mesh),
-        )
-
-    @property
-    def all(self) -> tuple[mechanics.Direction, ...]:
-        """All four."""
-        return self.nodal, self.moved, self.one, self.other
-
-
-@dataclass(slots=True)
-class Terms:
-    """Forms before they are compiled; see `Forms`."""
-
-    work: ufl.Form
-    matrix: ufl.Form
-    along: ufl.Form
-    column: ufl.Form | None
-    row: ufl.Form | None
-    corner: ufl.Form | None
-
-    def with_interactions(self, interactions: Interactions, directions: Directions) -> Terms:
-        """Add what acts on the surface; its work on the generalized strains is its own affair."""
-        nodal, moved, one, other = directions.all
-        for acting in interactions:
-            self.work += acting.virtual_work(nodal)
-            self.matrix += acting.tangent(moved, nodal)
-            if self.column is not None:
-                self.column += acting.tangent(one, nodal)
-            if self.row is not None:
-                self.row += acting.tangent(nodal, one)
-            if self.corner is not None:
-                self.corner += acting.tangent(other, one)
-        return self
-
-    def compiled(self, section: Section) -> CompiledForms:
-        """Compile the forms; those of free generalized strains only if there are any."""
-
-        def maybe(name: str, form: ufl.Form | None) -> CellForm | None:
-            return None if form is None else section.compile_on_cells(name, form)
-
-        return CompiledForms(
-            section.compile_on_cells("mechanics.work", self.work),
-            section.compile_on_cells("mechanics.stiffness", self.matrix),
-            section.compile_on_cells("mechanics.generalized_work", self.along),
-            maybe("mechanics.column", self.column),
-            maybe("mechanics.row", self.row),
-            maybe("mechanics.corner", self.corner),
-        )
+def _with_interactions(terms: Terms, interactions: Interactions, directions: Directions) -> Terms:
+    """Add what acts on the surface; interactions compute the work on generalized strains."""
+    nodal, moved, one, other = directions
+    pairs = {"stiffness": (moved, nodal), "column": (one, nodal), "row": (nodal, one),
+             "corner": (other, one)}  # fmt: skip
+    for acting in interactions:
+        more: dict[str, Any] = {
+            name: getattr(terms, name) + acting.tangent(*pair)
+            for name, pair in pairs.items()
+            if getattr(terms, name) is not None
+        }
+        terms = replace(terms, work=terms.work + acting.virtual_work(nodal), **more)
+    return terms
 
 
 class Kinematics(ABC):
@@ -183,12 +122,24 @@ class Kinematics(ABC):
         self.volume = VolumeStiffness(
             fields.u.function_space, points.linear, weights, self._rates, self.constant
         )
-        directions = Directions.of(fields, section.mesh)
+        space, mesh = fields.u.function_space, section.mesh
+        directions = (
+            mechanics.of_displacement(ufl.TestFunction(space)),
+            mechanics.of_displacement(ufl.TrialFunction(space)),
+            mechanics.of_generalized_strains(fields.one, mesh),
+            mechanics.of_generalized_strains(fields.other, mesh),
+        )
         terms = self._terms(section, loads, free, directions)
-        self._compiled = terms.with_interactions(interactions, directions).compiled(section)
+        self._compiled = _with_interactions(terms, interactions, directions).each(
+            lambda name, form: section.compile_on_cells(f"mechanics.{name}", form)
+        )
         self.rest: tuple[fem.Form, fem.Form] | None = None
         self.active = points.on(np.arange(section.cells, dtype=np.int32))
-        self.forms = self._compiled.on(self.active.cells)
+        self.forms = self._on(self.active.cells)
+
+    def _on(self, cells: npt.NDArray[np.int32]) -> Parts[fem.Form]:
+        """The forms on some cells and on all of the surface."""
+        return self._compiled.each(lambda _, form: form.on(cells))
 
     def act_on(self, cells: npt.NDArray[np.int32]) -> None:
         """From now on only these of this rank's cells have stress; the others may have pressure.
@@ -196,7 +147,7 @@ class Kinematics(ABC):
         Nothing of what the others do may depend on the motion: small strain.
         """
         self.active = self._points.on(cells)
-        self.forms = self._compiled.on(cells)
+        self.forms = self._on(cells)
         others = np.setdiff1d(np.arange(self._points.section.cells, dtype=np.int32), cells)
         whole = (self._compiled.work, self._compiled.generalized_work)
         self.rest = (whole[0].on(others, False), whole[1].on(others, False))
@@ -244,7 +195,7 @@ class SmallStrain(Kinematics):
         v = ufl.TestFunction(fields.u.function_space)
         rules = (points.deviator.measure, points.mean.measure)
         stress = mechanics.isotropic(fields.mean, fields.pressure)
-        nodal, moved, one, other = (mechanics.strain(m, mesh) for m in directions.all)
+        nodal, moved, one, other = (mechanics.strain(m, mesh) for m in directions)
         work = mechanics.virtual_work(fields.deviator, stress, nodal, *rules)
         for tags, traction, _ in loads.tractions:
             work -= mechanics.traction_work(traction, v, loads.measure(tags))
@@ -321,7 +272,7 @@ class LargeStrain(Kinematics):
         v = ufl.TestFunction(fields.u.function_space)
         rules = (points.deviator.measure, points.mean.measure)
         stress = mechanics.isotropic(fields.mean, fields.pressure)
-        nodal, moved, one, other = directions.all
+        nodal, moved, one, other = directions
         material = (fields.tangent, fields.deviator, fields.mean, fields.pressure)
 
         def derivative(by: mechanics.Direction, virtual: mechanics.Direction) -> ufl.Form:

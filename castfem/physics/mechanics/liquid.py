@@ -26,12 +26,10 @@ from dolfinx import fem, la
 from castfem.base.types import Array, Flags, Indices
 from castfem.fem import dof_values, reductions
 from castfem.fem.compat import assemble_into, create_matrix
-from castfem.fem.part_matrix import matrix_of_nodes
+from castfem.fem.dof_values import matrix_of_nodes
 from castfem.fem.section import Section
 from castfem.forms.mechanics import following
 from castfem.physics.mechanics.quadrature import Points
-
-BEARING = 0.5  # of the solid, what stands in whole cells where it counts as a shell
 
 
 class FedLiquid:
@@ -148,7 +146,7 @@ class FedLiquid:
         area = points.volume[: points.deviator_points].reshape(deviator.shape)
         found = [area[whole].sum(), area[deviator].sum()]
         of_whole, of_all = reductions.totals(self.section.comm, found)
-        self.bears = bool(of_whole > BEARING * of_all)
+        self.bears = bool(of_whole > 0.5 * of_all)
         self.carries = np.concatenate([np.repeat(shell, number) for number in per_cell])
         self.layer = int(self._innermost(shell))
         self._outermost = reductions.smallest(self.section.comm, self._layers[~shell].astype(float))

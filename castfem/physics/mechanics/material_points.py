@@ -11,9 +11,6 @@ from castfem.physics.constitutive.base import Law, MaterialStep, Response, turne
 from castfem.physics.constitutive.flow_laws import ThermoElastic
 from castfem.physics.constitutive.kernel import constants
 
-STAND_IN = 30.0  # modulus of fed liquid in cells that carry stress, over its pressure
-LEAST_YOUNG = 1e-6  # the same over that of the solid at the solidus, where nothing presses
-
 
 @dataclass(frozen=True, slots=True)
 class FedPoints:
@@ -39,7 +36,8 @@ class FedPoints:
             solid: Young's modulus at the solidus, Pa.
             head: Largest pressure of the liquid, Pa.
         """
-        return cls(carries, liquid, max(STAND_IN * head, LEAST_YOUNG * solid))
+        # In cells that carry stress; where nothing presses, by the modulus of the solid.
+        return cls(carries, liquid, max(30.0 * head, 1e-6 * solid))
 
     def soften(self, rows: slice, table: Array) -> None:
         """Put the moduli into the table of coefficients of some of the points."""

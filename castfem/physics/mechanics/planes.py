@@ -79,7 +79,10 @@ class StepTaken:
 
 
 class Planes(Protocol):
-    """What constrains and loads the degrees of freedom of generalized plane strain."""
+    """What constrains and loads the degrees of freedom of generalized plane strain.
+
+    What only planes know that are bent is as in a strand that goes straight down.
+    """
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -101,18 +104,22 @@ class Planes(Protocol):
 
     def withdrawal_force(self, past: Bending, time: float) -> float:
         """Axial force, N, by rolls and drives, in a step from `past` to `time` (s)."""
+        return 0.0
 
     def equilibrium(self, past: Bending, time: float) -> tuple[Array, Array]:
         """Test directions (4, free) of a step that ends at `time` (s), and the load (4,)."""
 
     def initial_bending(self, time: float) -> Bending:
         """The bending of a slice that is cast at `time` (s)."""
+        return STRAIGHT
 
     def bending_after(self, past: Bending, step: StepTaken) -> Bending:
         """The bending after a step, from that before it."""
+        return past
 
     def bending_force(self, now: Bending) -> float:
         """Axial force that bending has left in the slice, N: N - F where nothing else acts."""
+        return 0.0
 
 
 LOADS = ("force", "moment_x", "moment_y")
@@ -203,7 +210,7 @@ def zero(time: float) -> float:
 
 
 @dataclass(frozen=True)
-class PlainPlanes:
+class PlainPlanes(Planes):
     """Each generalized strain free, or imposed over time (fixed at zero by default).
 
     Attributes:
@@ -251,19 +258,3 @@ class PlainPlanes:
     def equilibrium(self, past: Bending, time: float) -> tuple[Array, Array]:
         """See `Planes`."""
         return self.at(time)[2], self.load(time)
-
-    def initial_bending(self, time: float) -> Bending:
-        """See `Planes`."""
-        return STRAIGHT
-
-    def withdrawal_force(self, past: Bending, time: float) -> float:
-        """See `Planes`."""
-        return 0.0
-
-    def bending_after(self, past: Bending, step: StepTaken) -> Bending:
-        """See `Planes`."""
-        return past
-
-    def bending_force(self, now: Bending) -> float:
-        """See `Planes`."""
-        return 0.0

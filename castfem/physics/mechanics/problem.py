@@ -22,32 +22,24 @@ from castfem.fem.section import Section
 from castfem.fem.snes import Options, SnesSolver, SolveResult, try_options
 from castfem.physics.constitutive.base import Response
 from castfem.physics.contact.wall_contact import WallContact
-from castfem.physics.mechanics.active_part import ActivePart
-from castfem.physics.mechanics.convergence import Criteria
 from castfem.physics.mechanics.definition import Slice
-from castfem.physics.mechanics.fields import Fields
-from castfem.physics.mechanics.interactions import Interactions
-from castfem.physics.mechanics.kinematics import LargeStrain, SmallStrain
-from castfem.physics.mechanics.line_search import LineSearch
+from castfem.physics.mechanics.fields import AXIAL
 from castfem.physics.mechanics.liquid import FedLiquid
 from castfem.physics.mechanics.material_points import FedPoints, Material
-from castfem.physics.mechanics.options import split_options
-from castfem.physics.mechanics.plane_equations import PlaneEquations
-from castfem.physics.mechanics.planes import check_strains
-from castfem.physics.mechanics.quadrature import ActivePoints, Points
-from castfem.physics.mechanics.quadrature_rules import Integration, displacement_element
-from castfem.physics.mechanics.residual_state import ResidualState
-from castfem.physics.mechanics.scaling import Scales, StressScale
+from castfem.physics.mechanics.newton import (
+    LIMITS,
+    Criteria,
+    LineSearch,
+    ResidualState,
+    split_options,
+)
+from castfem.physics.mechanics.parts import SliceParts
+from castfem.physics.mechanics.quadrature import ActivePoints
 from castfem.physics.mechanics.state import MechanicalState
-from castfem.physics.mechanics.supports import SPRING, Constraints, symmetry_supports
-from castfem.physics.mechanics.surface_loads import SurfaceLoads
-from castfem.physics.mechanics.tangent import Tangent
-
-AXIAL = np.array([0.0, 0.0, 1.0, 0.0])  # Mandel
-NEAR = 1e4  # times the tolerance: how near the solution contacts become free to open
+from castfem.physics.mechanics.tangent import ActivePart, Tangent
 
 
-class MechanicalProblem:
+class MechanicalProblem(SliceParts):
     """Equilibrium of a section, one step at a time.
 
     Args:
@@ -56,17 +48,10 @@ class MechanicalProblem:
         options: PETSc options that win over the defaults.
         tolerance: Out-of-balance stress left, relative to the stress there is.
         watch: Charged with the time spent here.
-        springs: What takes away the motions that nothing holds: springs of this stiffness over
-            Young's modulus, points held rigidly (None), or what its interactions ask for: springs
-            where one of them holds the section, points where none does.
+        springs: See `SliceParts`.
 
     Attributes:
-        space: Space of the displacement. points: Quadrature points. scales: Sizes.
-        interactions: What acts on the surface.
-        owned: This rank's own displacement unknowns. free: Free generalized strains.
-        liquid: Where the liquid is fed; None where it is an elastic body.
-        fed: Its points in the step that was begun; likewise. loads: On the surface.
-        planes: Equilibrium along the free generalized strains.
+        fed: Points of fed liquid in the step that was begun; None where it is an elastic body.
         iterations: Newton iterations since the start.
         farthest: Of a Newton correction, over the section's extent: one beyond it ends the solve.
 
@@ -84,52 +69,18 @@ class MechanicalProblem:
         watch: Stopwatch | None = None,
         springs: float | Literal["as held"] | None = "as held",
     ) -> None:
-        self.section, self.slice = section, slice_
+        super().__init__(section, slice_, springs)
         self.watch = watch if watch is not None else Stopwatch()
-        check_strains(slice_.planes.free, section.groups)
-        self.free = len(slice_.planes.free)
-        self.space = fem.functionspace(section.mesh, displacement_element(section.cell))
-        self.owned = dof_values.owned_of(self.space)
-        rules = slice_.integration or Integration.of(section.cell, section.order)
-        self.points = Points(section, self.space, rules)
-        self.scales = Scales(self.points, self.space)
-        if springs == "as held":
-            springs = SPRING if any(one.holds for one in slice_.interactions) else None
-        self._build_forms(springs)
         self._criteria = Criteria(section.comm, self.scales, self.constraints, tolerance)
         self._target = np.zeros_like(self.fields.u.x.array)
         self._work = fem.Function(self.space)
-        self._material = self._new_material()
+        self._take_law()
         self._build_solver(options or {})
         self.iterations, self._slack = 0, 1.0
         self.farthest = np.inf
         self.residual_state: ResidualState | None = None
         self._integrated: Array | None = None
         self.fed: FedPoints | None = None
-
-    def _build_forms(self, springs: float | None) -> None:
-        section, slice_ = self.section, self.slice
-        pressed = slice_.ferrostatic is not None
-        self.fields = Fields.on(section, self.space, self.points, pressed)
-        held_outside = slice_.ferrostatic is not None and slice_.ferrostatic.outside == "held"
-        self.loads = SurfaceLoads.on(section, list(slice_.loads), held_outside)
-        self.interactions = Interactions(section, slice_.interactions, slice_, self.fields)
-        kind = LargeStrain if slice_.large_strain else SmallStrain
-        self.kinematics = kind(
-            section, self.points, self.fields, self.loads, self.free > 0, self.interactions,
-            slice_.law.symmetric,
-        )  # fmt: skip
-        held = [*symmetry_supports(section.groups), *slice_.held]
-        self.constraints = Constraints(
-            section, self.space, held, slice_.pin, springs, self.interactions.always_held()
-        )
-        self.planes = PlaneEquations(
-            slice_.planes, self.fields, self.kinematics, self.interactions, self.scales
-        )
-        self.liquid: FedLiquid | None = None
-        if slice_.liquid == "fed":
-            supports = self.constraints.conditions
-            self.liquid = FedLiquid(section, self.space, self.points, supports)
 
     def _build_solver(self, options: Options) -> None:
         """SNES on displacement and scalars."""
@@ -166,8 +117,9 @@ class MechanicalProblem:
         """Contact with the wall of a mould; None without one."""
         return self.interactions.wall
 
-    def _new_material(self) -> Material:
-        return Material(self.slice.law, self.active.count, self.active.deviator_points)
+    def _take_law(self) -> None:
+        active = self.active
+        self._material = Material(self.slice.law, active.count, active.deviator_points)
 
     def at_points(self, temperature: Array) -> Array:
         """Temperatures at the points from those of the owned vertices."""
@@ -225,7 +177,9 @@ class MechanicalProblem:
         """
         starts = [self._start(*guess) for guess in guesses]
         if len(starts) > 1:
-            sizes = [self._imbalance(start) for start in starts]
+            residuals = [self._residual(start) for start in starts]
+            squares = [float(residual @ residual) for residual in residuals]
+            sizes = [reductions.total(self.section.comm, square) for square in squares]
             starts = [starts[int(np.argmin(np.nan_to_num(sizes, nan=np.inf)))]]
         self.solver.x.setArray(starts[0])
         first = self._approach(starts[0])
@@ -251,7 +205,7 @@ class MechanicalProblem:
         """
         if not self.interactions.hold(True):
             return 0
-        self.residual_state, self._slack = None, NEAR
+        self.residual_state, self._slack = None, LIMITS.near
         result = self.solver.solve()
         self.interactions.hold(False)
         self.residual_state, self._slack = None, 1.0
@@ -264,7 +218,7 @@ class MechanicalProblem:
         solid = self.slice.law.elasticity.solidity.weight(temperature) > 0.0
         liquid.begin(solid)
         if self._part.follow(liquid, self.bordered):
-            self._material = self._new_material()
+            self._take_law()
         young, rows = self.slice.young_at_solidus(), self.active.rows
         self.planes.hold(0.0 if liquid.bears else young)
         return FedPoints.of(liquid.carries[rows], ~solid[rows], young, self.slice.head(time))
@@ -275,11 +229,6 @@ class MechanicalProblem:
             guess = guess.copy()
             guess[self.liquid.deep] = self._target[self.liquid.deep]
         return self.bordered.join(guess, scalars / self.planes.scaled.scaling)
-
-    def _imbalance(self, local: Array) -> float:
-        """Size of the residual at local unknowns."""
-        residual = self._residual(local)
-        return reductions.total(self.section.comm, float(residual @ residual))
 
     def _known(self, local: Array) -> bool:
         """Whether `residual_state` belongs to these unknowns (collective)."""
@@ -320,17 +269,11 @@ class MechanicalProblem:
         with self.watch.section("assembly"):
             forces = self._assemble(self.kinematics.forms.work, self.rest.forces).copy()
             balance = self.planes.balance(scalars)
-        scale = self._scale(parts, local, noise)
+        scale = self.scales.stress(
+            self.active, parts, response, local[: self.owned], self._first, noise, self.rest.sums
+        )
+        self._first = self._first or scale.typical
         return ResidualState(local.copy(), generalized_strains, forces, balance, scale)
-
-    def _scale(self, parts: tuple[Array, Array, Array], local: Array, noise: float) -> StressScale:
-        """Size of the stress there is, for the criteria of convergence (collective)."""
-        found = self.scales.stress(
-            self.active, parts, self.response, local[: self.owned], self._first, noise,
-            self.rest.sums,
-        )  # fmt: skip
-        self._first = self._first or found.typical
-        return found
 
     def _integrate(self) -> None:
         """Integrate the law at the displacement and the generalized strains the fields hold."""
@@ -411,13 +354,10 @@ class MechanicalProblem:
         self.planes.fill(self.bordered, self._assemble, self.constraints.prescribed)
 
     def lifted(self, missing: Array) -> Array:
-        """Forces by which supports that move the rest would do so, N/m (collective).
+        """Forces by which supports move the rest at the solution found last, N/m (collective).
 
         Args:
             missing: How far they move, m, at `Constraints.fixed`.
-
-        Returns:
-            At this rank's own unknowns, at the solution that was found last.
         """
         return self._tangent.lifted(self.response, missing).copy()
 

@@ -52,16 +52,14 @@ class Points:
         self.section = section
         self.deviator = Rule(section, integration.deviator)
         self.mean = Rule(section, integration.mean)
-        self.deviator_points, self.count = (
-            self.deviator.count,
-            self.deviator.count + self.mean.count,
-        )
+        self.deviator_points = self.deviator.count
+        self.count = self.deviator_points + self.mean.count
         self.volume = np.concatenate([self.deviator.volume, self.mean.volume])
         self.position = np.concatenate([self.deviator.position, self.mean.position])
         count = len(self.mean.points)
         weights = np.reshape(self.mean.volume, (-1, count))
         inside = np.reshape(self.mean.position, (-1, count, 2))
-        self.linear = Linear(section, weights, inside, integration.linear)
+        self.linear = Linear.at(section, weights, inside, integration.linear)
         self._carry = self._carrying()
         moved = forms.strain(forms.of_displacement(ufl.TrialFunction(space)), section.mesh)
         tables = self._tables(moved, space)
@@ -123,16 +121,9 @@ class Points:
         linear = self.linear.on(cells.astype(np.int64))
         if len(cells) == self.section.cells:
             return ActivePoints(
-                self,
-                cells,
-                EVERY,
-                EVERY,
-                EVERY,
-                self.deviator_points,
-                linear,
-                self.strain,
+                self, cells, EVERY, EVERY, EVERY, self.deviator_points, linear, self.strain,
                 self.volume,
-            )
+            )  # fmt: skip
         each = (len(self.deviator.points), len(self.mean.points))
         deviator, mean = ((cells[:, None] * n + np.arange(n)).ravel().astype(int) for n in each)
         rows = np.concatenate([deviator, self.deviator_points + mean])

@@ -12,15 +12,23 @@ from castfem.fem import dof_values, reductions
 from castfem.physics.constitutive.base import Response
 from castfem.physics.mechanics.quadrature import ActivePoints, Points
 
-ROUNDING = 8 * np.finfo(float).eps
-NO_STRAIN = 1e-15  # strain that counts as none
-LEAST = 1e-200
-MOST = 1e-6  # of the typical stress, what may count as rounding
+
+@dataclass(frozen=True, slots=True)
+class RoundingLimits:
+    """What of forces and stresses is rounding."""
+
+    digits: float = 8 * np.finfo(float).eps  # of a number, what arithmetic leaves uncertain
+    strain: float = 1e-15  # counts as none
+    most: float = 1e-6  # of the typical stress, what may count as rounding
+    least: float = 1e-200  # of a value, and at all: less is nothing
+
+
+LIMITS = RoundingLimits()
 
 
 def over(value: float, allowed: float) -> float:
     """`value` over what is allowed of it; nothing at all is always allowed."""
-    return 0.0 if value == 0.0 else value / max(allowed, LEAST * value, LEAST)
+    return 0.0 if value == 0.0 else value / max(allowed, LIMITS.least * value, LIMITS.least)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +117,7 @@ class Scales:
         sizes = reductions.largest_of(self.comm, [stiff, farthest])
         typical = float(sums[0] / sums[1]) if sums[1] > 0.0 else 0.0
         # Never so much that a displacement which has run away would count as good enough.
-        rounding = ROUNDING * (float(sizes[0] * sizes[1]) / self._finest + before) + noise
-        rounding = min(rounding, MOST * max(typical, before)) + NO_STRAIN * float(sizes[0])
+        rounding = LIMITS.digits * (float(sizes[0] * sizes[1]) / self._finest + before) + noise
+        rounding = min(rounding, LIMITS.most * max(typical, before))
+        rounding += LIMITS.strain * float(sizes[0])
         return StressScale(typical, float(sums[1]), rounding)

@@ -14,10 +14,6 @@ from castfem.physics.mechanics.problem import MechanicalProblem
 from castfem.physics.mechanics.state import Balance, MechanicalResult, MechanicalState
 from castfem.physics.mechanics.validity import NO_SHELL, Validity
 
-FARTHEST = 1.0  # of the section's extent: what a correction may move a slice that is judged as it
-# is, at large strain; at small strain one that flows without hardening comes back from farther
-STEADY = 0.3  # relative change of the rates up to which they are trusted
-
 
 class MechanicalStepper:
     """Advances a `MechanicalState` by one step, fully implicitly; keeps no state of its own.
@@ -38,7 +34,8 @@ class MechanicalStepper:
         problem.farthest = np.inf
         if judge:
             law, large = problem.slice.law, problem.slice.large_strain
-            problem.farthest = FARTHEST if large else np.inf
+            # At small strain a slice that flows without hardening comes back from farther.
+            problem.farthest = 1.0 if large else np.inf
             self._validity = Validity(
                 problem.points, problem.fields, law, large, problem.interactions
             )
@@ -126,7 +123,8 @@ class MechanicalStepper:
             return [still]
         dt = self.problem.dt
         moved = (still[0] + dt * old.rate, still[1] + dt * old.scalar_rate)
-        return [moved] if old.unsteadiness < STEADY else [still, moved]
+        # Up to this relative change of the rates they are trusted.
+        return [moved] if old.unsteadiness < 0.3 else [still, moved]
 
     def _state(self, old: MechanicalState, time: float, temperature: Array) -> MechanicalState:
         """The state that the problem has come to."""
@@ -140,7 +138,7 @@ class MechanicalStepper:
         interactions = problem.interactions.states()
         taken = StepTaken(
             time,
-            self._moment,
+            lambda: float(problem.planes.work_on(np.eye(4)[:, 2:3])[0]),
             residual_state.generalized_strains - old.generalized_strains,
             temperature,
             next((s.added for s in interactions if isinstance(s, BearsRolls)), NOTHING_ADDED),
@@ -160,10 +158,6 @@ class MechanicalStepper:
             interactions=interactions,
             bending=problem.slice.planes.bending_after(old.bending, taken),
         )
-
-    def _moment(self) -> float:
-        """Moment of the axial stress with y, N m (collective)."""
-        return float(self.problem.planes.work_on(np.eye(4)[:, 2:3])[0])
 
     def _unsteadiness(self, before: Array, now: Array) -> float:
         """Change of the displacement's rate over a step, relative."""

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
+import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
@@ -69,7 +71,6 @@ PINS: tuple[tuple[int, tuple[str, str]], ...] = (
     (0, ("mid", "low")),
     (1, ("high", "mid")),
 )
-NOT_HELD = 1e-6  # how little of a motion counts as nothing
 SPRING = 1e-7  # stiffness of a spring over the largest Young's modulus, see docs/mechanics.md
 
 
@@ -80,8 +81,6 @@ class Springs:
         dofs: Degrees of freedom, of those this rank owns (k,).
         share: Stiffness over the largest Young's modulus in the section.
 
-    Attributes:
-        dofs: As given. share: Likewise.
     """
 
     def __init__(self, dofs: npt.NDArray[np.int64], share: float) -> None:
@@ -232,13 +231,14 @@ class Constraints:
             rows.append(x * rigid_motions(0, borne[0]) + y * rigid_motions(1, borne[0]))
         here = np.linalg.qr(np.concatenate([np.zeros((0, 3)), *rows]), mode="r")
         _, strength, basis = np.linalg.svd(np.concatenate(section.comm.allgather(here)))
-        basis = basis[: int((strength > NOT_HELD * strength.max(initial=0.0)).sum())]
+        nothing = 1e-6  # of a motion
+        basis = basis[: int((strength > nothing * strength.max(initial=0.0)).sum())]
         for component, where in PINS:
             share = np.array([{"low": 0.0, "mid": 0.5, "high": 1.0}[w] for w in where])
             place = _nearest(section.comm, points, low + share * (high - low), size)
             row = rigid_motions(component, np.array([place]))[0]
             row -= basis.T @ (basis @ row)
-            if (left := float(np.linalg.norm(row))) > NOT_HELD:
+            if (left := float(np.linalg.norm(row))) > nothing:
                 basis = np.vstack([basis, row / left])
                 found.append((component, _vertex_at(section, place, size)))
         return found
@@ -282,3 +282,56 @@ def _vertex_at(section: Section, place: Place, size: float) -> npt.NDArray[np.in
         return np.asarray(near, dtype=np.bool_)
 
     return np.asarray(dmesh.locate_entities(section.mesh, 0, here), dtype=np.int32)
+
+
+@dataclass(frozen=True, slots=True)
+class SurfaceLoads:
+    """Loads on groups and the constants that carry their values.
+
+    Attributes:
+        tractions: Tag-restricted measure tags, constant and time history of each traction.
+        pressures: Likewise.
+        measure: Perimeter measure with the boundary tags.
+        liquid: Pressure at the vertices of liquid that is held from outside; None if none is.
+    """
+
+    tractions: list[tuple[tuple[int, ...], fem.Constant, Traction]]
+    pressures: list[tuple[tuple[int, ...], fem.Constant, SurfacePressure]]
+    measure: ufl.Measure
+    liquid: fem.Function | None
+
+    @classmethod
+    def on(
+        cls, section: Section, loads: list[Traction | SurfacePressure], liquid: bool
+    ) -> SurfaceLoads:
+        """Prepare the loads; with `liquid` the surface is held where it is liquid."""
+        mesh = section.mesh
+        measure = ufl.Measure(
+            "ds",
+            domain=mesh,
+            subdomain_data=section.facet_tags,
+            metadata={"quadrature_rule": "default", "quadrature_degree": 5},
+        )
+        held = fem.Function(section.vertex_space) if liquid else None
+        found = cls([], [], measure, held)
+        for load in loads:
+            tags = tuple(section.required(load.on))
+            if isinstance(load, Traction):
+                found.tractions.append((tags, fem.Constant(mesh, np.zeros(2)), load))
+            else:
+                found.pressures.append((tags, fem.Constant(mesh, np.float64(0.0)), load))
+        return found
+
+    def set(self, time: float) -> None:
+        """Take up the loads at `time` (s)."""
+        for _, constant, traction in self.tractions:
+            constant.value[:] = traction.value(time)
+        for _, scalar, pressure in self.pressures:
+            scalar.value = pressure.value(time)
+
+    def pressing(self, section: Section) -> list[tuple[tuple[int, ...], Any]]:
+        """Tags and value of all that presses on the surface."""
+        found: list[tuple[tuple[int, ...], Any]] = [(tags, p) for tags, p, _ in self.pressures]
+        if self.liquid is not None:
+            found.append((tuple(section.matching(section.outer_groups)), self.liquid))
+        return found

@@ -1,4 +1,4 @@
-"""Derivative of the forces in the plane by the displacement."""
+"""Derivative of the forces in the plane by the displacement, of the cells that are solved for."""
 
 from __future__ import annotations
 
@@ -6,15 +6,106 @@ from dataclasses import dataclass
 
 from petsc4py import PETSc
 
+import numpy as np
 from dolfinx import fem, la
 
 from castfem.base.types import Array
 from castfem.fem import dof_values
-from castfem.fem.compat import assemble_into
+from castfem.fem.bordered_system import BorderedSystem
+from castfem.fem.compat import assemble_into, create_matrix
+from castfem.fem.dof_values import matrix_of_nodes
 from castfem.physics.constitutive.base import Response
 from castfem.physics.mechanics.fields import Fields
 from castfem.physics.mechanics.kinematics import Kinematics
+from castfem.physics.mechanics.liquid import FedLiquid
+from castfem.physics.mechanics.plane_equations import PlaneEquations
+from castfem.physics.mechanics.scaling import Scales
 from castfem.physics.mechanics.supports import Constraints
+
+
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """What the pressure in the cells without stress does, the same throughout a step.
+
+    Attributes:
+        forces: On this rank's nodes, ghosts included, N/m.
+        work: On each generalized strain (4,), N/m.
+        sums: What it adds to the sums of `Scales.stress` (2,).
+    """
+
+    forces: Array
+    work: Array
+    sums: Array
+
+
+class ActivePart:
+    """All cells, until liquid that is fed leaves those out to which no shell reaches.
+
+    Whole layers of cells are left out, so that the equations seldom change.
+
+    Args:
+        kinematics: Of the section; told which cells have stress.
+        space: Of the displacement.
+        scales: Sizes of the slice.
+
+    Attributes:
+        matrix: Gets the derivative of the forces in the plane.
+    """
+
+    def __init__(self, kinematics: Kinematics, space: fem.FunctionSpace, scales: Scales) -> None:
+        self._kinematics, self._space, self._scales = kinematics, space, scales
+        self._whole = self.matrix = create_matrix(kinematics.forms.stiffness)
+        self._mark()
+        self._layer = -1
+        self._nothing: Array = np.zeros_like(fem.Function(space).x.array)
+
+    def _mark(self) -> None:
+        if self._kinematics.symmetric:
+            self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+
+    def follow(self, liquid: FedLiquid, bordered: BorderedSystem) -> bool:
+        """Let the cells down to the innermost that has some shell make up the equations.
+
+        All others are deep liquid: none of their nodes moves in the step, and their pressure is
+        known.  At large strain what they do depends on the motion, and all cells stay.
+
+        Returns:
+            Whether the cells are others than before (collective).
+        """
+        if not self._kinematics.constant or liquid.layer == self._layer:
+            return False
+        cells = liquid.cells_to(liquid.layer)
+        if self._layer < 0:  # all that may ever be there gets its place
+            assemble_into(self._whole, self._kinematics.forms.stiffness, [])
+        self._kinematics.act_on(cells)
+        before = self.matrix
+        self.matrix, nodes = matrix_of_nodes(self._whole, self._space, liquid.nodes_of(cells))
+        self._mark()
+        bordered.restrict(self.matrix, nodes)
+        if before is not self._whole:
+            before.destroy()
+        self._layer = liquid.layer
+        return True
+
+    def rest(self, planes: PlaneEquations, pressure: Array) -> Rest:
+        """What the pressure of the other cells does in a step (collective).
+
+        Args:
+            planes: Find its work on the generalized strains.
+            pressure: At all points of the mean stress, Pa; none without ferrostatic pressure.
+        """
+        if self._kinematics.rest is None:
+            return Rest(self._nothing, np.zeros(4), np.zeros(2))
+        of_nodes, of_planes = self._kinematics.rest
+        forces = np.zeros_like(self._nothing)
+        fem.assemble_vector(forces, of_nodes)
+        sums = self._scales.beside(self._kinematics.active, pressure)
+        return Rest(forces, planes.work_of(of_planes, np.eye(4)), sums)
+
+    def destroy(self) -> None:
+        """Free the PETSc objects; safe to call twice."""
+        self.matrix.destroy()
+        self._whole.destroy()
 
 
 @dataclass(frozen=True, slots=True)

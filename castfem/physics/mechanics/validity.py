@@ -33,12 +33,7 @@ if TYPE_CHECKING:
     from castfem.physics.mechanics.quadrature import Points
 
 
-FOLDED = 0.1  # what is left of the area of a cell that counts as folded
-COMPRESSED = 0.02  # elastic strain of the mean stress: hundreds of MPa, which no hot steel carries
-FRESH = 50.0  # K below the solidus: what is warmer has just frozen
 LOOK = "look at loads, supports, mould and cooling"
-ROUNDING = 9  # decimals of an angle, rad: what is less is none
-SCANT = 0.01  # of the section: solid that is no shell yet, were it spread all round
 NO_SHELL = "there is no shell yet that could bear a load: let that begin later, or leave it out"
 
 
@@ -51,6 +46,10 @@ class Limits:
         thickness: Smallest and largest thickness e (37) of the slice, over the undeformed one.
         size: Difference of the displacements of two points along x or y, over the section's extent.
         rotation: Of the solid, rad. mend: What to do beyond.
+        folded: What is left of the area of a cell that counts as folded.
+        compressed: Elastic strain of the mean stress: hundreds of MPa, which no hot steel carries.
+        fresh: Below the solidus, K: what is warmer has just frozen.
+        scant: Of the section: solid that is no shell yet, were it spread all round.
     """
 
     name: str
@@ -59,12 +58,15 @@ class Limits:
     size: float
     rotation: float
     mend: str
+    folded: float = 0.1
+    compressed: float = 0.02
+    fresh: float = 50.0
+    scant: float = 0.01
 
 
 SMALL = Limits(
     "small strain", 0.1, (0.9, 1.1), 0.1, 0.2, f'{LOOK}; mechanics.strain = "large" goes farther'
 )
-TURNED = 0.6  # rad: fed liquid turns, as a corner fills, before it freezes; that counts in, too
 LARGE = Limits("large strain", 1.0, (1.0 / 3.0, 3.0), 0.3, np.inf, LOOK)
 
 
@@ -99,18 +101,14 @@ class Validity:
     """
 
     def __init__(
-        self,
-        points: Points,
-        fields: Fields,
-        law: Law,
-        large: bool,
-        interactions: Interactions,
+        self, points: Points, fields: Fields, law: Law, large: bool, interactions: Interactions
     ) -> None:
         self._points, self._law, self._large = points, law, large
         self._interactions = interactions
         self._limits = LARGE if large else SMALL
         if not (large or law.elasticity.solidity.memory):
-            self._limits = replace(SMALL, rotation=TURNED)
+            # Fed liquid turns, as a corner fills, before it freezes; that counts in, too.
+            self._limits = replace(SMALL, rotation=0.6)
         self._comm = points.section.comm
         mesh = points.section.mesh
         now = deformation(fields.u, fields.generalized_strains, mesh)
@@ -139,7 +137,7 @@ class Validity:
         frozen, whole, *bearing = reductions.totals(self._comm, [float(one) for one in sums])
         far = [np.abs(along).max(initial=0.0) for along in place.T]
         lever = [1.0, *reductions.largest_of(self._comm, far)]
-        if frozen >= SCANT * whole:
+        if frozen >= self._limits.scant * whole:
             return ""
         for name, load in loads.items():
             axis = LOADS.index(name)
@@ -184,7 +182,7 @@ class Validity:
         found = [
             Judged(-thickness, place, -thinnest, message.format(1, "least", thinnest), True),
             Judged(thickness, place, thickest, message.format(0, "most", thickest), True),
-            Judged(-area[solid], place[solid], -FOLDED, "the shell folds"),
+            Judged(-area[solid], place[solid], -limits.folded, "the shell folds"),
         ]
         if self._large:  # its equations are written on the slice as it is
             found.append(Judged(-area, place, 0.0, "the liquid folds"))
@@ -198,9 +196,10 @@ class Validity:
         borne = self._borne(state, temperature, solid, distorted)
         message = f"the shell is strained by {{0:.3g}} (at most {limits.strain:g})"
         found.append(Judged(borne, place[solid], limits.strain, message))
-        message = f"its mean stress alone strains the shell by {{0:.3g}} (at most {COMPRESSED:g})"
+        most = limits.compressed
+        message = f"its mean stress alone strains the shell by {{0:.3g}} (at most {most:g})"
         squeezed = self._squeezed(state, temperature, mean)
-        found.append(Judged(squeezed, self._points.mean.position[mean], COMPRESSED, message))
+        found.append(Judged(squeezed, self._points.mean.position[mean], most, message))
         return found + self._pressed(state)
 
     def _fresh(self, turned: Array, temperature: Array) -> str:
@@ -209,13 +208,14 @@ class Validity:
         Its cells have turned while they were liquid, whose stand-in follows the shell without
         stiffness, and have kept that as they froze.
         """
-        set_ = temperature <= self._law.elasticity.solidity.solidus - FRESH
+        fresh = self._limits.fresh
+        set_ = temperature <= self._law.elasticity.solidity.solidus - fresh
         most = reductions.largest(self._comm, turned[set_])
         if not 0.0 <= most < 0.5 * self._limits.rotation:
             return ""
-        most = round(most, ROUNDING)
+        most = round(most, 9)
         return (
-            f", and no more than {most:.2g} rad where it is {FRESH:g} K below its solidus: cells "
+            f", and no more than {most:.2g} rad where it is {fresh:g} K below its solidus: cells "
             "of the front that turned as liquid; another mesh.core_size, or liquid that presses "
             "(mechanics.ferrostatic)"
         )
@@ -225,10 +225,11 @@ class Validity:
         if not self._interactions:
             return []
         local = dof_values.with_ghosts(self._points.section.vertex_space, state.temperature)
-        message = f"the wall's pressure alone strains it by {{0:.3g}} (at most {COMPRESSED:g})"
+        limit = self._limits.compressed
+        message = f"the wall's pressure alone strains it by {{0:.3g}} (at most {limit:g})"
         pairs = self._interactions.with_states(state.interactions)
         found = [one.strain_by_pressure(its, local) for one, its in pairs]
-        return [Judged(*one, COMPRESSED, message) for one in found if one is not None]
+        return [Judged(*one, limit, message) for one in found if one is not None]
 
     def _bulges(self, place: Array, moved: Array) -> list[Judged]:
         """How far points of the shell, or of all that is, move apart, over the section's size.

@@ -11,8 +11,8 @@ stress that works, the tangent is symmetric if the law's is.
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from petsc4py import PETSc
 
@@ -25,28 +25,36 @@ from castfem.fem import dof_values
 from castfem.fem.compat import Tabulation
 from castfem.fem.section import Section
 
-CHUNK = 4096  # cells whose stiffness is in memory at once
 CENTRES = {"quadrilateral": (1 / 2, 1 / 2), "triangle": (1 / 3, 1 / 3)}
 
 
+@dataclass(frozen=True, slots=True)
 class Linear:
     """Functions linear in x and y on each cell, found from values at the points of the mean stress.
 
     In x and y, not in the coordinates of the reference cell: those lose an order on cells that are
     no parallelograms (Arnold, Boffi and Falk, Math. Comp. 71 (2002) 909).
 
-    Args:
-        section: The distributed section.
-        weights: Area of the points of the mean stress (cells, q), m2.
-        places: Of them (cells, q, 2), m.
-        applied: Whether `__call__` projects, or leaves a value of its own to each point.
-
     Attributes:
         values: Of the functions that span `__call__`'s, at the points (cells, q, terms).
         terms: From values at the points to factors of those functions (cells, terms, q).
+        applied: Whether `__call__` projects, or leaves a value of its own to each point.
     """
 
-    def __init__(self, section: Section, weights: Array, places: Array, applied: bool) -> None:
+    values: Array
+    terms: Array
+    applied: bool
+
+    @classmethod
+    def at(cls, section: Section, weights: Array, places: Array, applied: bool) -> Linear:
+        """Those of a section.
+
+        Args:
+            section: The distributed section.
+            weights: Area of the points of the mean stress (cells, q), m2.
+            places: Of them (cells, q, 2), m.
+            applied: See `Linear`.
+        """
         mesh, at_centre = section.mesh, np.array([CENTRES[section.cell]])
         centre, scale = (
             Tabulation(mesh, expression, at_centre).values().reshape(-1, *expression.ufl_shape)
@@ -56,25 +64,24 @@ class Linear:
         # order one however thin it is; what they span is the same.
         to_local = np.linalg.inv(scale).transpose(0, 2, 1)
         count = weights.shape[1]
-        if applied:
-            parts = [np.ones((*weights.shape, 1)), (places - centre[:, None]) @ to_local]
-            values = np.concatenate(parts if count > 2 else parts[:1], axis=2)
-            weighted = (values * weights[:, :, None]).transpose(0, 2, 1)
-            terms = np.linalg.solve(weighted @ values, weighted)
-        else:
-            values = terms = np.tile(np.eye(count), (len(weights), 1, 1))
-        self.values, self.terms, self._applied = values, terms, applied
+        if not applied:
+            each = np.tile(np.eye(count), (len(weights), 1, 1))
+            return cls(each, each, False)
+        parts = [np.ones((*weights.shape, 1)), (places - centre[:, None]) @ to_local]
+        values = np.concatenate(parts if count > 2 else parts[:1], axis=2)
+        weighted = (values * weights[:, :, None]).transpose(0, 2, 1)
+        terms = np.linalg.solve(weighted @ values, weighted)
+        return cls(values, terms, True)
 
     def on(self, cells: Indices) -> Linear:
         """The same on some of the cells."""
-        found = copy.copy(self)
-        if len(cells) != len(self.values):
-            found.values, found.terms = self.values[cells], self.terms[cells]
-        return found
+        if len(cells) == len(self.values):
+            return self
+        return Linear(self.values[cells], self.terms[cells], self.applied)
 
     def __call__(self, values: Array) -> Array:
         """The linear part of values at the points of the mean stress (n,), there."""
-        if not self._applied:
+        if not self.applied:
             return values
         by_cell = values.reshape(*self.values.shape[:2], 1)
         return np.asarray((self.values @ (self.terms @ by_cell)).ravel())
@@ -176,8 +183,9 @@ class VolumeStiffness:
     def _insert(self, matrix: PETSc.Mat, free: Array) -> None:
         nodes, (cells, count) = self._nodes, self._blocks.shape
         open_ = free[self._dofs][:, None, :]
-        for start in range(0, cells, CHUNK):
-            at = slice(start, start + CHUNK)
+        chunk = 4096  # cells whose stiffness is in memory at once
+        for start in range(0, cells, chunk):
+            at = slice(start, start + chunk)
             change, work = (m[at, :, nodes] * open_[at] for m in (self._change, self._work))
             found = work.transpose(0, 2, 1) @ (self._answer[at] @ change)
             rows = self._blocks[at]
@@ -194,7 +202,9 @@ class VolumeStiffness:
 
     def forces(self, moved: Array) -> Array:
         """Forces on the local unknowns (n,) as they move by `moved` (n,)."""
-        return self._nodal(self._answer @ (self._change[:, :, self._nodes] @ self._of_cells(moved)))
+        return self._nodal(
+            self._answer @ (self._change[:, :, self._nodes] @ moved[self._dofs][:, :, None])
+        )
 
     def column(self, change: Array) -> Array:
         """Forces on the local unknowns (n,) as the generalized strains change by `change` (4,)."""
@@ -213,9 +223,6 @@ class VolumeStiffness:
 
     def _along(self, rates: Array, change: Array) -> Array:
         return rates[:, :, self._nodes.stop :] @ change[:, None]
-
-    def _of_cells(self, local: Array) -> Array:
-        return local[self._dofs][:, :, None]
 
     def _nodal(self, stress: Array) -> Array:
         """Forces of factors of the mean stress (cells, terms, 1)."""

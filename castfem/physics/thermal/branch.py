@@ -21,9 +21,6 @@ from castfem.physics.materials.curve import CurvePoint
 from castfem.physics.thermal.boundary import Cooling
 from castfem.physics.thermal.problem import ThermalProblem
 
-SAMPLES = 33  # temperatures of each vertex on its way
-SPACING = 1.0  # K, between those at which a law is asked whether its flux falls at all
-
 
 class Branch:
     """Tells how long a stage may be to have one root.
@@ -65,7 +62,7 @@ class Branch:
         Water may fall on the vertices of some ranks alone: all must come to the same answer.
         """
         knots = self._problem.curve.knots
-        grid = np.arange(knots[0], knots[-1], SPACING)
+        grid = np.arange(knots[0], knots[-1], 1.0)
         sharpest, falls = np.zeros_like(self._problem.area), False
         for patch, law in cooling.laws:
             least = np.minimum(law.least_rise(grid, time), 0.0)
@@ -77,7 +74,7 @@ class Branch:
     def _on_the_way(self, old: Array, new: Array, time: float) -> Array:
         """Least rise of the heat that leaves each vertex on its way (owned,), W/m K."""
         sharpest = np.zeros_like(old)
-        for share in np.linspace(0.0, 1.0, SAMPLES):
+        for share in np.linspace(0.0, 1.0, 33):
             at = old + share * (new - old)
             slope = np.zeros_like(old)
             for patch, law in self._problem.cooling.laws:

@@ -12,10 +12,6 @@ from castfem.fem.section import Section
 from castfem.forms.finite_strain import deformation
 from castfem.forms.heat import storage, storage_measure
 
-# Liquid follows the shell with next to no stiffness and may fold where it has much to follow. What
-# does not stay this share of its area conducts as if it had not moved.
-FOLDED = 0.1
-
 
 class Shape:
     """Where the slice was at the end of the coupling window before (thesis IV): form and thickness.
@@ -39,7 +35,9 @@ class Shape:
         self.displacement = fem.Function(space)
         self.generalized_strains = fem.Constant(mesh, np.zeros(4))
         moved = deformation(self.displacement, self.generalized_strains, mesh)
-        sound = ufl.gt(ufl.det(moved.gradient), FOLDED)
+        # Liquid follows the shell with next to no stiffness and may fold where it has much to
+        # follow. What does not keep this share of its area conducts as if it had not moved.
+        sound = ufl.gt(ufl.det(moved.gradient), 0.1)
         still = ufl.Identity(2)
         self.gradient = ufl.as_tensor(
             [

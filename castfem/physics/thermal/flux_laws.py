@@ -16,11 +16,8 @@ import numpy as np
 
 from castfem.base.constants import STEFAN_BOLTZMANN
 from castfem.base.types import Array
-from castfem.physics.thermal.mould_flux import Curve
+from castfem.physics.thermal.mould_flux import Curve, slope_of
 from castfem.physics.thermal.sprays import Correlation
-
-_FLAT = 1e-9  # of the steepest slope: less is what rounding makes of a flux that does not fall
-_DT = 1e-3  # K, half width of the difference quotient of tabulated coefficients
 
 
 class SurfaceLaw(ABC):
@@ -65,8 +62,7 @@ class Convection(SurfaceLaw):
         if not callable(self.coefficient):
             return self.coefficient * excess, np.full_like(temperature, self.coefficient)
         h = self.coefficient(temperature)
-        rise = self.coefficient(temperature + _DT) - self.coefficient(temperature - _DT)
-        return h * excess, h + rise / (2 * _DT) * excess
+        return h * excess, h + slope_of(self.coefficient, temperature) * excess
 
     def least_rise(self, temperatures: Array, time: float) -> float:
         """See `SurfaceLaw.least_rise`."""
@@ -83,7 +79,7 @@ class Convection(SurfaceLaw):
         return self
 
 
-@dataclass
+@dataclass(frozen=True)
 class Contact(SurfaceLaw):
     """Contact with the mould through a gap d (301): h = h_c k_g / (k_g + h_c d).
 
@@ -97,7 +93,7 @@ class Contact(SurfaceLaw):
         wall: Temperature of the mould's wall, K; a number or a function of time.
         gap_conductivity: k_g, W/mK.
         gap: d, m; a number or one per surface node.
-        follows: Whether the gap is that of the mechanics, which set it before each coupling window.
+        follows: Whether the gap is that of the mechanics, another in each coupling window.
         beside: What else crosses the gap.
     """
 
@@ -107,6 +103,10 @@ class Contact(SurfaceLaw):
     gap: float | Array = 0.0
     follows: bool = False
     beside: tuple[Convection | Radiation, ...] = ()
+
+    def across(self, gap: Array) -> Contact:
+        """The law that holds across the gap (n,), m, of the mechanics, if it follows that."""
+        return replace(self, gap=gap) if self.follows else self
 
     def heat_transfer(self, coefficient: float | Array) -> Array:
         """Overall coefficient h(d) of (301), W/m2K, with a coefficient of contact."""
@@ -168,7 +168,8 @@ class Contact(SurfaceLaw):
             return 0.0
         slope = replace(self, gap=0.0, beside=()).flux(temperatures, time)[1]
         least = float(slope.min())
-        return least if least < -_FLAT * float(np.abs(slope).max(initial=0.0)) else 0.0
+        # Less is what rounding makes of a flux that does not fall.
+        return least if least < -1e-9 * float(np.abs(slope).max(initial=0.0)) else 0.0
 
     def ambient_range(self, time: float) -> tuple[float, float]:
         """See `SurfaceLaw.ambient_range`."""
@@ -178,7 +179,7 @@ class Contact(SurfaceLaw):
 
 def _conductance(flux: Array, slope: Array, excess: Array) -> tuple[Array, Array]:
     """Flux over the difference of temperature `excess` (34), W/m2K, and its derivative."""
-    near = np.abs(excess) < _DT
+    near = np.abs(excess) < 1e-3  # K
     by = np.where(near, 1.0, excess)
     conductance = np.where(near, slope, flux / by)
     return conductance, np.where(near, 0.0, (slope - conductance) / by)
@@ -235,8 +236,7 @@ class Radiation(SurfaceLaw):
         excess = temperature * cube - self.ambient**4
         slope = gamma * 4.0 * cube
         if callable(self.emissivity):
-            rise = self.factor(temperature + _DT) - self.factor(temperature - _DT)
-            slope = slope + rise / (2 * _DT) * excess
+            slope = slope + slope_of(self.factor, temperature) * excess
         return gamma * excess, slope
 
     def least_rise(self, temperatures: Array, time: float) -> float:

@@ -24,7 +24,13 @@ So no measured flux cools a strand below the wall that takes it.
 """
 WATER = 4.17e6
 """J/(m3 K): heat capacity of water at 25 to 40 degC (4.18 kJ/(kg K), 997 to 992 kg/m3)."""
-_DT = 1e-3  # K, half width of the difference quotient of tabulated values
+
+
+def slope_of(function: Callable[[Array], Array], temperature: Array) -> Array:
+    """Derivative of tabulated values by the temperature (n,), K, as a difference quotient."""
+    half = 1e-3  # K
+    return np.asarray((function(temperature + half) - function(temperature - half)) / (2 * half))
+
 
 Value = float | Callable[[float], float]
 """A number, or a function of the time since the meniscus, s."""
@@ -137,8 +143,7 @@ def _value(curve: Curve, temperature: Array, time: float) -> tuple[Array, Array]
     """What a curve has at surface temperatures (n,) and its derivative with them."""
     of_surface = curve.over_temperature
     if of_surface is not None:
-        rise = of_surface(temperature + _DT) - of_surface(temperature - _DT)
-        return of_surface(temperature), np.asarray(rise / (2 * _DT), np.float64)
+        return of_surface(temperature), slope_of(of_surface, temperature)
     value = curve.value(time) if callable(curve.value) else curve.value
     return np.full_like(temperature, value), np.zeros_like(temperature)
 

@@ -21,43 +21,42 @@ there is liquid to feed it and stays as it is in what has frozen (docs/coupling.
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Collection
 from dataclasses import dataclass
 
 from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
-import ufl
-from dolfinx import fem
 
 from castfem.base import log
 from castfem.base.stopwatch import Stopwatch
 from castfem.base.types import Array
 from castfem.fem import reductions
-from castfem.fem.compat import assemble_into, assemble_matrix, assemble_owned, without_zeros
+from castfem.fem.compat import assemble_into
 from castfem.fem.section import Section
 from castfem.fem.snes import Options, SnesSolver, SolveResult, try_options
-from castfem.forms.heat import (
-    conduction,
-    conduction_moved,
-    slice_measure,
-    storage,
-    storage_measure,
-)
 from castfem.physics.materials.curve import CurvePoint, ThermalCurve
 from castfem.physics.thermal.boundary import Cooling
 from castfem.physics.thermal.deformed_section import Shape
-from castfem.physics.thermal.options import default_options, direct_options
+from castfem.physics.thermal.operators import Operators, default_options, direct_options
 
 LINEAR_FAILURE = "DIVERGED_LINEAR_SOLVE"
-BALANCE = 1e-7  # of the heat stored in a stage: what Newton's method may leave open of the whole
-SPREAD = 10 * BALANCE  # largest relative correction that closes the heat balance
-ROUNDING = 64 * np.finfo(float).eps
+ITERATED, FACTORED = "thermal_", "thermal_direct_"  # prefixes of the solvers
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
+class BalanceLimits:
+    """How well the heat balance of the whole section closes."""
+
+    newton: float = 1e-7  # of the heat stored in a stage: what Newton's method may leave open
+    spread: float = 10 * 1e-7  # largest relative correction that closes the heat balance
+    rounding: float = 64 * np.finfo(float).eps  # of all heat in a sum
+
+
+LIMITS = BalanceLimits()
+
+
+@dataclass(frozen=True, slots=True)
 class Stage:
     """Result of one implicit stage.
 
@@ -79,7 +78,7 @@ class Stage:
     time: float
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class _State:
     """What `ThermalProblem` knows at one enthalpy.
 
@@ -106,6 +105,7 @@ class ThermalProblem:
         tolerance: Largest imbalance left at a vertex, as a change of its temperature, K.
         watch: Charged with the time spent here.
         shape: Where the slice is; None if it does not move.
+        operators: Of another heat balance on the section; made anew if None.
 
     Attributes:
         area: Area that belongs to each owned vertex (owned,), m2.
@@ -123,19 +123,22 @@ class ThermalProblem:
         tolerance: float = 1e-7,
         watch: Stopwatch | None = None,
         shape: Shape | None = None,
+        operators: Operators | None = None,
     ) -> None:
         self.section, self.curve, self.tolerance = section, curve, tolerance
         self.watch = watch if watch is not None else Stopwatch()
         self.shape = shape
-        self._assemble_operators()
+        self._operators = Operators.on(section, shape) if operators is None else operators
+        self._laplacian, self.area = self._operators.laplacian, self._operators.area
+        self._theta, self._work = self._operators.theta, self._operators.work
+        self._scale_operators()
         self.filled, self.volume = np.ones_like(self.area), self.area
-        self._work = self._laplacian.createVecLeft()
-        self._theta = self._laplacian.createVecRight()
-        chosen = {**default_options(section.comm.size), **(options or {})}
+        ranks, self._asked = section.comm.size, options or {}
+        iterated = {**default_options(ranks), **self._asked}
         if options:
-            try_options("thermal_", chosen)
-        self.solver = self._make_solver("thermal_", chosen, options or {})
-        self._direct: SnesSolver | None = None
+            try_options(ITERATED, iterated)
+        self._options = {ITERATED: iterated, FACTORED: direct_options(ranks)}
+        self._solvers: dict[str, SnesSolver] = {}
         self.iterations: int = 0
         self.stages: int = 0
         self._base, self._tau, self._time = np.zeros_like(self.area), 1.0, 0.0
@@ -143,30 +146,15 @@ class ThermalProblem:
         self.set_cooling(Cooling([], []))
         self._state = self._evaluate(np.zeros_like(self.area))
 
-    def _make_solver(
-        self, prefix: str, options: Options, asked: Collection[str] = ()
-    ) -> SnesSolver:
-        matrix = self.new_matrix()
-        return SnesSolver(self, self._theta, matrix, prefix, options, self.watch, asked=asked)
-
-    def _assemble_operators(self) -> None:
-        """Vertex areas and the Laplacian, from the forms."""
-        section, space, mesh = self.section, self.section.vertex_space, self.section.mesh
-        u, v, dx = ufl.TrialFunction(space), ufl.TestFunction(space), slice_measure(mesh)
-        if self.shape is None:
-            form = section.compile("heat.conduction", conduction(u, v, dx))
-            self._laplacian = without_zeros(assemble_matrix(form))
-        else:
-            moved = conduction_moved(u, v, dx, self.shape.gradient, self.shape.thickness)
-            self._conduction = section.compile("heat.conduction.moved", moved)
-            self._laplacian = assemble_matrix(self._conduction)
-        self._scale_operators()
-        if self.shape is not None:
-            self.area = self.shape.area
-            return
-        one = fem.Constant(mesh, np.float64(1.0))
-        form = storage(one, v, storage_measure(mesh, section.order == 2))
-        self.area = assemble_owned(section.compile("heat.storage", form), section.owned)
+    def _solver(self, prefix: str) -> SnesSolver:
+        """The solver of a prefix, made when it is needed first."""
+        if prefix not in self._solvers:
+            asked = self._asked if prefix == ITERATED else ()
+            self._solvers[prefix] = SnesSolver(
+                self, self._theta, self.new_matrix(), prefix, self._options[prefix], self.watch,
+                asked=asked,
+            )  # fmt: skip
+        return self._solvers[prefix]
 
     def _scale_operators(self) -> None:
         """What norms measure against."""
@@ -176,7 +164,8 @@ class ThermalProblem:
     def follow_shape(self) -> None:
         """Conduct through the slice as it is now; its surface follows by `Surface.follow_shape`."""
         with self.watch.section("assembly"):
-            assemble_into(self._laplacian, self._conduction, [])
+            assert self._operators.conduction is not None
+            assemble_into(self._laplacian, self._operators.conduction, [])
         self._scale_operators()
         self._state = self._evaluate(self._state.enthalpy)
 
@@ -230,15 +219,14 @@ class ThermalProblem:
         self._base, self._tau, self._time = base, tau, time
         start = guess.copy()
         start[self._fixed] = self._fixed_value
-        solver = self.solver
-        solver.x.setArray(start)
-        result = solver.solve()
-        self.iterations += result.iterations
-        if result.reason == LINEAR_FAILURE:
-            solver = self._factoring()
+        for prefix in (ITERATED, FACTORED):
+            solver = self._solver(prefix)
             solver.x.setArray(start)
             result = solver.solve()
             self.iterations += result.iterations
+            if result.reason != LINEAR_FAILURE:
+                break
+            log.logger.debug("the linear solver of %s has failed", prefix)
         self.stages += 1
         solution = solver.x.getArray(readonly=True)
         # One rank's part may be the same, and another's not (a NaN never is); it takes them all.
@@ -246,14 +234,6 @@ class ThermalProblem:
         if reductions.any_of(self.section.comm, moved):
             self._state = self._evaluate(solution)
         return self._close(solution, result)
-
-    def _factoring(self) -> SnesSolver:
-        """The direct solver, made when it is needed first."""
-        if self._direct is None:
-            log.logger.debug("the iterative linear solver has failed: factorising instead")
-            options = direct_options(self.section.comm.size)
-            self._direct = self._make_solver("thermal_direct_", options)
-        return self._direct
 
     def _close(self, solution: Array, result: SolveResult) -> Stage:
         """Close the heat balance of the whole section over the solved stage, to rounding.
@@ -275,7 +255,7 @@ class ThermalProblem:
         open_, size = self.volume @ change + tau * (out - generated), self.volume @ free
         if self.section.comm.size > 1:
             open_, size = reductions.totals(self.section.comm, [open_, size])
-        if abs(open_) < SPREAD * size:
+        if abs(open_) < LIMITS.spread * size:
             change -= open_ / size * free
         rate = np.asarray(change / tau)
         return Stage(base + change, rate, state.point, out, generated, result, tau, self._time)
@@ -336,13 +316,16 @@ class ThermalProblem:
         return self._work.getArray().copy()
 
     def of_curve(self, curve: ThermalCurve) -> ThermalProblem:
-        """The heat balance of another steel on the same mesh, to be asked for its flows alone.
+        """The heat balance of another steel on the same mesh, cooled and filled as this one is now.
 
-        It shares matrices and work vectors: use the two in turn, destroy this one alone. Its solver
-        is that of this one, and solves this one's stages.
+        It shares the operators: use the two in turn, and destroy this one last.
         """
-        other = copy.copy(self)
-        other.curve = curve
+        other = ThermalProblem(
+            self.section, curve, self._asked, self.tolerance, self.watch, self.shape,
+            self._operators,
+        )  # fmt: skip
+        other.set_cooling(self.cooling)
+        other.fill(self.filled)
         return other
 
     def surface_flow(self, point: CurvePoint, rate: Array, time: float) -> Array:
@@ -381,13 +364,14 @@ class ThermalProblem:
             sums = [float(residual.sum()), stored, stored + rounding]
             if comm.size > 1:
                 sums = list(reductions.totals(comm, sums))
-            sizes["balance"] = abs(sums[0]) / (BALANCE * sums[1] + ROUNDING * sums[2] + 1e-300)
+            sizes["balance"] = abs(sums[0]) / (
+                LIMITS.newton * sums[1] + LIMITS.rounding * sums[2] + 1e-300
+            )
         return sizes
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        self.solver.destroy()
-        if self._direct is not None:
-            self._direct.destroy()
+        for solver in self._solvers.values():
+            solver.destroy()
         for thing in (self._laplacian, self._work, self._theta):
             thing.destroy()

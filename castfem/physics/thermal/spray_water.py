@@ -15,10 +15,8 @@ import numpy as np
 
 from castfem.base.types import Array, Indices
 from castfem.physics.thermal.flux_laws import SurfaceLaw
+from castfem.physics.thermal.mould_flux import slope_of
 from castfem.physics.thermal.sprays import Correlation
-
-_DT = 1e-3  # K, half width of the difference quotient of a coefficient
-_COARSER = 5  # of temperatures at which a flux is asked whether it falls
 
 Coefficient = Callable[[Array, Array], Array]
 """h, W/m2K (n,), of water flows, kg/(m2 s) (n,), and surface temperatures, K (n,)."""
@@ -170,14 +168,13 @@ class SprayWater(SurfaceLaw):
 
     def _flux(self, flows: Sequence[Array], temperature: Array) -> tuple[Array, Array]:
         h = self.heat_transfer(flows, temperature)
-        rise = self.heat_transfer(flows, temperature + _DT)
-        rise -= self.heat_transfer(flows, temperature - _DT)
+        slope = slope_of(lambda surface: self.heat_transfer(flows, surface), temperature)
         excess = temperature - self.water_temperature
-        return h * excess, h + rise / (2 * _DT) * excess
+        return h * excess, h + slope * excess
 
     def least_rise(self, temperatures: Array, time: float) -> Array:
         """See `SurfaceLaw.least_rise` (n,), at the largest flows."""
-        grid = temperatures[::_COARSER]
+        grid = temperatures[::5]  # as close as it takes
         shape = (len(self.rows[0].water), len(grid))
         flows = [np.broadcast_to((row.water * row.most)[:, None], shape) for row in self.rows]
         slope = self._flux(flows, np.broadcast_to(grid, shape))[1]

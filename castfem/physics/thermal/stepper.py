@@ -6,7 +6,7 @@ Of a mode that decays x times as fast as the step is long SDIRK2 leaves R = (1 -
 (1 + GAMMA x)^2: from x = 2.4 on it is carried past its rest, by up to a fifth of it, and comes back
 in the next step.  A cooling that jumps wakes such modes, and so does a front in coarse cells.  So a
 step is looked at before it is kept: if a vertex would come back after it, it is taken again with
-backward Euler in `DAMPED` equal parts, which carry no vertex past its rest.
+backward Euler in equal parts, which carry no vertex past its rest.
 """
 
 from __future__ import annotations
@@ -31,22 +31,38 @@ DEFECT = (
     1 / (6 * GAMMA * (1 - GAMMA)) - (1 - GAMMA),
     (2 - 3 * GAMMA) / (6 * (1 - GAMMA)) - GAMMA,
 )
-IDLE = 1e-6  # share of the heat removed so far below which a step counts as idle
-SHEARED = 0.01  # of the range: a sheared mesh keeps the maximum principle but for its shear
-WARMER = 2.0  # heat generated inside, over what it warms at the capacity of reference
-# Of the range: how far a mesh without the maximum principle may leave it, and a sheared one.
-STRAY, STRAY_SHEARED = 5e-3, 2e-2
-BOUND_SLACK = 1e-6  # K, what rounding and the solver's tolerance may add to the physical bounds
-DAMPED = 4  # parts of a step that is taken again with backward Euler
-REBOUND = 0.2  # K, by which a vertex may come back after a step
-# A mode carried past its rest comes back by at most 0.52 of what the rates of its step may err by;
-# a vertex that turns in truth (steel that still cools below a surface that warms again) by more
-# than 0.9, for its rates are small where it turns.
-COMES_BACK = 0.75
-CONTROLLED = 1.0  # K, estimated error below which no vertex of a step has been seen to come back
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
+class RangeLimits:
+    """How far temperatures may leave what old temperatures and surroundings allow."""
+
+    sheared: float = 0.01  # of the range: a sheared mesh keeps the maximum principle but for that
+    warmer: float = 2.0  # heat generated inside, over what it warms at the capacity of reference
+    stray: float = 5e-3  # of the range: how far a mesh without the maximum principle may leave it
+    stray_sheared: float = 2e-2  # the same of a sheared mesh
+    slack: float = 1e-6  # K, what rounding and the solver's tolerance may add
+
+
+@dataclass(frozen=True, slots=True)
+class Damping:
+    """When a second-order step is taken again with backward Euler.
+
+    A mode carried past its rest comes back by at most 0.52 of what the rates of its step may err
+    by; a vertex that turns in truth (steel that still cools below a surface that warms again) by
+    more than 0.9, for its rates are small where it turns.
+    """
+
+    parts: int = 4  # of such a step
+    rebound: float = 0.2  # K, by which a vertex may come back after a step
+    comes_back: float = 0.75  # of the error of its rates: by which one may that was carried past
+    controlled: float = 1.0  # K, estimated error below which none has been seen to come back
+
+
+RANGE, DAMPING = RangeLimits(), Damping()
+
+
+@dataclass(frozen=True, slots=True)
 class ThermalState:
     """The committed thermal state.
 
@@ -57,8 +73,8 @@ class ThermalState:
         extremes: Coldest and hottest vertex of the section, K.
         generated: Heat generated inside the modelled part since the meniscus, J/m.
         next_rate: dH/dt with which the next step is expected to begin (owned,), W/m3.
-        allowed: Coldest and hottest that the data have allowed since the meniscus, K; None if that
-            is not known yet.
+        allowed: Coldest and hottest that the data have allowed since the meniscus, K; None before
+            the first step.
         filled: Volume that the vertices' steel fills, over the undeformed one (owned,); empty
             where nothing moves.
         fed: Heat that liquid has brought along as it was fed (negative: colder than poured), J/m.
@@ -77,7 +93,7 @@ class ThermalState:
     fed: float = 0.0
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class StepResult:
     """One attempted step.
 
@@ -87,7 +103,7 @@ class StepResult:
         newton: Newton iterations. limited: Whether the second-order step left the physical bounds,
             or would have come back, and backward Euler was taken instead. reason: The solver's
             word.
-        balance: (heat out + change of enthalpy - heat generated) over the largest (see IDLE).
+        balance: (heat out + change of enthalpy - heat generated) over the largest.
         stages: That led to the new state: two of the second-order scheme, or parts of backward
             Euler.
     """
@@ -134,25 +150,17 @@ class ThermalStepper:
         next_rate: Array | None = None,
         filled: Array | None = None,
         fed: float = 0.0,
+        allowed: tuple[float, float] | None = None,
     ) -> ThermalState:
         """A state from its stored arrays (checkpoint); `next_rate` is its rate if it has none."""
         point = self.problem.curve.at(enthalpy)
-        extremes = self._extremes(point)
         next_rate = rate if next_rate is None else next_rate
         if filled is None:
             filled = np.zeros(0) if self.problem.shape is None else np.ones_like(enthalpy)
         return ThermalState(
-            time,
-            enthalpy,
-            rate,
-            point,
-            removed,
-            extremes,
-            generated,
-            next_rate,
-            filled=filled,
-            fed=fed,
-        )
+            time, enthalpy, rate, point, removed, self._extremes(point), generated, next_rate,
+            allowed, filled, fed,
+        )  # fmt: skip
 
     def feed(self, old: ThermalState) -> ThermalState:
         """Let liquid flow to where the shape of the problem has room for it now (collective).
@@ -187,11 +195,11 @@ class ThermalStepper:
             error = self._error(old, tried, dt)
         if second_order and tried[-1].result.converged:
             coldest, hottest = self._extremes(tried[-1].point)
-            limited = coldest < bounds[0] - BOUND_SLACK or hottest > bounds[1] + BOUND_SLACK
-            if not limited and (error > CONTROLLED or not self.estimate):
+            limited = coldest < bounds[0] - RANGE.slack or hottest > bounds[1] + RANGE.slack
+            if not limited and (error > DAMPING.controlled or not self.estimate):
                 limited, next_rate = self._look_ahead(old, tried, dt, bounds)
             if limited:
-                stages, next_rate = self._euler(old, dt, bounds, DAMPED), None
+                stages, next_rate = self._euler(old, dt, bounds, DAMPING.parts), None
         newton = self.problem.iterations - newton
         reason = stages[-1].result.reason
         if not stages[-1].result.converged:
@@ -217,8 +225,8 @@ class ThermalStepper:
         rates = (old.rate, *(s.rate for s in stages))
         error = dt * kelvin * sum(abs(d) * np.abs(r) for d, r in zip(DEFECT, rates, strict=True))
         # No vertex comes back faster than the rate at its end, nor by more than its error.
-        most = np.minimum(tau * kelvin * np.abs(last.rate), COMES_BACK * error)
-        turning = (moved * last.rate < 0.0) & (most > REBOUND)
+        most = np.minimum(tau * kelvin * np.abs(last.rate), DAMPING.comes_back * error)
+        turning = (moved * last.rate < 0.0) & (most > DAMPING.rebound)
         if not reductions.any_of(self.comm, bool(turning.any())):
             return False, None
         guess = self._guess(last.enthalpy, last.rate, tau, bounds)
@@ -226,8 +234,8 @@ class ThermalStepper:
         if not after.result.converged:
             return False, None
         back = after.point.temperature - last.point.temperature
-        size = np.abs(back)
-        found = (back * moved < 0.0) & (size > REBOUND) & (size < COMES_BACK * error)
+        size, most = np.abs(back), DAMPING.comes_back * error
+        found = (back * moved < 0.0) & (size > DAMPING.rebound) & (size < most)
         return reductions.any_of(self.comm, bool(found.any())), after.rate
 
     def _taken_too_much(self, new: ThermalState) -> str:
@@ -242,21 +250,17 @@ class ThermalStepper:
             "a law that knows the surroundings (contact, convection, spray)"
         )
 
-    def stray(self, old: ThermalState, new: ThermalState) -> str:
+    def stray(self, new: ThermalState) -> str:
         """Why a new state is not what the data allow; "" if it is.
 
         That is the range of all temperatures so far, of the surroundings and of the heat generated
         inside, and above absolute zero.  A mesh that is not quite of the maximum principle may
         leave a little of the range.
         """
-        cooling, warmer = self.problem.cooling, WARMER * self.problem.warming
-        low, high = old.allowed if old.allowed is not None else old.extremes
-        ambient = cooling.ambient_range(new.time)
-        low, high = min(low, ambient[0]), max(high, ambient[1])
-        high += warmer * (new.time - old.time)
-        new.allowed = low, high
-        share = STRAY if self.problem.shape is None else STRAY_SHEARED
-        slack = BOUND_SLACK + (share * (high - low) if np.isfinite(high - low) else 0.0)
+        assert new.allowed is not None
+        low, high = new.allowed
+        share = RANGE.stray if self.problem.shape is None else RANGE.stray_sheared
+        slack = RANGE.slack + (share * (high - low) if np.isfinite(high - low) else 0.0)
         coldest, hottest = new.extremes
         if coldest <= 0.0:
             return self._taken_too_much(new)
@@ -280,12 +284,18 @@ class ThermalStepper:
 
         L-stable second-order schemes keep no maximum principle at large steps; backward Euler does.
         """
-        low, high = self.problem.cooling.ambient_range(time)
-        low, high = min(low, old.extremes[0]), max(high, old.extremes[1])
-        high += WARMER * self.problem.warming * (time - old.time)
+        low, high = self._reached(old.extremes, old, time)
         if self.problem.shape is not None:
-            low, high = low - SHEARED * (high - low), high + SHEARED * (high - low)
+            low, high = low - RANGE.sheared * (high - low), high + RANGE.sheared * (high - low)
         return low, high
+
+    def _reached(
+        self, so_far: tuple[float, float], old: ThermalState, time: float
+    ) -> tuple[float, float]:
+        """Range of temperatures so far, with what surroundings and heat generated add to it, K."""
+        low, high = self.problem.cooling.ambient_range(time)
+        low, high = min(low, so_far[0]), max(high, so_far[1])
+        return low, high + RANGE.warmer * self.problem.warming * (time - old.time)
 
     def _guess(self, old: Array, rate: Array, tau: float, bounds: tuple[float, float]) -> Array:
         """Enthalpy extrapolated by its rate, within the bounds: where Newton's method starts."""
@@ -309,12 +319,14 @@ class ThermalStepper:
         out, gained, generated = (float(value) for value in sums)
         removed = old.removed + out
         # A step in which next to nothing happens is measured against all heat so far.
-        size = max(abs(out), abs(gained), abs(generated), IDLE * abs(removed), 1e-300)
+        size = max(abs(out), abs(gained), abs(generated), 1e-6 * abs(removed), 1e-300)
         balance = (out + gained - generated) / size
         generated += old.generated
+        allowed = self._reached(old.allowed or old.extremes, old, time)
         state = self.state_from(
-            time, last.enthalpy, last.rate, removed, generated, next_rate, old.filled, old.fed
-        )
+            time, last.enthalpy, last.rate, removed, generated, next_rate, old.filled, old.fed,
+            allowed,
+        )  # fmt: skip
         return state, balance
 
     def _euler(

@@ -14,7 +14,7 @@ from scipy import sparse
 
 from castfem.base.types import Array
 from castfem.fem import dof_values, reductions
-from castfem.fem.line_probes import LineProbes, Profile
+from castfem.fem.probes import LineProbes, Profile
 from castfem.physics.constitutive.base import equivalent_strain, equivalent_stress
 from castfem.physics.contact.summary import summary
 from castfem.physics.mechanics.bent_planes import BentPlanes

@@ -8,7 +8,7 @@ import numpy as np
 
 from castfem.base.types import Array
 from castfem.base.units import factor_and_zero
-from castfem.fem.point_probes import PointProbes
+from castfem.fem.probes import PointProbes
 from castfem.model.probe import outside
 from castfem.physics.constitutive.base import equivalent_stress
 from castfem.runs.output.folder import PROBES_NAME

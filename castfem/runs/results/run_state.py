@@ -77,8 +77,6 @@ class Recorded:
 
     Attributes:
         state: The committed state. sample: Taken of it. counts: So far.
-        step: Of `Simulation.control`, s; growth: How many times that. substep: Of the thermal
-            steps, s.
         zone: Index of the cooling.
         memory: Of the sampler. snapshots: Results at the references' positions.
         quality: Crack indexes; None in a case without [quality].
@@ -87,9 +85,6 @@ class Recorded:
     state: StrandState
     sample: Sample
     counts: Counts
-    step: float
-    growth: float
-    substep: float
     zone: int
     memory: dict[str, float | None]
     snapshots: dict[float, dict[str, Quantity]]
@@ -129,9 +124,9 @@ class RunState:
         """A run that has not begun."""
         thermal = starting_state(simulation)
         state = (
-            StrandState(thermal, None, np.zeros(0))
+            StrandState(thermal, None, np.zeros(0), step=simulation.control.first)
             if simulation.coupling is None
-            else simulation.coupling.start(thermal)
+            else simulation.coupling.start(thermal, simulation.control.first)
         )
         mechanical_checkpoint = None
         if simulation.mechanics is not None:
@@ -158,15 +153,12 @@ class RunState:
 
     def remember(self) -> None:
         """Keep what has been recorded: states are never written into, the rest is copied."""
-        simulation, sample = self.simulation, self.sample
+        sample = self.sample
         assert sample is not None, "a sample has been taken"
         self._recorded = Recorded(
             self.state,
             sample,
             replace(self.counts),
-            simulation.control.step,
-            simulation.control.growth,
-            simulation.steps.control.step,
             self.zone,
             self.sampler.memory(),
             dict(self.snapshots),
@@ -175,12 +167,10 @@ class RunState:
 
     def fall_back(self) -> bool:
         """Take back what is not recorded, after an error at whatever place; False if nothing is."""
-        good, simulation = self._recorded, self.simulation
+        good = self._recorded
         if good is None:
             return False
         self.state, self.sample, self.counts = good.state, good.sample, good.counts
-        simulation.control.step, simulation.steps.control.step = good.step, good.substep
-        simulation.control.growth = good.growth
         self.zone, self.snapshots = good.zone, good.snapshots
         self.sampler.recall(good.memory)
         if self.sampler.quality is not None and good.quality is not None:

@@ -17,7 +17,7 @@ from castfem.runs.results.mould_extremes import (
 )
 
 if TYPE_CHECKING:
-    from castfem.fem.line_probes import Profile
+    from castfem.fem.probes import Profile
     from castfem.model.build.simulation import Simulation
     from castfem.physics.contact.state import ContactSummary
     from castfem.physics.coupling.staggered import StrandState

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from castfem.base.types import Array
-from castfem.fem.line_probes import LineProbes, Profile
+from castfem.fem.probes import LineProbes, Profile
 from castfem.physics.materials import Steel
 from castfem.runs.results.sample import Sample
 from castfem.studies.sensitivity.perturbed_simulation import Variation

@@ -17,7 +17,8 @@ import numpy.typing as npt
 
 from castfem.base.errors import RunFailure
 from castfem.base.types import Array
-from castfem.fem import factorisation, reductions
+from castfem.fem import reductions
+from castfem.fem.bordered_system import factorise
 from castfem.physics.materials.curve import CurvePoint
 from castfem.physics.thermal.problem import ThermalProblem
 
@@ -79,7 +80,7 @@ class StageTangent:
             first = matrix.getOwnershipRange()[0]
             matrix.zeroRowsColumns((self._held + first).astype(np.int32), diag=1.0)
         self.solver.setOperators(matrix)
-        if why := factorisation.set_up(self.solver, matrix):
+        if why := factorise(self.solver, matrix):
             raise RunFailure(f"the derivative of a stage cannot be solved for: {why}")
 
     def solve(self, right: Array, fixed: Array) -> Array:

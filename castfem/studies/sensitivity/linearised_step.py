@@ -173,7 +173,7 @@ class LinearisedStep:
             return Answers(inside, [])
         surface = []
         for i, number in enumerate(numbers):
-            increments = wall.stress.increments(change[:, i], strains[:, i])
+            increments = wall.stress.strained.increments(change[:, i], strains[:, i])
             surface.append(self._sides[number].law_at_surface(wall.stress.strain, increments))
         return Answers(inside, surface)
 

@@ -1,4 +1,4 @@
-"""Values and isotherms along lines through the section, whichever ranks hold its cells."""
+"""Values at points and along lines of the section, whichever ranks hold its cells; isotherms."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
+from dolfinx import geometry
 
 from castfem.base.types import Array, Indices
-from castfem.fem import reductions
-from castfem.fem.locate import locate
+from castfem.fem import compat, reductions
 from castfem.fem.section import Section
 
 if TYPE_CHECKING:
-    from scipy import sparse
+    pass
+
 
 SAMPLES = 401  # along a line, packed towards the surface
-_INSIDE = 1e-9  # of the line's length: how far the first and last sample are drawn inward
 
 
 class Conducts(Protocol):
@@ -101,7 +101,8 @@ class LineProbes:
             name: fraction * float(np.linalg.norm(np.subtract(end, start)))
             for name, (start, end) in self.lines.items()
         }
-        inner = _INSIDE + (1 - 2 * _INSIDE) * fraction
+        inside = 1e-9  # of the line: how far the first and last sample are drawn inward
+        inner = inside + (1 - 2 * inside) * fraction
         points = [
             np.asarray(start) + inner[:, None] * np.subtract(end, start)
             for start, end in self.lines.values()
@@ -114,7 +115,6 @@ class LineProbes:
         rows, columns, weights, sizes = locate(section, self._points, self._along)
         self._matrix = self._interpolation(rows, columns, weights)
         self._field, self._samples = self._matrix.createVecs()
-        self._of_starts = self._rows_of_starts(rows, columns, weights)
         self._cells = dict(zip(self.lines, self._per_line(self._of_all(rows, sizes)), strict=True))
 
     def _interpolation(
@@ -132,30 +132,10 @@ class LineProbes:
         matrix.assemble()
         return matrix
 
-    def _rows_of_starts(
-        self, mine: Indices, columns: list[npt.NDArray[np.int32]], weights: list[Array]
-    ) -> Array:
-        """This rank's columns of the samples on the surface: line, owned vertex, weight (n, 3)."""
-        first, last = self._matrix.getOwnershipRangeColumn()
-        found = [
-            (row // SAMPLES, column - first, weight)
-            for part in self.section.comm.allgather(
-                [p for p in zip(mine, columns, weights, strict=True) if p[0] % SAMPLES == 0]
-            )
-            for row, cols, vals in part
-            for column, weight in zip(cols, vals, strict=True)
-            if first <= column < last
-        ]
-        return np.array(found, float).reshape(-1, 3)
-
     @cached_property
-    def _starts(self) -> sparse.csr_matrix:
-        """The same as a matrix (lines x owned vertices)."""
-        from scipy import sparse  # slow to import; a run of the temperature does without
-
-        lines, columns, weights = self._of_starts.T
-        shape = (len(self.lines), self.section.owned)
-        return sparse.csr_matrix((weights, (lines.astype(int), columns.astype(int))), shape=shape)
+    def _starts(self) -> PointProbes:
+        """Where the lines begin on the surface (collective when it is first asked for)."""
+        return PointProbes(self.section, self._points[::SAMPLES])
 
     def _of_all(self, mine: Indices, values: Array) -> Array:
         """Values of the samples, each from the rank that has it (n,)."""
@@ -182,9 +162,7 @@ class LineProbes:
 
     def starts(self, owned: Array) -> dict[str, Array]:
         """Vertex fields (owned, k) at the start of every line (k,), on every rank: one message."""
-        local = self._starts @ owned
-        values = reductions.totals(self.section.comm, local.ravel()).reshape(local.shape)
-        return dict(zip(self.lines, values, strict=True))
+        return dict(zip(self.lines, self._starts.at(owned), strict=True))
 
     def along(self, owned: Array) -> dict[str, Array]:
         """A vertex field (owned,) along every line, surface first, on every rank."""
@@ -203,3 +181,114 @@ class LineProbes:
         """Free the PETSc objects."""
         for thing in (self._matrix, self._field, self._samples):
             thing.destroy()
+
+
+class PointProbes:
+    """Interpolates vertex fields at points of the section.
+
+    Args:
+        section: The section.
+        points: (n, 2), m.
+
+    Raises:
+        ValueError: A point lies outside the section.
+    """
+
+    def __init__(self, section: Section, points: Array) -> None:
+        from scipy import sparse  # slow to import, and most runs have no such points
+
+        self._comm, n = section.comm, len(points)
+        along = np.tile([1.0, 0.0], (n, 1))
+        rows, columns, weights, _ = locate(section, points, along)
+        start = section.vertex_space.dofmap.index_map.local_range[0]
+        # A cell of one rank may have vertices of another: each takes its own columns.
+        entries = [
+            (row, column - start, weight)
+            for part in section.comm.allgather(list(zip(rows, columns, weights, strict=True)))
+            for row, found, values in part
+            for column, weight in zip(found, values, strict=True)
+            if 0 <= column - start < section.owned
+        ]
+        table = np.array(entries, float).reshape(-1, 3)
+        places = (table[:, 0].astype(int), table[:, 1].astype(int))
+        self._matrix = sparse.csr_matrix((table[:, 2], places), shape=(n, section.owned))
+
+    def at(self, owned: Array) -> Array:
+        """Vertex fields (owned, k) at the points (n, k), on every rank (collective)."""
+        local = self._matrix @ owned
+        return reductions.totals(self._comm, local.ravel()).reshape(local.shape)
+
+
+def locate(
+    section: Section, points: Array, along: Array
+) -> tuple[Indices, list[npt.NDArray[np.int32]], list[Array], Array]:
+    """The points this rank has; vertices, weights and size of the cell of each (collective).
+
+    The vertices are global ones, the size is that along a direction, m.
+    Of all cells whose box holds a point the one is taken in which it lies deepest, on all
+    ranks: a point on an edge, or a rounding outside a face, is found the same way on any
+    number of ranks.
+
+    Args:
+        section: The section.
+        points: (n, 2), m.
+        along: Unit vectors of the directions (n, 2).
+
+    Raises:
+        ValueError: A point lies outside the section.
+    """
+    n = len(points)
+    mesh, dofmap = section.mesh, section.vertex_space.dofmap
+    best = np.full(n, np.inf)
+    cells, shapes = np.full(n, -1), np.zeros((n, 3 if section.cell == "triangle" else 4))
+    sizes = np.zeros(n)
+    local = mesh.topology.index_map(2).size_local
+    if local and n:
+        tree = geometry.bb_tree(mesh, 2, entities=np.arange(local, dtype=np.int32), padding=1e-9)
+        xyz = np.column_stack([points, np.zeros(n)])
+        near = geometry.compute_collisions_points(tree, xyz)
+        node_of, x = compat.geometry_dofmap(mesh), mesh.geometry.x[:, :2]
+        cmap = compat.coordinate_map(mesh)
+        for i in range(n):
+            for cell in near.links(i):
+                corners = np.ascontiguousarray(x[node_of[cell]])
+                xi = cmap.pull_back(points[i : i + 1], corners)[0]
+                outside = _outside(section.cell, xi)
+                if outside < best[i]:
+                    best[i], cells[i] = outside, cell
+                    shapes[i] = _first_order_shapes(section.cell, xi)
+                    sizes[i] = np.ptp(corners @ along[i])
+    rows = _won(section, points, best)
+    columns = [
+        dofmap.index_map.local_to_global(dofmap.cell_dofs(int(cells[i]))).astype(np.int32)
+        for i in rows
+    ]
+    return rows, columns, [shapes[i] for i in rows], sizes[rows]
+
+
+def _won(section: Section, points: Array, outside: Array) -> npt.NDArray[np.int64]:
+    """The points that lie deepest in a cell of this rank; a tie goes to the lower rank."""
+    comm = section.comm
+    least = -reductions.largest_of(comm, -outside)
+    # Of a cell: so far outside a sample may lie, at a curved face that straight cells cut.
+    if (least > 1e-2).any():
+        x, y = points[np.argmax(least)]
+        raise ValueError(f"probe point ({x:g}, {y:g}) m lies outside the section")
+    rank = np.where(outside <= least + 1e-12, comm.rank, comm.size).astype(float)
+    return np.flatnonzero(-reductions.largest_of(comm, -rank) == comm.rank)
+
+
+def _first_order_shapes(cell: str, xi: Array) -> Array:
+    """First-order shape functions of the cell at reference point xi (2,)."""
+    r, s = xi[0], xi[1]
+    if cell == "triangle":
+        return np.array([1 - r - s, r, s])
+    return np.array([(1 - r) * (1 - s), r * (1 - s), (1 - r) * s, r * s])
+
+
+def _outside(cell: str, xi: Array) -> float:
+    """How far reference point xi (2,) lies outside its cell; negative inside."""
+    r, s = xi
+    if cell == "triangle":
+        return float(max(-r, -s, r + s - 1))
+    return float(max(-r, -s, r - 1, s - 1))

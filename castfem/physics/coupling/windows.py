@@ -1,0 +1,78 @@
+"""How long a coupling window is: cut back as often as it takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from castfem.base import log
+from castfem.base.errors import RunFailure
+from castfem.physics.coupling.staggered import CouplingWindow, StaggeredCoupling, StrandState
+from castfem.physics.coupling.step_control import StepControl
+
+
+@dataclass(frozen=True, slots=True)
+class WindowLimits:
+    """Down to which length a window is cut back.
+
+    Attributes:
+        shortest: Of the window of the case: cut back no further for a gap that does not converge,
+            or for a state beyond the range of the model, where a shorter window ends, too.
+        fine: s: a window this short is not cut back for its error, however long others may be.
+    """
+
+    shortest: float = 0.02
+    fine: float = 0.1
+
+
+LIMITS = WindowLimits()
+
+
+def take_window(
+    coupling: StaggeredCoupling, state: StrandState, control: StepControl
+) -> tuple[CouplingWindow, int]:
+    """A window that succeeds, cut back as often as it takes, and how often that was for a failure.
+
+    A window whose gap does not converge counts as a failure, but does not end the run.  A gap that
+    changes too much for the window's error cuts it back as well.
+
+    Raises:
+        RunFailure: At the smallest window, where the model ends (`mechanics.validity`), or where
+            nothing is there to bear a load.
+    """
+    failed = cut = 0
+    begins = control.at_milestone(state.time)  # the rate before is not that after
+    length = state.window
+    while True:
+        tried = control.propose(length, state.time)
+        taken = tried.taken
+        short = taken < LIMITS.shortest * coupling.window
+        fine = taken < min(LIMITS.shortest * coupling.window, LIMITS.fine)
+        allowed = np.inf if fine else control.tolerance
+        attempt = coupling.take(state, tried.end, allowed)
+        if attempt.converged and taken > (1.0 + 1e-9) * tried.base and not begins:
+            curved = coupling.curved(state, attempt.state) * control.tolerance
+            attempt = replace(attempt, error=max(attempt.error, curved))
+        if attempt.converged and attempt.error > allowed:
+            log.logger.debug(
+                "t = %.6g s: coupling window %.3g s: error %.3g K", state.time, taken, attempt.error
+            )
+            length = control.learn(tried, attempt.error)
+            cut += 1
+            continue
+        kept = coupling.max_iterations == 1 or short
+        if attempt.converged and (attempt.gap_converged or kept):
+            learns = not fine or control.accepts(attempt.error)  # or else the next one is as long
+            length = control.learn(tried, attempt.error) if learns else tried.length
+            committed = replace(attempt.state, window=length)
+            return replace(attempt, state=committed, cut_for_error=cut), failed
+        reason = "the gap does not converge" if attempt.converged else attempt.mechanical.reason
+        log.logger.debug("t = %.6g s: coupling window %.3g s: %s", state.time, taken, reason)
+        if attempt.mechanical.unborne or (attempt.mechanical.refused and short):
+            raise RunFailure(f"mechanics: {reason}")
+        try:
+            length = control.failed(tried, reason)
+        except RunFailure as error:
+            raise RunFailure(f"mechanics: {error}") from None
+        failed += 1

@@ -1,0 +1,74 @@
+"""Matrices of the heat balance, which several steels may share, and options of its solvers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from castfem.base.types import Array
+from castfem.fem.compat import assemble_matrix, assemble_owned, without_zeros
+from castfem.fem.section import Section
+from castfem.forms.heat import conduction, conduction_moved, slice_measure, storage, storage_measure
+from castfem.physics.thermal.deformed_section import Shape
+
+# Newton's full step on the enthalpy needs no line search.
+NEWTON = {"snes_linesearch_type": "basic", "snes_max_it": 100}
+# The Jacobian is a symmetric positive matrix with its columns scaled, and as well conditioned as a
+# time step makes it: a few iterations on an incomplete factorisation of each rank's own part
+# solve it to the accuracy that Newton's method can use, at any size (docs/benchmarks.md).
+ITERATIVE = {"ksp_type": "bcgs", "ksp_rtol": 1e-9, "ksp_max_it": 300}
+# Where they do not, which a step a thousand times too long can bring about, it is factored.
+DIRECT = {"ksp_type": "preonly", "pc_type": "lu"}
+SERIAL_LU = {"pc_factor_mat_solver_type": "petsc", "pc_factor_mat_ordering_type": "nd"}
+PARALLEL_LU = {"pc_factor_mat_solver_type": "mumps"}
+
+
+def default_options(ranks: int) -> dict[str, object]:
+    """Solver options on so many ranks."""
+    incomplete = {"pc_type": "ilu"} if ranks == 1 else {"pc_type": "bjacobi", "sub_pc_type": "ilu"}
+    return {**NEWTON, **ITERATIVE, **incomplete}
+
+
+def direct_options(ranks: int) -> dict[str, object]:
+    """Options of the solver that takes over where the iterative one fails."""
+    return {**NEWTON, **DIRECT, **(SERIAL_LU if ranks == 1 else PARALLEL_LU)}
+
+
+@dataclass(frozen=True, slots=True)
+class Operators:
+    """What all heat balances on a section share, of whatever steel.
+
+    Attributes:
+        laplacian: Of the section, L. area: Of each owned vertex (owned,), m2.
+        conduction: Form of L, for a slice that moves; None if it does not.
+        theta: Vector to compute with. work: Likewise.
+    """
+
+    laplacian: PETSc.Mat
+    area: Array
+    conduction: fem.Form | None
+    theta: PETSc.Vec
+    work: PETSc.Vec
+
+    @classmethod
+    def on(cls, section: Section, shape: Shape | None) -> Operators:
+        """Those of the slice as it is, or as it has moved (collective)."""
+        space, mesh = section.vertex_space, section.mesh
+        u, v, dx = ufl.TrialFunction(space), ufl.TestFunction(space), slice_measure(mesh)
+        if shape is None:
+            form = section.compile("heat.conduction", conduction(u, v, dx))
+            laplacian, conducts = without_zeros(assemble_matrix(form)), None
+            one = fem.Constant(mesh, np.float64(1.0))
+            form = storage(one, v, storage_measure(mesh, section.order == 2))
+            area = assemble_owned(section.compile("heat.storage", form), section.owned)
+        else:
+            moved = conduction_moved(u, v, dx, shape.gradient, shape.thickness)
+            conducts = section.compile("heat.conduction.moved", moved)
+            laplacian, area = assemble_matrix(conducts), shape.area
+        theta, work = laplacian.createVecs()
+        return cls(laplacian, area, conducts, theta, work)
