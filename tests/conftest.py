@@ -24,6 +24,10 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # register for setuptools, which reads their metadata anew.
 importlib.metadata.entry_points = lru_cache(importlib.metadata.entry_points)
 
+# A run waits for the disk forty times, longer than a small one computes. Tests kill processes,
+# which loses nothing that the operating system has; none cuts the power.
+os.fsync = lambda _handle: None
+
 # The same examples every time, and no clock: a slow machine is no failure.
 settings.register_profile(
     "castfem", deadline=None, derandomize=True, database=None, max_examples=30
@@ -48,14 +52,27 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Hide what is imported from the garbage collector, which every run asks as it ends.
+    """Hide what the tests have imported; Hypothesis asks once before what its random numbers are.
 
-    It would look through the modules of all tests, hundreds of times. Hypothesis asks it once what
-    refers to its random numbers: before that.
+    It finds them among what the garbage collector sees.
     """
     given(strategies.none())(lambda nothing: None)()
-    gc.collect()
-    gc.freeze()
+    _hide_imported()
+
+
+_hidden = 0
+
+
+def _hide_imported() -> None:
+    """Hide modules from the garbage collector, which every run asks as it ends.
+
+    It would look through all of them, hundreds of times: a fifth of what small runs cost.
+    """
+    global _hidden
+    if len(sys.modules) > _hidden:
+        gc.collect()
+        gc.freeze()
+        _hidden = len(sys.modules)
 
 
 @pytest.fixture(autouse=True)
@@ -68,6 +85,7 @@ def collect_together() -> Iterator[None]:
         if MPI.COMM_WORLD.size > 1:
             gc.collect()
             MPI.COMM_WORLD.Barrier()
+    _hide_imported()
 
 
 @pytest.fixture
