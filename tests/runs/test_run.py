@@ -13,10 +13,10 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from billet_runs import run
 
 from castfem.base.errors import InputError, RunFailure
 from castfem.model import Case, load_case
-from castfem.runs import loop
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.history import read_history
 from castfem.runs.output.summary import Summary
@@ -32,10 +32,6 @@ COARSE = (
 
 def billet(*overrides: str) -> Case:
     return load_case(CASES / "billet125" / "thermal.toml", (*COARSE, *overrides))
-
-
-def run(case: Case, folder: Path, **options: object) -> Summary:
-    return loop.run(case, folder, comm=MPI.COMM_SELF, **options)  # type: ignore[arg-type]
 
 
 def test_a_run_leaves_the_whole_folder(tmp_path: Path) -> None:
