@@ -85,6 +85,7 @@ def collect_together() -> Iterator[None]:
         if MPI.COMM_WORLD.size > 1:
             gc.collect()
             MPI.COMM_WORLD.Barrier()
+            return  # what one rank alone has imported must not decide what it frees
     _hide_imported()
 
 
