@@ -13,6 +13,8 @@ from benchmarks import billet_run, corner
 from benchmarks.__main__ import BENCHMARKS, PAGES
 from benchmarks.report import PAGE, ROOT, Output
 
+pytestmark = pytest.mark.slow
+
 SHORT = 'casting.length="40 mm"'
 SLOW = {
     "accuracy": "16 s of processor time, most of it the time stepping that tests/thermal covers",

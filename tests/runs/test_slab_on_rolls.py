@@ -24,6 +24,8 @@ from castfem.physics.mechanics.ferrostatic import Ferrostatic
 from castfem.runs import loop
 from castfem.runs.output.history import read_history
 
+pytestmark = pytest.mark.slow
+
 CASE = Path(__file__).parents[2] / "cases" / "slab1200" / "bending.toml"
 FACES = ("wide_face_intrados", "wide_face_extrados")
 GIVEN = 5e-5  # m: by which the rolls give way under the pressure
