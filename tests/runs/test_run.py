@@ -103,9 +103,7 @@ RUBBING = (
 
 
 @pytest.fixture(scope="module")
-def never_killed(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> Callable[..., tuple[Path, Summary]]:
+def never_killed(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., tuple[Path, Summary]]:
     """Folder and summary of a run that goes to its end, once for all that are killed."""
 
     @cache
@@ -177,9 +175,7 @@ def test_checkpoint_of_other_physics_is_refused(tmp_path: Path) -> None:
 
 
 def test_failed_run_says_why_and_keeps_the_last_good_state(tmp_path: Path) -> None:
-    case = billet(
-        'thermal.solver={ksp_type="preonly", pc_type="none", snes_max_it=5}',
-    )
+    case = billet('thermal.solver={ksp_type="preonly", pc_type="none", snes_max_it=5}')
     with pytest.raises(RunFailure, match="smallest step"):
         run(case, tmp_path)
     record = json.loads((tmp_path / "run.json").read_text())
