@@ -6,10 +6,10 @@ import gc
 import importlib.metadata
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import pytest
 from hypothesis import given, settings, strategies
@@ -101,6 +101,33 @@ def told(caplog: pytest.LogCaptureFixture) -> Iterator[pytest.LogCaptureFixture]
         yield caplog
     logger.propagate = before
     logger.removeHandler(caplog.handler)
+
+
+class Outcome(NamedTuple):
+    """Exit status of a command and what it has printed."""
+
+    status: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def castfem(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> Callable[..., Outcome]:
+    """The command line in this process, in an empty folder; not as a rank of a launcher."""
+    from castfem.cli import execute
+
+    for name in ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.chdir(tmp_path)
+
+    def _run(*words: object) -> Outcome:
+        capsys.readouterr()
+        status = execute([str(word) for word in words])
+        return Outcome(status, *capsys.readouterr())
+
+    return _run
 
 
 @pytest.fixture
