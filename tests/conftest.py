@@ -6,10 +6,10 @@ import gc
 import importlib.metadata
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import pytest
 from hypothesis import given, settings, strategies
@@ -23,6 +23,10 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # Each of the hundreds of forms that are compiled asks six times what all installed packages
 # register for setuptools, which reads their metadata anew.
 importlib.metadata.entry_points = lru_cache(importlib.metadata.entry_points)
+
+# A run waits for the disk forty times, longer than a small one computes. Tests kill processes,
+# which loses nothing that the operating system has; none cuts the power.
+os.fsync = lambda _handle: None
 
 # The same examples every time, and no clock: a slow machine is no failure.
 settings.register_profile(
@@ -48,14 +52,27 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Hide what is imported from the garbage collector, which every run asks as it ends.
+    """Hide what the tests have imported; Hypothesis asks once before what its random numbers are.
 
-    It would look through the modules of all tests, hundreds of times. Hypothesis asks it once what
-    refers to its random numbers: before that.
+    It finds them among what the garbage collector sees.
     """
     given(strategies.none())(lambda nothing: None)()
-    gc.collect()
-    gc.freeze()
+    _hide_imported()
+
+
+_hidden = 0
+
+
+def _hide_imported() -> None:
+    """Hide modules from the garbage collector, which every run asks as it ends.
+
+    It would look through all of them, hundreds of times: a fifth of what small runs cost.
+    """
+    global _hidden
+    if len(sys.modules) > _hidden:
+        gc.collect()
+        gc.freeze()
+        _hidden = len(sys.modules)
 
 
 @pytest.fixture(autouse=True)
@@ -68,6 +85,8 @@ def collect_together() -> Iterator[None]:
         if MPI.COMM_WORLD.size > 1:
             gc.collect()
             MPI.COMM_WORLD.Barrier()
+            return  # what one rank alone has imported must not decide what it frees
+    _hide_imported()
 
 
 @pytest.fixture
@@ -82,6 +101,33 @@ def told(caplog: pytest.LogCaptureFixture) -> Iterator[pytest.LogCaptureFixture]
         yield caplog
     logger.propagate = before
     logger.removeHandler(caplog.handler)
+
+
+class Outcome(NamedTuple):
+    """Exit status of a command and what it has printed."""
+
+    status: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def castfem(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> Callable[..., Outcome]:
+    """The command line in this process, in an empty folder; not as a rank of a launcher."""
+    from castfem.cli import execute
+
+    for name in ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.chdir(tmp_path)
+
+    def _run(*words: object) -> Outcome:
+        capsys.readouterr()
+        status = execute([str(word) for word in words])
+        return Outcome(status, *capsys.readouterr())
+
+    return _run
 
 
 @pytest.fixture

@@ -1,8 +1,16 @@
-"""A run that its user stops."""
+"""Runs that their user stops, and that go on."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
 from castfem.base.progress import Progress
+from castfem.model import Case
+from castfem.runs import loop
 
 
 class Interrupted(Progress):
@@ -16,3 +24,17 @@ class Interrupted(Progress):
         self.left -= 1
         if self.left == 0:
             raise KeyboardInterrupt
+
+
+def stopped(case: Case, folder: Path, steps: int) -> None:
+    """Run a case on one rank until it is stopped after so many steps."""
+    with pytest.raises(KeyboardInterrupt):
+        loop.run(case, folder, comm=MPI.COMM_SELF, progress=Interrupted(steps))
+
+
+def history_of(case: Case, folder: Path, stopped_after: int = 0) -> bytes:
+    """The history of a run on one rank that was stopped after so many steps (0: never)."""
+    if stopped_after:
+        stopped(case, folder, stopped_after)
+    loop.run(case, folder, comm=MPI.COMM_SELF, resume=stopped_after > 0)
+    return (folder / "history.csv").read_bytes()

@@ -76,8 +76,8 @@ has_other_version() {
 }
 
 pytest_on_other_version() {
-  tools/enter.sh "$PWD/.castfem/wheel" python -m pytest -q -n "$(env -u OMP_NUM_THREADS nproc)" \
-    -p no:cacheprovider "${OTHER_VERSION[@]}"
+  tools/enter.sh "$PWD/.castfem/wheel" python -m pytest -q --dist worksteal \
+    -n "$(env -u OMP_NUM_THREADS nproc)" -p no:cacheprovider "${OTHER_VERSION[@]}"
 }
 
 # All others, spread over the cores.

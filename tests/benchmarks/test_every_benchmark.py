@@ -13,6 +13,8 @@ from benchmarks import billet_run
 from benchmarks.__main__ import BENCHMARKS, PAGES
 from benchmarks.report import PAGE, ROOT, Output
 
+pytestmark = pytest.mark.slow
+
 SHORT = 'casting.length="40 mm"'
 SLOW = {
     "accuracy": "16 s of processor time, most of it the time stepping that tests/thermal covers",
@@ -35,7 +37,7 @@ SLOW = {
     "slabs": "reads what `make slabs` has run; test_slab_tables.py tests how",
     "sensitivity": "some forty billets; tests/sensitivity has smaller ones",
     "stated_error": "ladders of five cases; tests/cli/test_cli_error.py has short ones",
-    "throughput": "a sweep of 32 billets; tests/benchmarks/test_sweep_cost.py has its table",
+    "throughput": "a sweep of 32 billets, several times",
     "verification": "tests/closed_forms runs what it runs",
 }
 """Imported alone, and why; `python -m benchmarks NAME --quick` runs them."""

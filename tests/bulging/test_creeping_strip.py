@@ -183,11 +183,7 @@ def test_exponents_of_pitch_speed_and_pressure() -> None:
     n = 3
     strip = CreepingStrip(norton(n))
     reference = strip.bulge(SPAN, SHELL).largest
-    twice = {
-        "length": 2.0 ** (2 * n + 3),
-        "speed": 0.5,
-        "pressure": 2.0**n,
-    }
+    twice = {"length": 2.0 ** (2 * n + 3), "speed": 0.5, "pressure": 2.0**n}
     for name, factor in twice.items():
         other = replace(SPAN, **{name: 2.0 * getattr(SPAN, name)})
         assert strip.bulge(other, SHELL).largest / reference == pytest.approx(factor, rel=2e-3)

@@ -7,6 +7,8 @@ import pytest
 
 from benchmarks.shell3d import Box, row_of, slice_of, solid_of
 
+pytestmark = pytest.mark.slow
+
 
 def test_a_wide_slab_bulges_as_strip_and_shear() -> None:
     box = Box(1.2, 0.03, 0.5)

@@ -1,42 +1,14 @@
-"""The command line in this process, and an engine that writes down what it is asked."""
+"""A case file, and an engine that writes down what it is asked."""
 
 from __future__ import annotations
 
 import sys
 import types
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
-from castfem.cli import execute
-
 SOUND = (Path(__file__).parents[2] / "cases" / "billet125" / "base.toml").read_text()
-
-
-@dataclass
-class Outcome:
-    """Exit status and what was printed."""
-
-    status: int
-    out: str
-    err: str
-
-
-@pytest.fixture
-def castfem(capsys, monkeypatch, tmp_path):
-    """Run the command line in an empty folder; not as a rank of whatever started the tests."""
-    for name in ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID"):
-        monkeypatch.delenv(name, raising=False)
-    monkeypatch.chdir(tmp_path)
-
-    def _run(*words: str) -> Outcome:
-        capsys.readouterr()
-        status = execute([str(word) for word in words])
-        printed = capsys.readouterr()
-        return Outcome(status, printed.out, printed.err)
-
-    return _run
 
 
 @pytest.fixture

@@ -191,19 +191,8 @@ def _wait_for(path: Path, lines: int = 30) -> None:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_ctrl_c_stops_all_and_resume_goes_on(tmp_path, number):
     write_small(tmp_path)
-    command = [
-        sys.executable,
-        "-m",
-        "castfem.cli",
-        "sweep",
-        "small",
-        *SPEEDS,
-        "-j",
-        "2",
-        "-o",
-        "out",
-    ]
-    command += ["--set", "length=60 mm", "--set", "thermal.time.step=2 ms"]
+    words = ("sweep", "small", *SPEEDS, "-j", "2", "-o", "out", "--set", "length=60 mm")
+    command = [sys.executable, "-m", "castfem.cli", *words, "--set", "thermal.time.step=2 ms"]
     process = subprocess.Popen(
         command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True
     )

@@ -61,11 +61,7 @@ def shrinking_block(method: str, cell: str, large: bool) -> SliceSetup:
         expansion(ALPHA),
         tolerance=1e-11,
         start=1000.0,
-        given={
-            "planes": PlainPlanes(("a0",)),
-            "interactions": (contact,),
-            "large_strain": large,
-        },
+        given={"planes": PlainPlanes(("a0",)), "interactions": (contact,), "large_strain": large},
     )
 
 

@@ -15,6 +15,8 @@ from castfem.physics.contact.summary import summary
 from castfem.physics.mechanics.supports import PrescribedDisplacement
 from contact.setups import PLANE_STRAIN, LineWall
 
+pytestmark = pytest.mark.slow
+
 RADIUS, SIZE, YOUNG, POISSON = 100e-3, 16e-3, 200e9, 0.3
 STIFF = YOUNG / (1 - POISSON**2)
 

@@ -22,11 +22,7 @@ METHODS = ("penalty", "nitsche")
 CELLS = ("quadrilateral", "triangle")
 YOUNG, POISSON, WIDTH, HEIGHT = 200e9, 0.3, 0.03, 0.02
 CONFINED = YOUNG * (1 - POISSON) / ((1 + POISSON) * (1 - 2 * POISSON))
-MODULI = {
-    "free": YOUNG,
-    "plane strain": YOUNG / (1 - POISSON**2),
-    "confined": CONFINED,
-}
+MODULI = {"free": YOUNG, "plane strain": YOUNG / (1 - POISSON**2), "confined": CONFINED}
 
 
 def pressed(method: str, cell: str, kind: str, large: bool = False, **given: Any) -> SliceSetup:

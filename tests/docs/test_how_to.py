@@ -25,6 +25,8 @@ from castfem.model.shipped_cases import find
 from castfem.studies.sweep import local
 from castfem.studies.sweep.work import Job, work
 
+pytestmark = pytest.mark.slow
+
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = ["getting_started.md", *sorted(f"how_to/{p.name}" for p in DOCS.glob("how_to/*.md"))]
 BLOCK = re.compile(r"((?:^[^\n`]*\n|^[^\n]*`[^\n]*\n)?)\n```(\w*)\n(.*?)^```$", re.M | re.S)

@@ -102,12 +102,7 @@ def damaged(cache: Path, size: int) -> None:
         module.write_bytes(whole[:size])
 
 
-@pytest.mark.parametrize(
-    "size",
-    [
-        1000,
-    ],
-)
+@pytest.mark.parametrize("size", [1000])
 def test_a_damaged_form_is_compiled_anew(tmp_path: Path, size: int) -> None:
     """By a process of its own: a damaged one, loaded, would end it by a signal."""
     assert area(MPI.COMM_SELF, tmp_path) == pytest.approx(SIZE)

@@ -97,13 +97,7 @@ def test_order_of_temperature_displacement_and_stress() -> None:
     assert order[0] > 3.0 and order[1] > 3.0 and order[2] > 1.9
 
 
-@pytest.mark.parametrize(
-    ("cells", "part"),
-    [
-        (1, 0.03),
-        (2, 0.009),
-    ],
-)
+@pytest.mark.parametrize(("cells", "part"), [(1, 0.03), (2, 0.009)])
 def test_the_largest_stress_is_that_of_the_hot_face(cells: int, part: float) -> None:
     tube = round_tube(cells)
     warm = tube.function()

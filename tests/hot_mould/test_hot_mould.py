@@ -81,9 +81,7 @@ def test_flux_of_a_strand_goes_to_its_place(times: float) -> None:
     assert again.flux == pytest.approx(found.flux)
 
 
-def test_heat_of_the_strand_is_that_of_the_water(
-    heated: tuple[HotMould, HotWall, FluxMap],
-) -> None:
+def test_heat_of_the_strand_is_that_of_the_water(heated: tuple[HotMould, HotWall, FluxMap]) -> None:
     tube, wall, flux = heated
     assert wall.heated.supplied == pytest.approx(flux.heat(tube.positions), rel=2e-4)
     assert wall.heated.removed == pytest.approx(wall.heated.supplied, rel=1e-8)
@@ -118,9 +116,7 @@ def test_the_corner_of_a_bloom_is_not_half_way_round() -> None:
     assert corner_of(round_, Places.spread(round_, 8, 6).ways(round_)) is None
 
 
-def test_width_is_about_that_of_free_expansion(
-    heated: tuple[HotMould, HotWall, FluxMap],
-) -> None:
+def test_width_is_about_that_of_free_expansion(heated: tuple[HotMould, HotWall, FluxMap]) -> None:
     """The face between two corners bends; over the section its mean is that of the temperature."""
     _, wall, _ = heated
     middle = int(np.argmin(np.abs(wall.displacement.positions - 0.3)))

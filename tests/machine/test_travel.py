@@ -66,8 +66,7 @@ def test_a_strand_that_stands_for_good_comes_no_further() -> None:
 
 
 @given(
-    st.lists(st.tuples(st.floats(0.01, 100.0), SPEED), min_size=2, max_size=8),
-    st.floats(0.0, 1.0),
+    st.lists(st.tuples(st.floats(0.01, 100.0), SPEED), min_size=2, max_size=8), st.floats(0.0, 1.0)
 )
 def test_time_at_is_the_inverse_of_position(rows: list[tuple[float, float]], share: float) -> None:
     times = list(itertools.accumulate(step for step, _ in rows))

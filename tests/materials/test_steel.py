@@ -214,14 +214,7 @@ def test_solid_fraction_laws():
     assert float(lever(PERITECTIC, "below")) == pytest.approx(9 / 33)
 
 
-@pytest.mark.parametrize(
-    "values",
-    [
-        (1.0, 0.5),
-        (1.0, 0.2, 0.4, 0.0),
-        (1.0, 1.0, 0.0),
-    ],
-)
+@pytest.mark.parametrize("values", [(1.0, 0.5), (1.0, 0.2, 0.4, 0.0), (1.0, 1.0, 0.0)])
 def test_solid_fraction_table_must_fall_from_one_to_zero(values):
     with pytest.raises(ValueError, match="from 1 in the first row to 0 in the last"):
         TableFraction(

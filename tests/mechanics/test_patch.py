@@ -60,9 +60,7 @@ def test_bar_bending_is_exact(cell: str, order: int, imposed: bool) -> None:
         planes = PlainPlanes(("a1",), {"a0": lambda t: e0 * t, "a2": lambda t: k * t})
     else:
         planes = PlainPlanes(
-            ("a0", "a1", "a2"),
-            force=lambda t: E * area * e0,
-            moment_y=lambda t: E * inertia * k,
+            ("a0", "a1", "a2"), force=lambda t: E * area * e0, moment_y=lambda t: E * inertia * k
         )
     straight = box(width, height, -width / 2, -height / 2)
     warped = skewed(width, height)

@@ -7,6 +7,8 @@ import pytest
 
 from mechanics.weiner_boley import HalfSpace, Strip
 
+pytestmark = pytest.mark.slow
+
 EXACT = HalfSpace()
 
 

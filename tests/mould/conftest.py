@@ -1,12 +1,10 @@
-"""A sound case to add a table [mould] to, and the command line in this process."""
+"""A sound case to add a table [mould] to."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import pytest
-
-from castfem.cli import execute
 
 BASE = Path(__file__).parents[2] / "cases" / "billet125" / "coupled.toml"
 COOLING = """
@@ -37,19 +35,3 @@ def write(tmp_path):
         return path
 
     return _write
-
-
-@pytest.fixture
-def castfem(capsys, monkeypatch, tmp_path):
-    """Run the command line in an empty folder: exit status, output, errors."""
-    for name in ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID"):
-        monkeypatch.delenv(name, raising=False)
-    monkeypatch.chdir(tmp_path)
-
-    def _run(*words):
-        capsys.readouterr()
-        status = execute([str(word) for word in words])
-        printed = capsys.readouterr()
-        return status, printed.out, printed.err
-
-    return _run

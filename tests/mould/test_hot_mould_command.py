@@ -87,10 +87,7 @@ def test_mould_given_at_work_says_what_to_make(hot, tmp_path):
 
 @pytest.mark.parametrize(
     ("key", "given"),
-    [
-        ("flux", 'flux = "2 MW/m^2"'),
-        ("hot_face", 'hot_face = "150 degC"\nwater_side = "100 degC"'),
-    ],
+    [("flux", 'flux = "2 MW/m^2"'), ("hot_face", 'hot_face = "150 degC"\nwater_side = "100 degC"')],
 )
 def test_given_heat_has_no_strand_to_couple(castfem, write, key, given):
     """The plain command says nothing of it: it was not asked."""

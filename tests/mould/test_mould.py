@@ -267,10 +267,7 @@ def test_wall_temperature_along_the_mould():
 @pytest.mark.parametrize(
     ("build", "words"),
     [
-        (
-            lambda: mould(moved((0.0, L), (0.0, 0.07))),
-            "closes: 600 mm below",
-        ),
+        (lambda: mould(moved((0.0, L), (0.0, 0.07))), "closes: 600 mm below"),
         (lambda: mould(Taper.single(-2.0, L)), "-200 %/m over 0.6 m has no outlet"),
         (lambda: Taper((TaperSegment(0.3, 0, 0), TaperSegment(0.2, 0, 0))), "segment 2"),
         (lambda: moved((0.0, 0.0), (0.0, 1.0)), "must increase"),

@@ -59,8 +59,7 @@ def test_the_planes_follow_the_rolls() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "axis"),
-    [("intrados", HALF), ("centre", 0.0), ("extrados", -HALF), ("20 mm", 0.02)],
+    ("given", "axis"), [("intrados", HALF), ("centre", 0.0), ("extrados", -HALF), ("20 mm", 0.02)]
 )
 def test_an_imposed_neutral_axis(given: str, axis: float) -> None:
     """(42)-(44): thickness 1 at y1."""

@@ -10,7 +10,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from billet_runs import Kept, run_in_memory
-from interrupted import Interrupted
+from interrupted import history_of
 from small_case import small
 
 from castfem.base.errors import InputError, RunFailure
@@ -20,7 +20,6 @@ from castfem.model.build.simulation import build
 from castfem.physics.constitutive.flow_laws import RadialReturn
 from castfem.physics.contact.roll_support import RollSupportState
 from castfem.physics.machine.bulging import CreepingStrip, ElasticStrip, Shell, Span, stiffness
-from castfem.runs import loop
 from castfem.runs.results.sample import Sample
 
 ROLLS = (0.9, 1.1, 1.3)
@@ -273,19 +272,13 @@ def strained_along() -> Case:
 @pytest.fixture(scope="module")
 def never_stopped(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """The history of the case that is run to its end."""
-    folder = tmp_path_factory.mktemp("whole")
-    loop.run(strained_along(), folder, comm=MPI.COMM_SELF)
-    return (folder / "history.csv").read_bytes()
+    return history_of(strained_along(), tmp_path_factory.mktemp("whole"))
 
 
 @pytest.mark.parametrize("steps", [2, 4])
 def test_it_resumes_byte_for_byte(tmp_path: Path, never_stopped: bytes, steps: int) -> None:
     """Stopped within a pitch: its bulge is not computed again, from another temperature."""
-    case = strained_along()
-    with pytest.raises(KeyboardInterrupt):
-        loop.run(case, tmp_path, comm=MPI.COMM_SELF, progress=Interrupted(steps))
-    loop.run(case, tmp_path, comm=MPI.COMM_SELF, resume=True)
-    ours = (tmp_path / "history.csv").read_bytes()
+    ours = history_of(strained_along(), tmp_path, steps)
     assert ours == never_stopped
     header = ours.splitlines()[0].decode()
     for column in ("bulge_intrados [mm]", "bulge_extrados [mm]", "bulge_pitch [mm]",

@@ -29,12 +29,7 @@ ROLLS = {
     "capacity": ["", "", 8, "", "", 90],
     "capacity_unit": "kN",
 }
-CURVE = {
-    "position": [0.1, 0.6, 1.35],
-    "position_unit": "m",
-    "value": [2, 12, 30],
-    "unit": "kN",
-}
+CURVE = {"position": [0.1, 0.6, 1.35], "position_unit": "m", "value": [2, 12, 30], "unit": "kN"}
 
 
 def drawn(resistance: Any = None, **changes: Any) -> Case:

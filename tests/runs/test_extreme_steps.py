@@ -7,20 +7,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mpi4py import MPI
-
 import numpy as np
 import pandas
 import pytest
+from billet_runs import run
 
 from castfem.base.errors import RunFailure
 from castfem.model import Case, load_case
 from castfem.physics.mechanics.state import MechanicalResult
 from castfem.physics.mechanics.stepper import MechanicalStepper
-from castfem.runs import loop
 from castfem.runs.output.checkpoint import load_checkpoint
 from castfem.runs.output.history import read_history
-from castfem.runs.output.summary import Summary
 
 CASES = Path(__file__).parents[2] / "cases"
 COARSE = (
@@ -35,10 +32,6 @@ COARSE = (
 
 def billet(*overrides: str, name: str = "idealised") -> Case:
     return load_case(CASES / "billet125" / f"{name}.toml", (*COARSE, *overrides))
-
-
-def run(case: Case, folder: Path, **options: object) -> Summary:
-    return loop.run(case, folder, comm=MPI.COMM_SELF, **options)  # type: ignore[arg-type]
 
 
 def test_intervals_a_hundred_times_longer(tmp_path: Path) -> None:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from interrupted import Interrupted
+from interrupted import history_of
 
 from castfem.model import load_case
-from castfem.runs.loop import run
 
 CASES = Path(__file__).parents[2] / "cases" / "billet125"
 COARSE = (
@@ -21,16 +20,10 @@ COARSE = (
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     """The history of a run that was never stopped."""
-    folder = tmp_path_factory.mktemp("whole")
-    run(load_case(CASES / "taper_1.toml", COARSE), folder)
-    return (folder / "history.csv").read_bytes()
+    return history_of(load_case(CASES / "taper_1.toml", COARSE), tmp_path_factory.mktemp("whole"))
 
 
 @pytest.mark.parametrize("steps", [3, 6])
 def test_it_goes_on_byte_for_byte(tmp_path: Path, whole: bytes, steps: int) -> None:
     """Whether the checkpoint stands before or after another layer of cells has begun to freeze."""
-    case = load_case(CASES / "taper_1.toml", COARSE)
-    with pytest.raises(KeyboardInterrupt):
-        run(case, tmp_path, progress=Interrupted(steps))
-    run(case, tmp_path, resume=True)
-    assert (tmp_path / "history.csv").read_bytes() == whole
+    assert history_of(load_case(CASES / "taper_1.toml", COARSE), tmp_path, steps) == whole

@@ -13,7 +13,7 @@ import numpy as np
 import pandas
 import pytest
 from billet_runs import Kept, billet, run, run_in_memory
-from interrupted import Interrupted
+from interrupted import history_of, stopped
 from matplotlib import pyplot
 
 from castfem.base.errors import InputError
@@ -140,8 +140,7 @@ def test_heat_is_conserved_in_the_shape_it_keeps(folder: Path) -> None:
 @pytest.mark.parametrize("steps", [3, 5, 7])
 def test_it_resumes_byte_for_byte(tmp_path: Path, folder: Path, steps: int) -> None:
     """From before the exit, at it, and below it."""
-    with pytest.raises(KeyboardInterrupt):
-        run(probed(), tmp_path, progress=Interrupted(steps))
+    stopped(probed(), tmp_path, steps)
     run(probed(), tmp_path, resume=True)
     for name in ("history.csv", "probes/skin.csv"):
         assert (tmp_path / name).read_bytes() == (folder / name).read_bytes()
@@ -205,9 +204,7 @@ def test_figures_show_the_last_stress(folder: Path) -> None:
 def test_of_quality_the_heat_is_left(tmp_path: Path, table: pandas.DataFrame) -> None:
     """End of the pool and time in the band, resumed as well; no index of a stress that ends."""
     case = probed().with_({"quality": {"band": ["1100 degC", "1500 degC"]}})
-    with pytest.raises(KeyboardInterrupt):
-        run(case, tmp_path, progress=Interrupted(6))
-    run(case, tmp_path, resume=True)
+    history_of(case, tmp_path, 6)
     found = read_history(tmp_path / "history.csv")
     assert {"band_time_max", "centre_solid_fraction"} <= set(found.columns)
     assert not {"I1_max", "I2_max", "brittle_strain_max"} & set(found.columns)

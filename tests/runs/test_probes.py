@@ -11,7 +11,7 @@ import numpy as np
 import pandas
 import pytest
 from billet_runs import billet, run
-from interrupted import Interrupted
+from interrupted import stopped
 
 import castfem
 from castfem.base.errors import InputError
@@ -82,8 +82,7 @@ def test_phases_and_strains(folder: Path) -> None:
 
 
 def test_a_resumed_run_has_the_same_files_to_the_byte(folder: Path, tmp_path: Path) -> None:
-    with pytest.raises(KeyboardInterrupt):
-        run(probed(), tmp_path, progress=Interrupted(3))
+    stopped(probed(), tmp_path, 3)
     assert len(table(tmp_path, "skin")) < len(table(folder, "skin"))
     run(probed(), tmp_path, resume=True)
     for probe in PROBES:

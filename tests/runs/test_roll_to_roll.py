@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from interrupted import Interrupted
+from interrupted import history_of
 from rolled_case import SECONDARY, circuit, rolled, secondary
 
 from castfem.base.types import Array
@@ -20,7 +20,6 @@ from castfem.physics.machine.sprays import footprint, scale_water
 from castfem.physics.thermal.boundary import Surface
 from castfem.physics.thermal.spray_water import RollShare, SprayWater
 from castfem.runs.loop import TimeLoop
-from castfem.runs.loop import run as run_case
 
 FAN = {"name": "flat", "angle": "150 deg", "angle_along": "20 deg", "correlation": "nozaki"}
 LENGTH = footprint(0.1, np.deg2rad(20.0))  # m, of a spray
@@ -197,12 +196,8 @@ def test_a_roll_takes_its_share() -> None:
 def test_it_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
     """In the middle of a spray, byte for byte."""
     case = rolled(thermal__time={"adaptive": {"first": "50 ms"}}, casting__length="0.7 m")
-    run_case(case, tmp_path / "whole")
-    with pytest.raises(KeyboardInterrupt):
-        run_case(case, tmp_path / "parts", progress=Interrupted(60))
-    run_case(case, tmp_path / "parts", resume=True)
-    whole, parts = ((tmp_path / n / "history.csv").read_bytes() for n in ("whole", "parts"))
-    assert whole == parts and whole.count(b"\n") > 80
+    whole = history_of(case, tmp_path / "whole")
+    assert whole == history_of(case, tmp_path / "parts", 60) and whole.count(b"\n") > 80
 
 
 def _table(low: float, high: float) -> dict[str, Any]:

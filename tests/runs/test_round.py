@@ -12,12 +12,7 @@ from small_case import small
 ROUND: dict[str, Any] = {
     "casting.length": "200 mm",
     "section": {"shape": "round", "diameter": "150 mm"},
-    "mesh": {
-        "order": 2,
-        "surface_size": "3 mm",
-        "face_size": "10 mm",
-        "core_size": "10 mm",
-    },
+    "mesh": {"order": 2, "surface_size": "3 mm", "face_size": "10 mm", "core_size": "10 mm"},
     "cooling.0.surface.0.gap_conductivity": "0.15 W/(m K)",
     "thermal.time.step": "0.25 s",
     "mechanics": {},

@@ -13,10 +13,10 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from billet_runs import run
 
 from castfem.base.errors import InputError, RunFailure
 from castfem.model import Case, load_case
-from castfem.runs import loop
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.history import read_history
 from castfem.runs.output.summary import Summary
@@ -32,10 +32,6 @@ COARSE = (
 
 def billet(*overrides: str) -> Case:
     return load_case(CASES / "billet125" / "thermal.toml", (*COARSE, *overrides))
-
-
-def run(case: Case, folder: Path, **options: object) -> Summary:
-    return loop.run(case, folder, comm=MPI.COMM_SELF, **options)  # type: ignore[arg-type]
 
 
 def test_a_run_leaves_the_whole_folder(tmp_path: Path) -> None:
@@ -107,9 +103,7 @@ RUBBING = (
 
 
 @pytest.fixture(scope="module")
-def never_killed(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> Callable[..., tuple[Path, Summary]]:
+def never_killed(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., tuple[Path, Summary]]:
     """Folder and summary of a run that goes to its end, once for all that are killed."""
 
     @cache
@@ -181,9 +175,7 @@ def test_checkpoint_of_other_physics_is_refused(tmp_path: Path) -> None:
 
 
 def test_failed_run_says_why_and_keeps_the_last_good_state(tmp_path: Path) -> None:
-    case = billet(
-        'thermal.solver={ksp_type="preonly", pc_type="none", snes_max_it=5}',
-    )
+    case = billet('thermal.solver={ksp_type="preonly", pc_type="none", snes_max_it=5}')
     with pytest.raises(RunFailure, match="smallest step"):
         run(case, tmp_path)
     record = json.loads((tmp_path / "run.json").read_text())

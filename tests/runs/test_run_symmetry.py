@@ -23,11 +23,7 @@ COARSE = (
     'casting.length="120 mm"',
     "output.fields=[]",
 )
-RUBBING = (
-    "mould.contact=nitsche",
-    "mould.friction.law=coulomb",
-    "mould.friction.coefficient=0.3",
-)
+RUBBING = ("mould.contact=nitsche", "mould.friction.law=coulomb", "mould.friction.coefficient=0.3")
 
 
 @lru_cache

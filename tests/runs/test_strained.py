@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
+from billet_runs import run
 
 from castfem.model import Case, load_case
-from castfem.runs import loop
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.history import read_history
-from castfem.runs.output.summary import Summary
 
 CASES = Path(__file__).parents[2] / "cases"
 COARSE = (
@@ -28,10 +25,6 @@ COARSE = (
 
 def billet(*overrides: str) -> Case:
     return load_case(CASES / "billet125" / "idealised.toml", (*COARSE, *overrides))
-
-
-def run(case: Case, folder: Path, **options: object) -> Summary:
-    return loop.run(case, folder, comm=MPI.COMM_SELF, **options)  # type: ignore[arg-type]
 
 
 def test_fields_history_and_balances(tmp_path: Path) -> None:
