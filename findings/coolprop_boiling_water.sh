@@ -32,8 +32,8 @@ from CoolProp.CoolProp import PropsSI
 ATMOSPHERE = 101325.0
 cp = {}
 for steam in (0.0, 0.01, 0.2, 0.5, 1.0):
-    names = ("C", "Prandtl", "V")
-    cp[steam], prandtl, viscosity = (PropsSI(n, "P", ATMOSPHERE, "Q", steam, "Water") for n in names)
+    state = ("P", ATMOSPHERE, "Q", steam, "Water")
+    cp[steam], prandtl, viscosity = (PropsSI(n, *state) for n in ("C", "Prandtl", "V"))
     print(f"steam {steam:<4g}  cp {cp[steam]:.2e}, Pr {prandtl:.2e}, viscosity {viscosity:.1e}")
 try:
     PropsSI("C", "P", ATMOSPHERE, "Q", 0.01, "IF97::Water")

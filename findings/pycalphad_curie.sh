@@ -7,8 +7,8 @@
 # magnetic part of the Gibbs energy has one formula below the Curie temperature and another above.
 # At the temperature itself it has neither, and the energy of ferrite jumps up by 676 J/mol and its
 # enthalpy by 3672 J/mol. A table in steps of 1 K meets this point: there, pure iron becomes
-# austenite, over 100 K too early, and a steel with 0.1 % of carbon loses 82 % of ferrite for one row.
-# The result looks like any other. Shift the temperatures by 0.001 K.
+# austenite, over 100 K too early, and a steel with 0.1 % of carbon loses its 82 % of ferrite for
+# one row. The result looks like any other. Shift the temperatures by 0.001 K.
 #
 # Output seen:
 #   pure ferrite  1042.999 K: G -45202, H 27145 J/mol, cp 60.3 J/(mol K)
