@@ -43,7 +43,7 @@ _COLUMNS = Columns(
         "value": HeatTransferCoefficient.__metadata__[0],  # type: ignore[attr-defined]
     },
     {"temperature": "temperature_unit", "water": "water_unit", "value": "unit"},
-    "a table h(T, W)",
+    "table h(T, W)",
     "temperature [degC], water [L/(m^2 s)], value [W/(m^2 K)]",
 )
 
