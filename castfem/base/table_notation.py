@@ -162,7 +162,7 @@ class Columns:
             ValueError: A column or a cell is not as it must be, or nothing can be made of them.
         """
         if "file" not in given:
-            return make(*self._rows(given, ""))
+            return make(*self._rows(given))
         if len(given) > 1:
             raise ValueError("a table with a file takes no other key")
         path = Path(str(given["file"]))
