@@ -251,7 +251,7 @@ class OrWord(Notation):
     def json_schema(self) -> dict[str, Any]:
         """See `Notation.json_schema`."""
         found, words = self.inner.json_schema(), list(self.words)
-        of_words = {"enum": words} if self.called else {"const": words[0]}
+        of_words: dict[str, Any] = {"enum": words} if self.called else {"const": words[0]}
         if (others := found.pop("anyOf", None)) is None:
             return {"anyOf": [of_words, found]}
         return {"anyOf": [of_words, *others], **found}

@@ -162,14 +162,14 @@ class Columns:
             ValueError: A column or a cell is not as it must be, or nothing can be made of them.
         """
         if "file" not in given:
-            return make(*self._rows(given, ""))
+            return make(*self._rows(given))
         if len(given) > 1:
             raise ValueError("a table with a file takes no other key")
         path = Path(str(given["file"]))
         try:
             file = read_csv(path)
         except UnreadableError as error:
-            raise ValueError(f"cannot read the table '{path}': {error}") from None
+            raise ValueError(f"cannot read the {self.what} '{path}': {error}") from None
         names = [heading.name for heading in file.headings]
         if sorted(names) != sorted(self.kinds) or not file.rows:
             text = f"a header and rows are needed: {self.header}"
@@ -179,7 +179,7 @@ class Columns:
                 text = f"{len(row.cells)} cells, not {len(names)}"
                 raise ValueError(f"'{path}' line {row.line}: {text}")
         columns = {
-            heading.name: [f"{row.cells[i]} {heading.unit}".strip() for row in file.rows]
+            heading.name: [_with_unit(row.cells[i], heading.unit) for row in file.rows]
             for i, heading in enumerate(file.headings)
         }
         try:
@@ -193,14 +193,14 @@ class Columns:
         for key in given:
             if key not in allowed:
                 fix = f"allowed: {', '.join(allowed)}{units.nearest(str(key), allowed)}"
-                raise ValueError(f"unknown key '{key}' in {self.what}; {fix}")
+                raise ValueError(f"unknown key '{key}' in a {self.what}; {fix}")
         for name in self.kinds:
             cells = given.get(name)
             if not isinstance(cells, Sequence) or isinstance(cells, str) or not cells:
-                raise ValueError(f"{self.what} needs the column '{name}', a list of values")
+                raise ValueError(f"a {self.what} needs the column '{name}', a list of values")
         counts = {len(given[name]) for name in self.kinds}
         if len(counts) > 1:
-            raise ValueError(f"the columns of {self.what} must be equally long")
+            raise ValueError(f"the columns of a {self.what} must be equally long")
         places = [f"line {n}" for n in lines] or [f"row {i + 1}" for i in range(counts.pop())]
         columns = [
             [
@@ -210,6 +210,15 @@ class Columns:
             for name, kind in self.kinds.items()
         ]
         return np.transpose(columns), places
+
+
+def _with_unit(cell: str, unit: str) -> str:
+    """Return a number of a file with the unit of its column; anything else as it is."""
+    try:
+        float(cell)
+    except ValueError:
+        return cell
+    return f"{cell} {unit}".strip()
 
 
 def _cell(name: str, kind: Kind, cell: object, unit: object, where: str) -> float:

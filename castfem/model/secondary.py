@@ -43,7 +43,7 @@ _COLUMNS = Columns(
         "value": HeatTransferCoefficient.__metadata__[0],  # type: ignore[attr-defined]
     },
     {"temperature": "temperature_unit", "water": "water_unit", "value": "unit"},
-    "a table h(T, W)",
+    "table h(T, W)",
     "temperature [degC], water [L/(m^2 s)], value [W/(m^2 K)]",
 )
 
@@ -90,7 +90,8 @@ def _coefficients(rows: Array, places: Sequence[str]) -> CoefficientTable:
     from castfem.physics.thermal.spray_water import CoefficientTable
 
     found: dict[tuple[float, float], float] = {}
-    for (t, w, h), where in zip(rows.tolist(), places, strict=True):
+    cells: Any = rows.tolist()
+    for (t, w, h), where in zip(cells, places, strict=True):
         if (t, w) in found:
             raise ValueError(f"{where}: this temperature and flow stand there twice")
         found[t, w] = h

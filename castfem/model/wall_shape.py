@@ -27,7 +27,7 @@ COLUMNS = ("position", "way", "x", "y")
 _COLUMNS = Columns(
     dict.fromkeys(COLUMNS, Kind("m", "mm")),
     dict.fromkeys(COLUMNS, "unit"),
-    "a displaced wall",
+    "displaced wall",
     "position [mm], way [mm], x [mm], y [mm]",
 )
 
