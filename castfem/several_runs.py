@@ -1,5 +1,6 @@
 """What commands find by several runs, for those who script: in SI, as tables and plain objects.
 
+    castfem.sweep(case, {"casting.speed": ["3 m/min", "4 m/min"]}, "folder")    # castfem sweep
     castfem.comparison(["results/one", "results/other"])    # castfem compare
     castfem.error_table("billet125/thermal")                # castfem error
     castfem.optimise("billet125/optimum_single")            # castfem optimise
@@ -13,8 +14,8 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Iterable, Sequence
-from contextlib import ExitStack
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,11 +33,13 @@ if TYPE_CHECKING:
     from castfem.physics.mould.mould import Mould
     from castfem.post.compare.runs import Run
     from castfem.post.compare.table import Line
-    from castfem.studies.accuracy.memo import Ladder
     from castfem.studies.accuracy.table import ErrorTable
     from castfem.studies.mould_fit.coupled import Turn
     from castfem.studies.mould_fit.section import Attempt, Outline
     from castfem.studies.optimisation import Optimum
+    from castfem.studies.sweep.record import Record
+    from castfem.studies.sweep.work import Job
+    from castfem.studies.sweep.workers import CallExecutor
 
 
 _COLUMNS = "name", "at", "label", "unit"
@@ -120,11 +123,129 @@ def _compared(runs: Sequence[Run], found: Sequence[Line]) -> pandas.DataFrame:
     return table.drop(columns=[column for column in extra if table[column].isna().all()])
 
 
+def sweep(
+    case: Case | str | Path,
+    values: Mapping[str, Sequence[Any]] | None = None,
+    folder: Path | str | None = None,
+    *,
+    table: Path | str | None = None,
+    processes: int = 0,
+    executor: CallExecutor | None = None,
+    overwrite: bool = False,
+) -> pandas.DataFrame:
+    """Run a case with several values of its keys, as `castfem sweep` does.
+
+    Args:
+        case: A case, or what `load` takes.
+        values: Key to its values, written as in a case file: each combination is a run.
+        folder: Where the runs go, as those of `castfem sweep -o`; what is finished in it is not run
+            again, and what was cut short goes on. None takes a temporary folder, which is removed.
+        table: CSV file with a row a run, as `--table` takes it.
+        processes: Runs at once, each in a process of its own, for which a script needs
+            `if __name__ == "__main__":`; 0: in this process, one after the other.
+        executor: Makes the runs instead: an object with `submit(function, *arguments)`, as those of
+            `concurrent.futures`, `mpi4py.futures`, executorlib and submitit. Its processes must see
+            the folder; it stays open. A process makes one run at a time, whatever its threads.
+        overwrite: Run all anew, also over runs of other cases.
+
+    Returns:
+        A row a run, by its name: what was varied, as written; `status` ("finished" or "failed"),
+        the results in SI by their names, `seconds`, and the `message` of a run that has failed.
+
+    Raises:
+        InputError: Keys, values or folder cannot be used; nothing has been run.
+        RunFailure: A file cannot be written. A run that fails raises nothing.
+    """
+    import pandas
+
+    from castfem.base.messages import written
+    from castfem.studies.sweep.plan import plan
+    from castfem.studies.sweep.record import Record, check_own
+    from castfem.studies.sweep.results import TABLE_NAME, rows, write_table
+    from castfem.studies.sweep.work import Job
+
+    sound = as_case(case, "sweep")
+    given = _value_lists(values)
+    assignments = [f"{key}={','.join(map(written, several))}" for key, several in given.items()]
+    variants = plan(sound, assignments, None if table is None else Path(table))
+    with _target(folder, "sweep", executor) as target:
+        check_own(target, (TABLE_NAME,))
+        record = Record(target)
+        if not overwrite:
+            record.find(variants)
+        jobs = [Job(v.name, target / v.name, v.case, not overwrite) for v in variants]
+        missing = record.unfinished(jobs, overwrite=overwrite)
+        with record.shared():
+            record.expect(variants)
+        _make(missing, record, processes, executor)
+        found = rows(variants, record)
+        write_table(target / TABLE_NAME, found)
+    content: list[dict[str, Any]] = []
+    for row in found:
+        results = {name: quantity.value for name, quantity in row.quantities.items()}
+        varied = {key: value.strip('"') for key, value in row.given.items()}
+        ended = {"seconds": row.seconds, "message": row.message}
+        content.append({"run": row.name, **varied, "status": row.status, **results, **ended})
+    return pandas.DataFrame(content).set_index("run")
+
+
+def _value_lists(values: Mapping[str, Sequence[Any]] | None) -> Mapping[str, Sequence[Any]]:
+    """The values of a sweep by key.
+
+    Raises:
+        InputError: They are not written so.
+    """
+    several = {} if values is None else values
+    if not isinstance(several, Mapping) or not all(
+        isinstance(one, Sequence) and not isinstance(one, str) for one in several.values()
+    ):
+        raise InputError(
+            'sweep: values must be keys with lists of values, {"casting.speed": ["3 m/min"]}, '
+            f"got {values!r}"
+        )
+    return several
+
+
+@contextmanager
+def _target(
+    folder: Path | str | None, caller: str, executor: CallExecutor | None
+) -> Iterator[Path]:
+    """The folder of several runs; a temporary one for None.
+
+    Raises:
+        InputError: It cannot be used, or there are several ranks and no executor that has them.
+    """
+    from mpi4py import MPI
+
+    from castfem.studies.optimisation.argument_checks import check_folder
+
+    if MPI.COMM_WORLD.size > 1 and executor is None:
+        command = caller.partition("_")[0]
+        raise InputError(f"{caller}: runs on one rank; under mpirun use castfem {command}")
+    if folder is None:
+        with tempfile.TemporaryDirectory() as made:
+            yield Path(made)
+    else:
+        yield check_folder(folder, caller)
+
+
+def _make(
+    jobs: Sequence[Job], record: Record, processes: int, executor: CallExecutor | None
+) -> None:
+    """Make runs, and note how each has ended."""
+    from castfem.studies.sweep.workers import LOG_NAME, Workers
+
+    noise = record.folder / LOG_NAME
+    with Workers(noise, processes=processes, executor=executor) as workers:
+        workers.run(jobs, ended=record.note)
+
+
 def error_table(
     case: Case | str | Path,
     folder: Path | str | None = None,
     *,
     processes: int = 0,
+    executor: CallExecutor | None = None,
     overwrite: bool = False,
 ) -> pandas.DataFrame:
     """Find the error of each result of a case, by runs with other cells, steps and windows.
@@ -135,6 +256,7 @@ def error_table(
             run again. None takes a temporary folder, which is removed.
         processes: Runs at once, each in a process of its own, for which a script needs
             `if __name__ == "__main__":`; 0: in this process, one after the other.
+        executor: Makes the runs instead, as for `sweep`.
         overwrite: Run all anew, also over runs of other cases.
 
     Returns:
@@ -146,28 +268,18 @@ def error_table(
         InputError: Case or folder cannot be used, or there are several ranks.
         RunFailure: The case itself does not come to its end.
     """
-    from mpi4py import MPI
-
-    from castfem.runs.output.run_record import RUN_NAME
     from castfem.studies.accuracy.ladder import BASE, levels
     from castfem.studies.accuracy.memo import prepare
     from castfem.studies.accuracy.table import attach
 
-    if MPI.COMM_WORLD.size > 1:
-        raise InputError("error_table: runs on one rank; under mpirun use castfem error")
     sound = as_case(case, "error_table")
-    if folder is None:
-        with tempfile.TemporaryDirectory() as made:
-            return error_table(sound, made, processes=processes)
-    target = Path(folder)
-    if (target / RUN_NAME).is_file():
-        raise InputError(f"{target}: holds a single run; choose another folder")
-    ladder = prepare(levels(sound), target, overwrite=overwrite)
-    _run_all(ladder, processes)
-    table = ladder.table()
-    table.write(target)
-    attach(table, target / BASE)
-    return _errors(table)
+    with _target(folder, "error_table", executor) as target:
+        ladder = prepare(levels(sound), target, overwrite=overwrite)
+        _make(ladder.jobs, ladder.record, processes, executor)
+        table = ladder.table()
+        table.write(target)
+        attach(table, target / BASE)
+        return _errors(table)
 
 
 def optimise(
@@ -175,6 +287,7 @@ def optimise(
     folder: Path | str | None = None,
     *,
     processes: int = 0,
+    executor: CallExecutor | None = None,
     comm: MPI.Intracomm | None = None,
     ranks: int = 1,
 ) -> Optimum:
@@ -189,6 +302,7 @@ def optimise(
             again. None takes a temporary folder, which is removed.
         processes: Runs at once, each in a process of its own, for which a script needs
             `if __name__ == "__main__":`; 0: in this process, one after the other.
+        executor: Makes the runs instead, as for `sweep`; then this is not collective.
         comm: Ranks that do the runs; all when None.
         ranks: Of each run, where there are several.
 
@@ -206,7 +320,8 @@ def optimise(
     from castfem.studies.optimisation import Evaluator, Study, serve
     from castfem.studies.optimisation.argument_checks import origin_of
 
-    comm = MPI.COMM_WORLD if comm is None else comm
+    alone = MPI.COMM_SELF if executor is not None else MPI.COMM_WORLD
+    comm = alone if comm is None else comm
     found: Optimum | None = None
     error: Exception | None = None
     if comm.rank:
@@ -218,7 +333,9 @@ def optimise(
                 if comm.size > 1 and processes:
                     raise InputError("optimise: processes: under mpirun the ranks do the work")
                 target = folder or held.enter_context(tempfile.TemporaryDirectory())
-                team = Evaluator(sound, target, processes=processes, comm=comm, ranks=ranks)
+                team = Evaluator(
+                    sound, target, processes=processes, comm=comm, ranks=ranks, executor=executor
+                )
             except Exception as raised:
                 error = raised
                 if comm.size > 1:
@@ -234,22 +351,6 @@ def optimise(
     found = comm.bcast(found)
     assert found is not None
     return found
-
-
-def _run_all(ladder: Ladder, processes: int) -> None:
-    """Do the runs of a ladder that are not finished."""
-    from castfem.studies.sweep.local import run_locally
-    from castfem.studies.sweep.work import Job, work
-
-    def nothing(*_: Job) -> None:
-        """Nobody looks on."""
-
-    if processes and ladder.jobs:
-        noise = ladder.record.folder / "sweep.log"
-        run_locally(ladder.jobs, processes, noise, nothing, ladder.record.note, nothing)
-        return
-    for job in ladder.jobs:
-        ladder.record.note(job, work(job))
 
 
 def _errors(found: ErrorTable) -> pandas.DataFrame:

@@ -55,7 +55,6 @@ def error_of_case(options: Options) -> int:
     return many_runs.on_root(
         lambda ranks: _prepared(options, ranks),
         lambda ladder, comm: _done(ladder, options, comm),
-        many_runs.assist,
     )
 
 

@@ -30,7 +30,7 @@ from castfem.studies.optimisation.calibrate import (
     read_free,
     write,
 )
-from castfem.studies.optimisation.evaluator import Evaluator, serve
+from castfem.studies.optimisation.evaluator import Evaluator
 from castfem.studies.optimisation.measured import Measured, read_measured
 from castfem.studies.optimisation.probe_data import is_of_probe, missing_column
 from castfem.studies.sweep.view import View
@@ -82,7 +82,7 @@ def calibrate_case(
         evaluator = many_runs.evaluator(followed(case, measured), target, processes)
         return _Question(case, keys, measured, evaluator)
 
-    return many_runs.on_root(prepare, lambda asked, _: _done(asked, quiet, units), serve)
+    return many_runs.on_root(prepare, lambda asked, _: _done(asked, quiet, units))
 
 
 def _check_keys(case: Case, keys: Sequence[Free]) -> None:

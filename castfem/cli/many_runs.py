@@ -12,6 +12,7 @@ from castfem.cli import parallel
 from castfem.runs.output.run_record import RUN_NAME
 from castfem.studies.sweep.record import Record
 from castfem.studies.sweep.work import Job, Outcome
+from castfem.studies.sweep.workers import LOG_NAME, Workers, serve
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -19,21 +20,19 @@ if TYPE_CHECKING:
     from castfem.model import Case
     from castfem.studies.optimisation.evaluator import Evaluator
 
-NOISE_NAME = "sweep.log"
 Prepared = TypeVar("Prepared")
 
 
 def on_root(
     prepare: Callable[[bool], Prepared],
     carry_out: Callable[[Prepared, MPI.Intracomm | None], int],
-    assist: Callable[[MPI.Intracomm], None],
 ) -> int:
     """Prepare and carry out runs on rank 0; the other ranks work (collective).
 
     Args:
         prepare: Looks at all that the user gave; told whether there are several ranks.
-        carry_out: Does what has been prepared, and returns the exit status.
-        assist: What the other ranks do meanwhile, until rank 0 lets them go.
+        carry_out: Does what has been prepared, by `Workers` on the ranks, and returns the exit
+            status.
 
     Returns:
         The exit status, on all ranks.
@@ -56,7 +55,7 @@ def on_root(
         raise InputError(problems)
     if prepared is None:
         assert comm is not None
-        assist(comm)
+        serve(comm)
         return int(comm.bcast(0))
     try:
         status = carry_out(prepared, comm)
@@ -65,35 +64,6 @@ def on_root(
             comm.bcast(error.exit_status)
         raise
     return status if comm is None else int(comm.bcast(status))
-
-
-def assist(comm: MPI.Intracomm, ranks: int = 1) -> None:
-    """Do runs of `run_all` on a rank that is not the first.
-
-    Args:
-        comm: All ranks.
-        ranks: Of each run; with more than one, the first rank of a group notes how it has ended.
-    """
-    if ranks == 1:
-        from castfem.studies.sweep.ranks import run_on_ranks
-
-        run_on_ranks(comm, (), _nothing, _nothing, _nothing)
-        return
-    from castfem.studies.sweep.groups import run_in_groups
-    from castfem.studies.sweep.view import View
-
-    record = Record(comm.bcast(None))
-    view = View(0, 0, quiet=True, terminal=False)
-
-    def ended(job: Job, outcome: Outcome) -> None:
-        view.ended(job, outcome)
-        record.note(job, outcome)
-
-    run_in_groups(comm, ranks, (), _nothing, ended)
-
-
-def _nothing(*_: object) -> None:
-    """Stand in for what is told to rank 0."""
 
 
 def run_all(
@@ -116,8 +86,8 @@ def run_all(
         comm: All ranks, None for processes of this machine.
         processes: How many of these at once; None for one a core.
         quiet: Show nothing but runs that fail.
-        noted: Called when a run has ended and has been noted; not in groups of ranks.
-        ranks: Of each run, under a launcher (`run_in_groups`).
+        noted: Called when a run has ended and has been noted.
+        ranks: Of each run, under a launcher.
     """
     from castfem.studies.sweep.view import View
 
@@ -129,22 +99,11 @@ def run_all(
         if noted is not None:
             noted(job, outcome)
 
+    count = min(processes or cores(), len(jobs))
+    noise = record.folder / LOG_NAME
     try:
-        if comm is not None and ranks > 1:
-            from castfem.studies.sweep.groups import run_in_groups
-
-            comm.bcast(record.folder)
-            run_in_groups(comm, ranks, jobs, view.begun, ended)
-            record.reload()
-        elif comm is not None:
-            from castfem.studies.sweep.ranks import run_on_ranks
-
-            run_on_ranks(comm, jobs, view.begun, ended, view.tick)
-        elif jobs:
-            from castfem.studies.sweep.local import run_locally
-
-            count = min(processes or cores(), len(jobs))
-            run_locally(jobs, count, record.folder / NOISE_NAME, view.begun, ended, view.tick)
+        with Workers(noise, processes=count, comm=comm, ranks=ranks) as workers:
+            workers.run(jobs, view.begun, ended, view.tick)
     finally:
         view.stop()
 

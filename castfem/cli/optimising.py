@@ -17,7 +17,6 @@ from castfem.model.shared_heat import fixed_while_varied
 from castfem.model.shown_units import units_of
 from castfem.post.report.cautions import cautions_of_all
 from castfem.runs.output.summary import Summary
-from castfem.studies.optimisation.evaluator import serve
 from castfem.studies.optimisation.fidelity import THERMAL
 from castfem.studies.optimisation.front import TABLE_NAME as FRONT_TABLE
 from castfem.studies.optimisation.front import write_front
@@ -70,7 +69,6 @@ def optimise_case(options: Request) -> int:
     return many_runs.on_root(
         lambda ranks: _prepared(options, ranks),
         lambda prepared, _: _done(*prepared, options),
-        serve,
     )
 
 

@@ -20,10 +20,10 @@ from castfem.post.compare.study_tables import sweep_table
 from castfem.post.report.cautions import cautions_of_all
 from castfem.runs.output.chosen_units import units_of_run
 from castfem.runs.output.summary import Summary
+from castfem.studies.sweep.parts import Share, write_script
 from castfem.studies.sweep.plan import Variant, plan
 from castfem.studies.sweep.record import Record, check_own
 from castfem.studies.sweep.results import TABLE_NAME, rows, write_table
-from castfem.studies.sweep.share import Share
 from castfem.studies.sweep.work import Job, Outcome
 
 if TYPE_CHECKING:
@@ -80,7 +80,6 @@ def sweep_case(options: Options) -> int:
     return many_runs.on_root(
         lambda ranks: _prepared(options, ranks),
         lambda sweep, comm: _done(sweep, options, comm),
-        lambda comm: many_runs.assist(comm, options.ranks),
     )
 
 
@@ -112,6 +111,8 @@ def _prepared(options: Options, ranks: bool) -> _Sweep:
     variants = tuple(share.of(everything))
     check_own(target, (TABLE_NAME,))
     record = Record(target)
+    if not options.overwrite:
+        record.find(variants)  # what has ended and could not be noted any more
     after = _draw if options.figures else None
     jobs = record.unfinished(
         [Job(v.name, target / v.name, v.case, options.resume, after) for v in variants],
@@ -140,8 +141,6 @@ def _alone(options: Options) -> int:
     """
     variants, target = _planned(options)
     if options.script is not None:
-        from castfem.studies.sweep.slurm import write_script
-
         words = [options.name, "-o", str(target)]
         words += [word for given in options.assignments for word in ("--set", given)]
         words += ["--table", str(options.table)] if options.table is not None else []

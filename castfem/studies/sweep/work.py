@@ -9,9 +9,10 @@ import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from castfem.base.errors import CannotWrite, CastfemError, FolderInUse
+from castfem.base.one_at_a_time import one_at_a_time
 from castfem.base.progress import Progress
 from castfem.model import Case
 from castfem.runs.output.run_record import RUN_NAME
@@ -81,11 +82,16 @@ class Outcome:
 
 
 class Stop(Progress):
-    """A wish to stop that a run heeds after its step: an exception would be lost within PETSc."""
+    """Stops a run after its step where its process shall end: PETSc would lose an exception.
+
+    Attributes:
+        wanted: Whether this process shall end.
+    """
+
+    wanted: ClassVar[bool] = False
 
     def __init__(self) -> None:
         super().__init__(verbosity=-1, terminal=False)
-        self.wanted = False
 
     def update(
         self, position: float, time_s: float, newton: int, step: float, note: str = ""
@@ -100,14 +106,20 @@ class Stop(Progress):
             raise KeyboardInterrupt("stopped with the command that had started it")
 
 
-def work(job: Job, stop: Stop | None = None, comm: MPI.Comm | None = None) -> Outcome:
+def work(job: Job, comm: MPI.Comm | None = None) -> Outcome:
     """Run a case; whatever goes wrong becomes the outcome's message.
+
+    A run of another thread of this process is waited for.
 
     Args:
         job: The run.
-        stop: Asked after each step.
         comm: Ranks to run it on (collective); this process alone if None.
     """
+    with one_at_a_time(wait=True):
+        return _alone(job, comm)
+
+
+def _alone(job: Job, comm: MPI.Comm | None) -> Outcome:
     from mpi4py import MPI
 
     from castfem.base import log
@@ -117,7 +129,7 @@ def work(job: Job, stop: Stop | None = None, comm: MPI.Comm | None = None) -> Ou
     log.logger.addHandler(logging.NullHandler())  # not even warnings between the bars: see run.log
     log.logger.propagate = False
     log.logger.setLevel(logging.INFO)
-    begun, progress = time.perf_counter(), stop or Stop()
+    begun, progress = time.perf_counter(), Stop()
     try:
         ranks = MPI.COMM_SELF if comm is None else comm
         reported = progress if ranks.rank == 0 else None
