@@ -178,7 +178,7 @@ def sweep(
         with record.shared():
             record.expect(variants)
         _make(missing, record, processes, executor)
-        found = rows(variants, record)
+        found = rows([v.name for v in variants], record)
         write_table(target / TABLE_NAME, found)
     content: list[dict[str, Any]] = []
     for row in found:

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from rich.console import Console
-    from rich.table import Table as RichTable
 
 _GAP = "  "  # between columns
 _LEAST, _INDENT = 42, 11  # characters to leave behind labels; else further lines begin here
@@ -213,18 +212,3 @@ def _wrapped(text: str, width: int, start: str, indent: str) -> list[str]:
         break_on_hyphens=False,
     )  # fmt: skip
     return lines or [start]
-
-
-def keep_words(table: RichTable, width: int) -> None:
-    """Let the cells of a table of rich go on between words, where it is wider than the screen.
-
-    Args:
-        table: Without an edge, of plain cells.
-        width: Of the screen, in characters.
-    """
-    cells = [[str(column.header), *map(str, column.cells)] for column in table.columns]
-    beside = sum(table.padding[i] for i in (1, 3)) - len(_GAP) + 1  # of each column
-    widths = _widths(cells, width - 1 - len(cells) * beside)
-    if sum(widths) < sum(map(_widest, cells)):
-        for column, wide in zip(table.columns, widths, strict=True):
-            column.width = wide

@@ -15,6 +15,7 @@ from castfem.base.shown_units import scale_of, shown_in
 from castfem.base.table import Table, say
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import chosen
+from castfem.cli.run_progress import View
 from castfem.model import Case, load_case, shipped_cases
 from castfem.model.load import faults_of_key
 from castfem.model.shown_units import units_of
@@ -33,7 +34,6 @@ from castfem.studies.optimisation.calibrate import (
 from castfem.studies.optimisation.evaluator import Evaluator
 from castfem.studies.optimisation.measured import Measured, read_measured
 from castfem.studies.optimisation.probe_data import is_of_probe, missing_column
-from castfem.studies.sweep.view import View
 
 FIGURE_NAME = "calibration.png"
 _ALIKE = 0.95  # correlation of keys that the data hardly tell apart
@@ -123,7 +123,7 @@ def _done(asked: _Question, quiet: bool, units: Sequence[str]) -> int:
     target = asked.evaluator.store.folder
     with asked.evaluator as evaluator:
         view = View(0, 0, quiet=True)
-        found = calibrate(asked.case, asked.measured, asked.keys, evaluator, view)
+        found = calibrate(asked.case, asked.measured, asked.keys, evaluator, view.ended)
     write(target, found)
     with chosen(units), shown_in(units_of(asked.case)):
         save(draw_calibration(_panels(found)), target / FIGURE_NAME)

@@ -89,7 +89,7 @@ def run_all(
         noted: Called when a run has ended and has been noted.
         ranks: Of each run, under a launcher.
     """
-    from castfem.studies.sweep.view import View
+    from castfem.cli.run_progress import View
 
     view = View(len(jobs) + finished, finished, quiet)
 

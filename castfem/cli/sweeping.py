@@ -14,13 +14,13 @@ from castfem.base.shown_units import shown_in
 from castfem.base.table import say
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import DEFAULT, Request, chosen
+from castfem.cli.sweep_parts import Share, write_script
 from castfem.model import shipped_cases
 from castfem.model.shared_heat import shared_heat
 from castfem.post.compare.study_tables import sweep_table
 from castfem.post.report.cautions import cautions_of_all
 from castfem.runs.output.chosen_units import units_of_run
 from castfem.runs.output.summary import Summary
-from castfem.studies.sweep.parts import Share, write_script
 from castfem.studies.sweep.plan import Variant, plan
 from castfem.studies.sweep.record import Record, check_own
 from castfem.studies.sweep.results import TABLE_NAME, rows, write_table
@@ -66,6 +66,11 @@ class _Sweep:
     variants: tuple[Variant, ...]
     jobs: tuple[Job, ...]
     whole: bool = True
+
+    @property
+    def names(self) -> list[str]:
+        """Of its runs that are looked after here."""
+        return [one.name for one in self.variants]
 
 
 def sweep_case(options: Options) -> int:
@@ -170,7 +175,7 @@ def _done(sweep: _Sweep, options: Options, comm: MPI.Intracomm | None) -> int:
     def noted(job: Job, outcome: Outcome) -> None:
         nonlocal written
         if sweep.whole and time.monotonic() - written > _SOONEST:  # it is written again at the end
-            write_table(target / TABLE_NAME, rows(sweep.variants, sweep.record))
+            write_table(target / TABLE_NAME, rows(sweep.names, sweep.record))
             written = time.monotonic()
 
     many_runs.run_all(
@@ -185,7 +190,7 @@ def _report(sweep: _Sweep, options: Options) -> int:
 
     One part of several writes no table: the others have rows for it, too.
     """
-    table = rows(sweep.variants, sweep.record, options.at)
+    table = rows(sweep.names, sweep.record, options.at)
     target = sweep.record.folder
     if sweep.whole:
         write_table(target / TABLE_NAME, table)

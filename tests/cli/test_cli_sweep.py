@@ -105,7 +105,7 @@ def test_results_of_another_case_are_not_those_of_this_sweep(castfem, tmp_path):
         variants = plan(base.with_(length=length), values)
         record = Record(Path("out"))
         record.expect(variants)
-        table = rows(variants, record)
+        table = rows([one.name for one in variants], record)
         assert [row.status for row in table] == [status] * 2
         assert [bool(row.quantities) for row in table] == [status == "finished"] * 2
 

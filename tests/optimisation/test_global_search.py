@@ -12,9 +12,9 @@ from known_results import HEAT, SPEED, STRESS, Given, solve
 from small_case import small
 
 from castfem.base.errors import InputError
+from castfem.post.compare.optimum_tables import report
 from castfem.studies.optimisation import Evaluation, RunRequest, Study
 from castfem.studies.optimisation.global_search import valleys
-from castfem.studies.optimisation.optimum_report import report
 
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
 installed = pytest.mark.skipif(

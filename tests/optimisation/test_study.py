@@ -11,11 +11,11 @@ from known_results import HEAT, SPEED, STRESS, Given, bowl, covered, solve, stud
 
 from castfem.base.atomic_files import plain
 from castfem.base.shown_quantity import Quantity
+from castfem.post.compare.optimum_tables import report
 from castfem.studies.accuracy.estimate import SAFETY
 from castfem.studies.accuracy.levels import LEVELS
 from castfem.studies.optimisation import Evaluation, RunRequest
 from castfem.studies.optimisation.numerical_error import NumericalError, error, sides
-from castfem.studies.optimisation.optimum_report import report
 
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from known_results import HEAT, SPEED, STRESS, Given, bowl, solve, study
 
+from castfem.post.compare.optimum_tables import interval, report
 from castfem.studies.optimisation import Evaluation, Optimum, RunRequest
 from castfem.studies.optimisation.numerical_error import Tilt
-from castfem.studies.optimisation.optimum_report import interval, report
 
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
 FAILS = Evaluation({}, 0.5, "breakout")

@@ -28,10 +28,11 @@ from castfem.runs.results.places import quantities_at
 from castfem.studies.optimisation.evaluator import Evaluator, variant
 from castfem.studies.optimisation.measured import Measured, residuals
 from castfem.studies.optimisation.probe_data import is_of_probe, value_at
+from castfem.studies.sweep.workers import nothing
 
 if TYPE_CHECKING:
     from castfem.model import Case
-    from castfem.studies.optimisation.evaluator import Watcher
+    from castfem.studies.optimisation.evaluator import Ended
 
 CSV_NAME, JSON_NAME, CASE_NAME = "calibration.csv", "calibration.json", "calibrated.toml"
 _STEP = 0.01  # of a key's range, for the derivatives
@@ -198,7 +199,7 @@ def calibrate(
     measured: list[Measured],
     keys: Sequence[Free],
     evaluator: Evaluator,
-    watcher: Watcher | None = None,
+    ended: Ended = nothing,
 ) -> Calibration:
     """Fit keys of a case to measured values.
 
@@ -207,7 +208,7 @@ def calibrate(
         measured: From `castfem.studies.optimisation.measured`.
         keys: To be fitted, with their bounds.
         evaluator: Of `followed(case, measured)`; runs it.
-        watcher: Follows the runs.
+        ended: Called with each run that is made, and how it has ended.
 
     Raises:
         InputError: A key or a value cannot be used.
@@ -217,7 +218,7 @@ def calibrate(
 
     def many(values: Sequence[Mapping[str, str]]) -> list[Array]:
         cases = [variant(evaluator.case, one) for one in values]
-        found = evaluator.evaluate(cases, values, watcher)
+        found = evaluator.evaluate(cases, values, ended)
         for one, run in zip(values, found, strict=True):
             if run.failed or run.folder is None:
                 raise RunFailure(f"the run with {_text(one)} failed: {run.message}")

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from castfem.base.atomic_files import folder_refused
 from castfem.base.closing import Closing
@@ -20,7 +20,7 @@ from castfem.studies.optimisation.fidelity import at_level, idealised
 from castfem.studies.optimisation.store import Evaluation, Store
 from castfem.studies.sweep.groups import check as check_groups
 from castfem.studies.sweep.work import Derivatives, Job, Outcome
-from castfem.studies.sweep.workers import LOG_NAME, CallExecutor, Workers
+from castfem.studies.sweep.workers import LOG_NAME, CallExecutor, Workers, nothing
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -31,25 +31,8 @@ _PATIENCE = 3.0, 4.0  # s before each further attempt; runs of a killed command 
 _LEAN = {"fields": [], "figures": False}
 
 
-class Watcher(Protocol):
-    """Follows runs (`castfem.studies.sweep.view.View` does)."""
-
-    def begun(self, job: Job) -> None:
-        """A run has begun."""
-
-    def ended(self, job: Job, outcome: Outcome) -> None:
-        """A run has ended."""
-
-    def tick(self) -> None:
-        """Called a few times a second."""
-
-
-class _Blind:
-    """Watches nothing."""
-
-    def begun(self, job: Job) -> None: ...
-    def ended(self, job: Job, outcome: Outcome) -> None: ...
-    def tick(self) -> None: ...
+Ended = Callable[[Job, Outcome], None]
+"""Called with a run and how it has ended."""
 
 
 class Evaluator(Closing):
@@ -127,7 +110,7 @@ class Evaluator(Closing):
         self,
         cases: Sequence[Case],
         given: Sequence[Mapping[str, str]],
-        watcher: Watcher | None = None,
+        ended: Ended = nothing,
         derivatives: Sequence[Derivatives | None] = (),
     ) -> list[Evaluation]:
         """Return the results of cases, each run once.
@@ -135,7 +118,7 @@ class Evaluator(Closing):
         Args:
             cases: The cases.
             given: What is varied in each, key to value, for its folder's name and tables.
-            watcher: Follows the runs.
+            ended: Called for each run that is made.
             derivatives: Which each computes; a run that was made without them is made again.
 
         Raises:
@@ -151,28 +134,26 @@ class Evaluator(Closing):
         lost: dict[str, Evaluation] = {}
         stopped: list[tuple[Job, Outcome]] = []
 
-        def ended(job: Job, outcome: Outcome) -> None:
+        def note(job: Job, outcome: Outcome) -> None:
             if outcome.obstacle:  # it says nothing about the case
                 stopped.append((job, outcome))
                 return
             found = self.store.note(job, outcome)
             if found.folder is None:
                 lost[job.name] = found
-            if watcher is not None:
-                watcher.ended(job, outcome)
+            ended(job, outcome)
 
         if missing:
             self._make_folder()
             self.runs += len(missing)
-            followed = watcher or _Blind()
-            self._workers.run(list(missing.values()), followed.begun, ended, followed.tick)
+            self._workers.run(list(missing.values()), ended=note)
             for wait in _PATIENCE:
                 again = [job for job, outcome in stopped if outcome.obstacle == "in use"]
                 if not again:
                     break
                 time.sleep(wait)
                 stopped[:] = [one for one in stopped if one[0] not in again]
-                self._workers.run(again, followed.begun, ended, followed.tick)
+                self._workers.run(again, ended=note)
             self.store.write_table()
         if stopped:
             raise RunFailure(

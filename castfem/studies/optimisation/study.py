@@ -23,12 +23,13 @@ from castfem.runs.result import RunResult
 from castfem.studies.accuracy.levels import DEFAULT
 from castfem.studies.optimisation import argument_checks as check
 from castfem.studies.optimisation.derivative_request import obstacles, of_run
-from castfem.studies.optimisation.evaluator import Evaluator, Watcher, lean, variant
+from castfem.studies.optimisation.evaluator import Ended, Evaluator, lean, variant
 from castfem.studies.optimisation.optimum import Optimum
 from castfem.studies.optimisation.problem import DesignProblem, RunRequest
 from castfem.studies.optimisation.responses import Obtain
 from castfem.studies.optimisation.store import Evaluation
 from castfem.studies.optimisation.workflow import Workflow
+from castfem.studies.sweep.workers import nothing
 
 if TYPE_CHECKING:
     from castfem.model import Case
@@ -106,14 +107,14 @@ class Study:
 
     def solve(
         self,
-        watcher: Watcher | None = None,
+        ended: Ended = nothing,
         obtain: Obtain | None = None,
         stage: Callable[[str], None] | None = None,
     ) -> Optimum:
         """Make all runs that the search needs, and return its answer.
 
         Args:
-            watcher: Follows the runs.
+            ended: Called with each run that is made, and how it has ended.
             obtain: Makes runs and tells their results, instead of the study's evaluator.
             stage: Called with the purpose of the runs that follow.
 
@@ -124,7 +125,7 @@ class Study:
 
         def run(requests: Sequence[RunRequest]) -> None:
             if obtain is None:
-                self.run(requests, watcher)
+                self.run(requests, ended)
                 return
             obtain(requests)
             lost = sum(self._runs.find(one) is None for one in requests)
@@ -200,13 +201,13 @@ class Study:
     def run(
         self,
         requests: RunRequest | Mapping[str, Any] | Sequence[RunRequest | Mapping[str, Any]],
-        watcher: Watcher | None = None,
+        ended: Ended = nothing,
     ) -> list[Evaluation]:
         """Make runs, or find them in the folder, and tell their results.
 
         Args:
             requests: A run or several; see `tell`.
-            watcher: Follows the runs.
+            ended: Called with each run that is made, and how it has ended.
 
         Raises:
             InputError: The study has no folder, or there is no such run.
@@ -219,7 +220,7 @@ class Study:
         cases = [self._runs.case(one) for one in runs]
         varied = [self._varied(one) for one in runs]
         derivatives = [of_run(self.problem, one) if one.derivatives else None for one in runs]
-        found = self.evaluator.evaluate(cases, varied, watcher, derivatives)
+        found = self.evaluator.evaluate(cases, varied, ended, derivatives)
         for one, evaluation in zip(runs, found, strict=True):
             self._runs.note(one, evaluation)
         return found

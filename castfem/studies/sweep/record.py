@@ -7,7 +7,7 @@ from collections.abc import Container, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from castfem.base.atomic_files import write_json
 from castfem.base.errors import InputError
@@ -25,23 +25,23 @@ _LOCK_NAME = ".sweep.lock"
 _FORMAT = "castfem sweep"
 
 
+Status = Literal["finished", "failed", "waiting"]
+
+
 @dataclass(slots=True)
 class Entry:
-    """A run of the sweep, now or in an earlier call.
+    """A run of the sweep, now or in an earlier call."""
 
-    Attributes:
-        given: Key to value of what is varied.
-        label: What tables and figures call it, if not what is varied.
-        physics: Hash of all its fields depend on, property files too.
-        message: Why it failed.
-        seconds: How long it took.
-    """
+    given: dict[str, str] = field(default_factory=dict)  #: key to value of what is varied
+    label: str = ""  #: what tables and figures call it, if not what is varied
+    physics: str = ""  #: hash of all its fields depend on, property files too; "" until it finishes
+    message: str = ""  #: why it failed
+    seconds: float = 0.0  #: duration
 
-    given: dict[str, str] = field(default_factory=dict)
-    label: str = ""
-    physics: str = ""
-    message: str = ""
-    seconds: float = 0.0
+    @property
+    def status(self) -> Status:
+        """What has become of it."""
+        return "failed" if self.message else "finished" if self.physics else "waiting"
 
 
 def _untitled(case: str) -> list[str]:
