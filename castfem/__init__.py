@@ -23,7 +23,7 @@ What there is, upstream first; nothing knows what comes after it (docs/architect
     model/          case files, checked; model/build: from a case to what computes it
     runs/           output, results, tensile; the time loop from the meniscus to the end
     studies/        several runs: identification, mould_fit, sensitivity, sweep, accuracy,
-                    optimisation
+                    optimisation, calibration
     post/           plots, report, compare, html, watch: figures and words on runs
     api several_runs    for scripts: one run, several runs
     cli/            the commands

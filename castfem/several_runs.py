@@ -12,7 +12,6 @@ Nothing is printed or drawn. Heavy modules are imported by the functions that ne
 
 from __future__ import annotations
 
-import math
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -31,9 +30,6 @@ if TYPE_CHECKING:
     from castfem.model import Case
     from castfem.physics.mould.displaced import WallDisplacement
     from castfem.physics.mould.mould import Mould
-    from castfem.post.compare.runs import Run
-    from castfem.post.compare.table import Line
-    from castfem.studies.accuracy.table import ErrorTable
     from castfem.studies.mould_fit.coupled import Turn
     from castfem.studies.mould_fit.section import Attempt, Outline
     from castfem.studies.optimisation import Optimum
@@ -73,7 +69,7 @@ def comparison(
             a position, or one has the name of another column.
     """
     from castfem.post.compare.runs import base_of, read_runs
-    from castfem.post.compare.table import lines
+    from castfem.post.compare.table import in_si, lines
     from castfem.runs.results.places import read_number
 
     several: Any = [folders] if isinstance(folders, str | Path) else folders
@@ -94,33 +90,7 @@ def comparison(
     )
     if not found:
         raise InputError(f"at {at}: none of the runs has been there")
-    return _compared(runs, found)
-
-
-def _compared(runs: Sequence[Run], found: Sequence[Line]) -> pandas.DataFrame:
-    """The lines of a comparison as a table in SI."""
-    import pandas
-
-    from castfem.base.shown_quantity import Quantity, to_si, unit_of_difference
-    from castfem.post.compare.table import SHARE
-
-    rows: list[dict[str, Any]] = []
-    for line in found:
-        # A share stands below the result that it is of, and has no name of its own.
-        name = f"{rows[-1]['name']}_share" if line.unit == SHARE else line.name
-        shown = "%" if line.unit == SHARE else line.unit
-        row: dict[str, Any] = {"name": name, "at": math.nan if line.at is None else line.at}
-        row |= {"label": line.label, "unit": Quantity(0.0, shown, "").unit}
-        for i, run in enumerate(runs):
-            row[run.label] = to_si(line.ours[i], shown)
-            row[f"{run.label}: error"] = to_si(line.error(i), unit_of_difference(shown))
-            row[f"{run.label}: reference"] = to_si(line.theirs[i], shown)
-            bound = line.kinds[i] != "value" and math.isfinite(line.theirs[i])
-            row[f"{run.label}: bound"] = line.kinds[i] if bound else None
-        rows.append(row)
-    table = pandas.DataFrame(rows).set_index("name")
-    extra = [f"{run.label}: {what}" for run in runs for what in ("error", "reference", "bound")]
-    return table.drop(columns=[column for column in extra if table[column].isna().all()])
+    return in_si(runs, found)
 
 
 def sweep(
@@ -156,9 +126,8 @@ def sweep(
         InputError: Keys, values or folder cannot be used; nothing has been run.
         RunFailure: A file cannot be written. A run that fails raises nothing.
     """
-    import pandas
-
     from castfem.base.messages import written
+    from castfem.post.compare.study_tables import sweep_in_si
     from castfem.studies.sweep.plan import plan
     from castfem.studies.sweep.record import Record, check_own
     from castfem.studies.sweep.results import TABLE_NAME, rows, write_table
@@ -180,13 +149,7 @@ def sweep(
         _make(missing, record, processes, executor)
         found = rows([v.name for v in variants], record)
         write_table(target / TABLE_NAME, found)
-    content: list[dict[str, Any]] = []
-    for row in found:
-        results = {name: quantity.value for name, quantity in row.quantities.items()}
-        varied = {key: value.strip('"') for key, value in row.given.items()}
-        ended = {"seconds": row.seconds, "message": row.message}
-        content.append({"run": row.name, **varied, "status": row.status, **results, **ended})
-    return pandas.DataFrame(content).set_index("run")
+    return sweep_in_si(found)
 
 
 def _value_lists(values: Mapping[str, Sequence[Any]] | None) -> Mapping[str, Sequence[Any]]:
@@ -196,13 +159,10 @@ def _value_lists(values: Mapping[str, Sequence[Any]] | None) -> Mapping[str, Seq
         InputError: They are not written so.
     """
     several = {} if values is None else values
-    if not isinstance(several, Mapping) or not all(
-        isinstance(one, Sequence) and not isinstance(one, str) for one in several.values()
-    ):
-        raise InputError(
-            'sweep: values must be keys with lists of values, {"casting.speed": ["3 m/min"]}, '
-            f"got {values!r}"
-        )
+    lists = several.values() if isinstance(several, Mapping) else [""]
+    if any(isinstance(one, str) or not isinstance(one, Sequence) for one in lists):
+        sample = '{"casting.speed": ["3 m/min"]}'
+        raise InputError(f"sweep: values must be keys with lists of values, {sample}: {values!r}")
     return several
 
 
@@ -268,6 +228,7 @@ def error_table(
         InputError: Case or folder cannot be used, or there are several ranks.
         RunFailure: The case itself does not come to its end.
     """
+    from castfem.post.compare.study_tables import errors_in_si
     from castfem.studies.accuracy.ladder import BASE, levels
     from castfem.studies.accuracy.memo import prepare
     from castfem.studies.accuracy.table import attach
@@ -279,7 +240,7 @@ def error_table(
         table = ladder.table()
         table.write(target)
         attach(table, target / BASE)
-        return _errors(table)
+        return errors_in_si(table)
 
 
 def optimise(
@@ -353,41 +314,13 @@ def optimise(
     return found
 
 
-def _errors(found: ErrorTable) -> pandas.DataFrame:
-    """The errors of a case as a table in SI."""
-    import pandas
-
-    from castfem.base.shown_quantity import Quantity, to_si, unit_of_difference
-
-    rows = []
-    for name, entry in found.quantities.items():
-        value = to_si(entry.value, entry.unit)
-        unit = unit_of_difference(entry.unit)
-        row: dict[str, Any] = {
-            "name": name,
-            "label": entry.label,
-            "unit": Quantity(value, entry.unit, "").unit,
-        }
-        row |= {"value": value, "error": to_si(entry.error(), unit)}
-        rows.append(row | {axis: to_si(part.error, unit) for axis, part in entry.parts.items()})
-    table = pandas.DataFrame(rows).set_index("name")
-    table.attrs["not run"] = {run.name: run.message for run in found.runs if run.message}
-    return table
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundSection:
-    """The section at the meniscus whose strand has the wanted one further down.
+    """The section at the meniscus whose strand has the wanted one further down."""
 
-    Attributes:
-        outline: At the meniscus: way round a quarter and offset from the rectangle, m.
-        wall: The wall that follows the strand all round and all the way.
-        attempts: The runs; `worst` of each says how far off its section was, m.
-    """
-
-    outline: Outline
-    wall: WallDisplacement
-    attempts: tuple[Attempt, ...]
+    outline: Outline  #: at the meniscus: way round a quarter and offset from the rectangle, m
+    wall: WallDisplacement  #: the wall that follows the strand all round and all the way
+    attempts: tuple[Attempt, ...]  #: the runs; `worst` of each says how far off its section was, m
 
     def changes(self, *, wall: bool = False) -> dict[str, Any]:
         """Return what `case.with_` takes to start from the outline; `wall`: in that wall, too."""
@@ -431,21 +364,16 @@ def find_section(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MouldAtWork:
-    """A mould cold and at work.
+    """A mould cold and at work."""
 
-    Attributes:
-        cold: As it is made; `cold.dimensions(z)` has its sizes at z, m.
-        hot: As the strand meets it, likewise.
-        displacement: From sizes and taper of the case to the wall at work; None where the case
-            gives the mould at work.
-        iterations: Strand and tube of each iteration; the last `wall` has the temperatures (K)
-            and the stress of the copper.
-    """
-
-    cold: Mould
-    hot: Mould
+    cold: Mould  #: as it is made; `cold.dimensions(z)` has its sizes at z, m
+    hot: Mould  #: as the strand meets it, likewise
     displacement: WallDisplacement | None
+    """From sizes and taper of the case to the wall at work; None where the case gives the mould
+    at work."""
     iterations: tuple[Turn, ...]
+    """Strand and tube of each iteration; the last `wall` has the temperatures (K) and the
+    stress of the copper."""
 
     def changes(self) -> dict[str, Any]:
         """Return what `case.with_` takes to run in the wall at work; nothing where it is given."""

@@ -23,7 +23,7 @@ from castfem.post.plots.calibration import Compared, draw_calibration
 from castfem.post.plots.style import save
 from castfem.runs.results.numbers import error_shown, shown, unit_shown
 from castfem.runs.results.of_case import faults_of
-from castfem.studies.optimisation.calibrate import (
+from castfem.studies.calibration.fit import (
     Calibration,
     Free,
     calibrate,
@@ -31,9 +31,9 @@ from castfem.studies.optimisation.calibrate import (
     read_free,
     write,
 )
+from castfem.studies.calibration.measured import Measured, read_measured
+from castfem.studies.calibration.probe_data import is_of_probe, missing_column
 from castfem.studies.optimisation.evaluator import Evaluator
-from castfem.studies.optimisation.measured import Measured, read_measured
-from castfem.studies.optimisation.probe_data import is_of_probe, missing_column
 
 FIGURE_NAME = "calibration.png"
 _ALIKE = 0.95  # correlation of keys that the data hardly tell apart

@@ -13,7 +13,7 @@ from castfem.base.atomic_files import plain
 from castfem.base.shown_quantity import Quantity
 from castfem.post.compare.optimum_tables import report
 from castfem.studies.accuracy.estimate import SAFETY
-from castfem.studies.accuracy.levels import LEVELS
+from castfem.studies.accuracy.sizes import LEVELS
 from castfem.studies.optimisation import Evaluation, RunRequest
 from castfem.studies.optimisation.numerical_error import NumericalError, error, sides
 

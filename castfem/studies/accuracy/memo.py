@@ -22,19 +22,14 @@ from castfem.studies.sweep.work import Job
 
 @dataclass(frozen=True, slots=True)
 class Ladder:
-    """The runs of a case in their folder.
+    """The runs of a case in their folder."""
 
-    Attributes:
-        levels: All of them.
-        record: Of what is finished.
-        jobs: What is still to be run; a run that was cut short goes on from its checkpoint.
-        at: Places on the way whose errors are asked for, m, besides the exit of the mould.
-    """
-
-    levels: tuple[Level, ...]
-    record: Record
+    levels: tuple[Level, ...]  #: all of them
+    record: Record  #: of what is finished
     jobs: tuple[Job, ...]
+    """What is still to be run; a run that was cut short goes on from its checkpoint."""
     at: tuple[float, ...] = ()
+    """Places on the way whose errors are asked for, m, besides the exit of the mould."""
 
     @property
     def runnable(self) -> tuple[Level, ...]:

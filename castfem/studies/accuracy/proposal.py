@@ -24,19 +24,13 @@ _DEARER: Mapping[str, tuple[float, float, float]] = {
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """Sizes for an error that is asked for.
+    """Sizes for an error that is asked for."""
 
-    Attributes:
-        factors: Of the sizes of the case, by axis.
-        seconds: How long a run with them is expected to take.
-        now: How long one of the case as it is has taken.
-        beyond: Numbers that no sizes within reach bring there, with the share that is left.
-    """
-
-    factors: Mapping[str, float]
-    seconds: float
-    now: float
+    factors: Mapping[str, float]  #: of the sizes of the case, by axis
+    seconds: float  #: how long a run with them is expected to take
+    now: float  #: how long one of the case as it is has taken
     beyond: Mapping[str, float]
+    """Numbers that no sizes within reach bring there, with the share that is left."""
 
 
 def read_share(text: str) -> float:

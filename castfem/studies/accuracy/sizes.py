@@ -10,6 +10,7 @@ import hashlib
 import json
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -19,8 +20,24 @@ from castfem.model import Case
 from castfem.model.mechanics import Way
 from castfem.model.section import meshing
 from castfem.physics.coupling.step_control import ALLOWED_STRAIN
-from castfem.studies.accuracy.levels import LEVELS
 
+DEFAULT = "default"
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """A level of accuracy."""
+
+    cells: float  #: size of the cells over that of the case
+    window: float  #: length of the coupling windows over that of the case
+
+
+LEVELS: Mapping[str, Level] = {
+    "coarse": Level(1.5, 2.0),
+    DEFAULT: Level(1.0, 1.0),
+    "fine": Level(0.625, 0.5),
+}
+"""The cheapest first."""
 MESH, STEP, COUPLING = "mesh", "step", "coupling"
 AXES = (MESH, STEP, COUPLING)
 CELLS = ("surface_size", "corner_size", "face_size", "core_size")
@@ -42,7 +59,7 @@ _SIZES = {
 def factors_of(word: str) -> dict[str, float]:
     """Return the factors that a word for the accuracy of a run stands for.
 
-    They are those of `castfem.studies.accuracy.levels`; the step goes with the coupling window.
+    They are those of `LEVELS`; the step goes with the coupling window.
 
     Raises:
         InputError: There is no such word.

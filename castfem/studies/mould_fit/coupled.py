@@ -46,35 +46,23 @@ _ROWS = 21
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Turn:
-    """One time round.
+    """One time round."""
 
-    Attributes:
-        strand: The run whose flux heated the tube; None where the flux is given.
-        wall: What came of it.
-        moved: Largest change of the wall since the turn before, m; NaN in the first.
-        heat: Relative change of the heat removed since then; likewise.
-    """
-
-    strand: Followed | None
-    wall: HotWall
-    moved: float
-    heat: float
+    strand: Followed | None  #: the run whose flux heated the tube; None where the flux is given
+    wall: HotWall  #: what came of it
+    moved: float  #: largest change of the wall since the turn before, m; NaN in the first
+    heat: float  #: relative change of the heat removed since then; likewise
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawing:
-    """The mould cold and at work.
+    """The mould cold and at work."""
 
-    Attributes:
-        cold: As it is made.
-        hot: As the strand meets it.
-        displacement: From the sizes and the taper in the case to the wall at work: what
-            `mould.displacement` takes; None where the case gives the mould at work.
-    """
-
-    cold: Mould
-    hot: Mould
+    cold: Mould  #: as it is made
+    hot: Mould  #: as the strand meets it
     displacement: WallDisplacement | None
+    """From the sizes and the taper in the case to the wall at work: what `mould.displacement`
+    takes; None where the case gives the mould at work."""
 
 
 def table_of(case: Case, origin: str) -> MouldTable:

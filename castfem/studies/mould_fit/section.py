@@ -41,32 +41,20 @@ _FACE, _CORNER = 8, 6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outline:
-    """An outline beside a rectangle, over the way round a quarter.
+    """An outline beside a rectangle, over the way round a quarter."""
 
-    Attributes:
-        ways: Of the vertices (n,), m, increasing.
-        offset: How far they stand out (n,), m.
-    """
-
-    ways: Array
-    offset: Array
+    ways: Array  #: of the vertices (n,), m, increasing
+    offset: Array  #: how far they stand out (n,), m
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Attempt:
-    """One run.
+    """One run."""
 
-    Attributes:
-        start: Outline at the meniscus.
-        end: Outline at the wanted position.
-        worst: Largest deviation there, m.
-        strand: The run.
-    """
-
-    start: Outline
-    end: Outline
-    worst: float
-    strand: Followed
+    start: Outline  #: outline at the meniscus
+    end: Outline  #: outline at the wanted position
+    worst: float  #: largest deviation there, m
+    strand: Followed  #: the run
 
 
 def find_section(

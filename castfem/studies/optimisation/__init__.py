@@ -10,7 +10,6 @@ numerical_error    by other levels;  check_level  the optimum by the level of th
 spread             by uncertain inputs, with polynomial_fit;  front  of two results
 workflow, study    search, checks and answer, by ask and tell
 optimum            the answer, made by assemble;  optimum_report  its tables;  figures
-calibrate          keys fitted to measurements
 """
 
 from castfem.studies.optimisation.evaluator import Evaluator

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,9 +9,9 @@ import numpy as np
 from castfem.base.result_registry import general_label, smooth_twins
 from castfem.base.shown_quantity import unit_of_difference
 from castfem.base.types import Array
-from castfem.studies.accuracy.levels import LEVELS
+from castfem.studies.accuracy.sizes import LEVELS
 from castfem.studies.optimisation.check_level import CheckedOptimum
-from castfem.studies.optimisation.equivalent_optima import equivalent_optima
+from castfem.studies.optimisation.global_search import APART
 from castfem.studies.optimisation.local_model import Binding, Interval, Quadratic, around, intervals
 from castfem.studies.optimisation.numerical_error import NumericalError, error
 from castfem.studies.optimisation.optimum import (
@@ -40,7 +39,6 @@ class Findings:
 
     search: Search
     best: RunRequest
-    runs: Mapping[RunRequest, Evaluation]  #: all runs
     model: Quadratic | None = None  #: of the runs about the best one
     error: NumericalError | None = None
     checked: CheckedOptimum | None = None  #: by the level of the check; None where that failed
@@ -48,6 +46,11 @@ class Findings:
     converged: bool = True  #: whether no other run of the search is better
     spread: InputSpread | None = None
     front: Front | None = None
+
+    @property
+    def runs(self) -> dict[RunRequest, Evaluation]:
+        """All runs."""
+        return self.search.responses.runs.results
 
 
 def assemble(found: Findings) -> Optimum:
@@ -110,6 +113,39 @@ def _by_check(found: Findings) -> CheckResult | None:
         return None
     cost, *left = (float(v) for v in found.checked.vector)
     return CheckResult(found.search.responses.sense * cost, tuple(left))
+
+
+def equivalent_optima(
+    search: Search, best: RunRequest, scatter: float
+) -> tuple[list[RunRequest], list[RunRequest]]:
+    """Return runs that meet all constraints, and whose objective is not worse by more than scatter.
+
+    Returns:
+        Those in the valley of the best one, itself among them; of each other valley the best.
+    """
+    responses = search.responses
+    places = {w: search.problem.shares(w) for w in responses.of_level(best.fidelity)}
+    cost = responses.cost(best)
+    enough = cost + scatter + ROUNDING * abs(cost)
+    good = [w for w in places if search.violation(w) <= 0.0 and responses.cost(w) <= enough]
+    near, elsewhere = [best], list[RunRequest]()
+
+    def apart(one: RunRequest, other: RunRequest) -> bool:
+        return bool(np.max(np.abs(places[one] - places[other])) >= APART)
+
+    def in_valley(one: RunRequest) -> bool:
+        """Whether there are runs between it and the best one, all of them good."""
+        low, high = np.sort([places[one], places[best]], axis=0)
+        between = [w for w, at in places.items() if np.all((low <= at) & (at <= high))]
+        others = [w in good for w in between if w not in (one, best)]
+        return bool(others) and all(others)
+
+    for one in sorted(good, key=responses.cost):
+        if not apart(one, best) or in_valley(one):
+            near.append(one)
+        elif all(apart(one, other) for other in elsewhere):
+            elsewhere.append(one)
+    return near, elsewhere
 
 
 def _equivalent(found: Findings) -> tuple[list[RunRequest], list[RunRequest]]:

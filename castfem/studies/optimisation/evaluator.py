@@ -14,7 +14,7 @@ from castfem.base.messages import shown
 from castfem.base.result_registry import smooth_twins
 from castfem.model.load import changed, from_document
 from castfem.model.shipped_cases import as_case
-from castfem.studies.accuracy.levels import DEFAULT
+from castfem.studies.accuracy.sizes import DEFAULT
 from castfem.studies.optimisation import argument_checks as check
 from castfem.studies.optimisation.fidelity import at_level, idealised
 from castfem.studies.optimisation.store import Evaluation, Store

@@ -16,13 +16,13 @@ import itertools
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from castfem.base.types import Array, Flags
 from castfem.studies.optimisation.numerical_error import NumericalError
+from castfem.studies.optimisation.polynomial_fit import columns
 
 REACH = 2.5  # steps from the optimum within which the quadratics are used
 _SAMPLES, _LINE = 2**14, 4001  # places in that box, with several variables and with one
@@ -45,15 +45,15 @@ class Quadratic:
         """Fit the runs (r, n) within reach, with cost and margins (r, 1 + m)."""
         near = np.max(np.abs(shares - centre) / step, axis=1) <= REACH * (1.0 + 1e-9)
         near &= ~np.isnan(values).any(axis=1)
-        columns = _columns(np.asarray((shares[near] - centre) / step))
-        weights, _, rank, _ = np.linalg.lstsq(columns, values[near], rcond=1e-8)
-        rest = values[near] - columns @ weights
-        free = max(len(columns) - int(rank), 1)
+        rows = columns(np.asarray((shares[near] - centre) / step))
+        weights, _, rank, _ = np.linalg.lstsq(rows, values[near], rcond=1e-8)
+        rest = values[near] - rows @ weights
+        free = max(len(rows) - int(rank), 1)
         return cls(centre, step, weights, np.sqrt(np.sum(rest**2, axis=0) / free))
 
     def __call__(self, shares: Array) -> Array:
         """Cost and margins (r, 1 + m) at some places (r, n)."""
-        return np.asarray(_columns((shares - self.centre) / self.step) @ self.weights)
+        return np.asarray(columns((shares - self.centre) / self.step) @ self.weights)
 
     @property
     def slopes(self) -> Array:
@@ -76,11 +76,6 @@ class Quadratic:
 
         points = qmc.Sobol(len(low), scramble=False).random(_SAMPLES)
         return np.vstack([low + points * (high - low), self.centre])
-
-
-def _columns(d: npt.NDArray[np.floating[Any]]) -> Array:
-    pairs = itertools.combinations_with_replacement(range(d.shape[1]), 2)
-    return np.column_stack([np.ones(len(d)), *d.T, *(d[:, i] * d[:, j] for i, j in pairs)])
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,13 +20,13 @@ from castfem.base.errors import InputError
 from castfem.model.shipped_cases import as_case
 from castfem.runs.output.run_record import RunRecord
 from castfem.runs.result import RunResult
-from castfem.studies.accuracy.levels import DEFAULT
+from castfem.studies.accuracy.sizes import DEFAULT
 from castfem.studies.optimisation import argument_checks as check
 from castfem.studies.optimisation.derivative_request import obstacles, of_run
-from castfem.studies.optimisation.evaluator import Ended, Evaluator, lean, variant
+from castfem.studies.optimisation.evaluator import Ended, Evaluator
 from castfem.studies.optimisation.optimum import Optimum
 from castfem.studies.optimisation.problem import DesignProblem, RunRequest
-from castfem.studies.optimisation.responses import Obtain
+from castfem.studies.optimisation.responses import KnownRuns, Obtain
 from castfem.studies.optimisation.store import Evaluation
 from castfem.studies.optimisation.workflow import Workflow
 from castfem.studies.sweep.workers import nothing
@@ -75,7 +75,7 @@ class Study:
             self.evaluator = Evaluator(loaded, check.check_folder(folder, "Study"))
         if self.evaluator is not None:
             self.problem.check_results()
-        self._runs = _KnownRuns(self.problem, self.evaluator)
+        self._runs = KnownRuns(self.problem, self.evaluator)
         self._kept: list[RunResult] = []
         self._result: Optimum | None = None
         if self.problem.table.method == "slsqp":
@@ -139,10 +139,7 @@ class Study:
         return self._result
 
     def _workflow(self, own: bool, stage: Callable[[str], None] | None = None) -> Workflow:
-        runs = self._runs
-        return Workflow(
-            self.problem, runs.find, runs.case, runs.results, own, stage or (lambda purpose: None)
-        )
+        return Workflow(self.problem, self._runs, own, stage or nothing)
 
     def _check_derivatives(self) -> None:
         """Refuse a search by derivatives of runs that have none."""
@@ -264,43 +261,6 @@ class _RunsMissing(Exception):
     def __init__(self, requests: Requests) -> None:
         super().__init__(requests)
         self.requests = requests
-
-
-class _KnownRuns:
-    """The cases and results of the runs of a problem: handed in, or in the folder."""
-
-    def __init__(self, problem: DesignProblem, evaluator: Evaluator | None) -> None:
-        self._problem, self._evaluator = problem, evaluator
-        self._lean = lean(problem.case)
-        self._cases: dict[RunRequest, Case] = {}
-        self._differentiated: set[RunRequest] = set()  # that were asked for derivatives
-        self.results: dict[RunRequest, Evaluation] = {}
-
-    def case(self, request: RunRequest) -> Case:
-        """The case of a run."""
-        if request not in self._cases:
-            changes = self._problem.changes(request)
-            made = variant(self._lean, changes, request.fidelity, ideal=request.ideal)
-            self._cases[request] = made
-        return self._cases[request]
-
-    def find(self, request: RunRequest) -> Evaluation | None:
-        """The results of a run, None where it has not been made as requested."""
-        found = self.results.get(request)
-        if request.derivatives and request not in self._differentiated:
-            found = None
-        if found is None and self._evaluator is not None:
-            derivatives = of_run(self._problem, request) if request.derivatives else None
-            found = self._evaluator.store.find(self.case(request), derivatives)
-            if found is not None:
-                self.note(request, found)
-        return found
-
-    def note(self, request: RunRequest, results: Evaluation) -> None:
-        """Keep the results of a run."""
-        self.results[request] = results
-        if request.derivatives:
-            self._differentiated.add(request)
 
 
 def _evaluation(result: RunResult, length: float) -> Evaluation:

@@ -26,54 +26,37 @@ Obstacle = Literal["", "in use", "file", "process"]
 
 @dataclass(frozen=True, slots=True)
 class Derivatives:
-    """Which derivatives a run is to carry along.
+    """Which derivatives a run is to carry along."""
 
-    Attributes:
-        of: Names of results.
-        to: Parameters, as `castfem sensitivity` takes them.
-    """
-
-    of: tuple[str, ...]
-    to: tuple[str, ...]
+    of: tuple[str, ...]  #: names of results
+    to: tuple[str, ...]  #: parameters, as `castfem sensitivity` takes them
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """What is to be run.
+    """What is to be run."""
 
-    Attributes:
-        name: Of the run.
-        folder: Where it writes.
-        case: The case.
-        resume: Go on from the checkpoint, if there is one.
-        after: Called with the folder of the finished run, such as `draw_figures`; a function of a
-            module, since it goes to other processes by name. None for nothing.
-        derivatives: To be carried along, where the case has them; None for none. Such a run is
-            begun anew, not resumed.
-    """
-
-    name: str
-    folder: Path
+    name: str  #: of the run
+    folder: Path  #: where it writes
     case: Case
-    resume: bool = False
+    resume: bool = False  #: go on from the checkpoint, if there is one
     after: Callable[[Path], object] | None = None
+    """Called with the folder of the finished run, such as `draw_figures`; a function of a
+    module, since it goes to other processes by name. None for nothing."""
     derivatives: Derivatives | None = None
+    """To be carried along, where the case has them; None for none. Such a run is begun anew,
+    not resumed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a run has ended.
+    """How a run has ended."""
 
-    Attributes:
-        message: Why it failed, one line; empty if it did not.
-        seconds: How long it took.
-        obstacle: What hindered it that is none of the case's: another run in its folder, a file
-            that cannot be written, the end of its process; empty for nothing.
-    """
-
-    message: str = ""
-    seconds: float = 0.0
+    message: str = ""  #: why it failed, one line; empty if it did not
+    seconds: float = 0.0  #: how long it took
     obstacle: Obstacle = ""
+    """What hindered it that is none of the case's: another run in its folder, a file that
+    cannot be written, the end of its process; empty for nothing."""
 
     @property
     def failed(self) -> bool:

@@ -25,9 +25,9 @@ from castfem.base.types import Array
 from castfem.model.load import value_of
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.results.places import quantities_at
+from castfem.studies.calibration.measured import Measured, residuals
+from castfem.studies.calibration.probe_data import is_of_probe, value_at
 from castfem.studies.optimisation.evaluator import Evaluator, variant
-from castfem.studies.optimisation.measured import Measured, residuals
-from castfem.studies.optimisation.probe_data import is_of_probe, value_at
 from castfem.studies.sweep.workers import nothing
 
 if TYPE_CHECKING:
@@ -205,7 +205,7 @@ def calibrate(
 
     Args:
         case: The case; its own values are where the fit begins, if they are plain quantities.
-        measured: From `castfem.studies.optimisation.measured`.
+        measured: From `castfem.studies.calibration.measured`.
         keys: To be fitted, with their bounds.
         evaluator: Of `followed(case, measured)`; runs it.
         ended: Called with each run that is made, and how it has ended.
