@@ -129,9 +129,8 @@ def sweep(
     from castfem.base.messages import written
     from castfem.post.compare.study_tables import sweep_in_si
     from castfem.studies.sweep.plan import plan
-    from castfem.studies.sweep.record import Record, check_own
+    from castfem.studies.sweep.record import check_own, prepare
     from castfem.studies.sweep.results import TABLE_NAME, rows, write_table
-    from castfem.studies.sweep.work import Job
 
     sound = as_case(case, "sweep")
     given = _value_lists(values)
@@ -139,13 +138,7 @@ def sweep(
     variants = plan(sound, assignments, None if table is None else Path(table))
     with _target(folder, "sweep", executor) as target:
         check_own(target, (TABLE_NAME,))
-        record = Record(target)
-        if not overwrite:
-            record.find(variants)
-        jobs = [Job(v.name, target / v.name, v.case, not overwrite) for v in variants]
-        missing = record.unfinished(jobs, overwrite=overwrite)
-        with record.shared():
-            record.expect(variants)
+        record, missing = prepare(target, variants, resume=not overwrite, overwrite=overwrite)
         _make(missing, record, processes, executor)
         found = rows([v.name for v in variants], record)
         write_table(target / TABLE_NAME, found)
@@ -177,7 +170,7 @@ def _target(
     """
     from mpi4py import MPI
 
-    from castfem.studies.optimisation.argument_checks import check_folder
+    from castfem.studies.sweep.record import check_folder
 
     if MPI.COMM_WORLD.size > 1 and executor is None:
         command = caller.partition("_")[0]

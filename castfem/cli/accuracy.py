@@ -25,6 +25,7 @@ from castfem.studies.accuracy.memo import Ladder, prepare
 from castfem.studies.accuracy.proposal import propose, read_share
 from castfem.studies.accuracy.sizes import cell_count, changes
 from castfem.studies.accuracy.table import ErrorTable, attach
+from castfem.studies.sweep.record import check_folder
 from castfem.studies.sweep.work import Job, Outcome
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def _prepared(options: Options, ranks: bool) -> Ladder:
     if options.to:
         read_share(options.to)
     folder = _folder(options)
-    many_runs.check_folder(folder)
+    check_folder(folder)
     path = shipped_cases.find(options.name)
     case = load_case(path, options.overrides)
     options.check_reached(case.casting.length)

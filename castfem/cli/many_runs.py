@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from castfem.base.errors import CastfemError, InputError
 from castfem.cli import parallel
-from castfem.runs.output.run_record import RUN_NAME
-from castfem.studies.sweep.record import Record
+from castfem.studies.sweep.record import Record, check_folder
 from castfem.studies.sweep.work import Job, Outcome
 from castfem.studies.sweep.workers import LOG_NAME, Workers, serve
 
@@ -127,18 +126,6 @@ def evaluator(case: Case, folder: Path, processes: int | None, ranks: int = 1) -
     at_once = cores() if processes is None else processes
     at_once = 0 if comm is not None else at_once
     return Evaluator(case, folder, processes=at_once, comm=comm, ranks=ranks)
-
-
-def check_folder(folder: Path) -> None:
-    """Refuse what cannot be the folder of many runs.
-
-    Raises:
-        InputError: It is a file, or that of a single run.
-    """
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is a file, a folder is needed; choose another with -o")
-    if (folder / RUN_NAME).is_file():
-        raise InputError(f"{folder}: holds a single run; choose another with -o")
 
 
 def check_processes(processes: int | None, ranks: bool, of_each: int = 1) -> None:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem.base.atomic_files import folder_refused
 from castfem.base.errors import InputError, RunFailure
 from castfem.base.shown_units import shown_in
 from castfem.base.table import say
@@ -22,7 +21,7 @@ from castfem.post.report.cautions import cautions_of_all
 from castfem.runs.output.chosen_units import units_of_run
 from castfem.runs.output.summary import Summary
 from castfem.studies.sweep.plan import Variant, plan
-from castfem.studies.sweep.record import Record, check_own
+from castfem.studies.sweep.record import Record, check_folder, check_own, prepare
 from castfem.studies.sweep.results import TABLE_NAME, rows, write_table
 from castfem.studies.sweep.work import Job, Outcome
 
@@ -83,7 +82,7 @@ def _planned(options: Options) -> tuple[tuple[Variant, ...], Path]:
     path = shipped_cases.find(options.name)
     variants = plan(options.case(path), options.assignments, options.table)
     target = options.target(path, "_sweep")
-    many_runs.check_folder(target)
+    check_folder(target)
     for line in shared_heat(one.case for one in variants):
         print(f"castfem: {line}", file=sys.stderr)
     options.check_reached(max((one.case.casting.length for one in variants), default=0.0))
@@ -101,19 +100,10 @@ def _prepared(options: Options, ranks: bool) -> _Sweep:
     share = Share.read(options.part) if options.part else Share(1, 1)
     variants = tuple(share.of(everything))
     check_own(target, (TABLE_NAME,))
-    record = Record(target)
-    if not options.overwrite:
-        record.find(variants)  # what has ended and could not be noted any more
-    after = _draw if options.figures else None
-    jobs = record.unfinished(
-        [Job(v.name, target / v.name, v.case, options.resume, after) for v in variants],
-        overwrite=options.overwrite,
-    )
-    try:
-        with record.shared():
-            record.expect(everything, {variant.name for variant in variants})
-    except (OSError, RunFailure) as error:
-        raise InputError(folder_refused(target, error)) from None
+    record, jobs = prepare(
+        target, everything, variants, resume=options.resume, overwrite=options.overwrite,
+        after=_draw if options.figures else None,
+    )  # fmt: skip
     return _Sweep(record, variants, jobs, share.count == 1)
 
 

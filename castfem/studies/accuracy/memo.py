@@ -6,8 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from castfem.base.atomic_files import folder_refused
-from castfem.base.errors import InputError, RunFailure
+from castfem.base.errors import RunFailure
 from castfem.base.shown_quantity import Quantity
 from castfem.base.tolerances import ROUNDING
 from castfem.runs.output.history import HISTORY_NAME, read_history
@@ -17,6 +16,7 @@ from castfem.studies.accuracy.ladder import Level
 from castfem.studies.accuracy.table import ErrorTable, Ran, gather
 from castfem.studies.sweep.plan import Variant
 from castfem.studies.sweep.record import Record
+from castfem.studies.sweep.record import prepare as prepare_runs
 from castfem.studies.sweep.work import Job
 
 
@@ -99,18 +99,8 @@ def prepare(
         InputError: The folder holds runs of another case, one is at work there, or it cannot be
             written.
     """
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is a file, a folder is needed; choose another with -o")
-    record = Record(folder)
-    runnable = [level for level in levels if not level.problem]
-    jobs = record.unfinished(
-        [Job(one.name, folder / one.name, one.case, resume=not overwrite) for one in runnable],
-        overwrite=overwrite,
-    )
-    record.expect(Variant(one.name, {"sizes": one.text}, one.case) for one in runnable)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        record.save()
-    except (OSError, RunFailure) as error:
-        raise InputError(folder_refused(folder, error)) from None
+    runnable = [
+        Variant(one.name, {"sizes": one.text}, one.case) for one in levels if not one.problem
+    ]
+    record, jobs = prepare_runs(folder, runnable, resume=not overwrite, overwrite=overwrite)
     return Ladder(tuple(levels), record, jobs, tuple(at))

@@ -7,9 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from castfem.base.atomic_files import folder_refused
 from castfem.base.closing import Closing
-from castfem.base.errors import InputError, RunFailure
+from castfem.base.errors import RunFailure
 from castfem.base.messages import shown
 from castfem.base.result_registry import smooth_twins
 from castfem.model.load import changed, from_document
@@ -19,6 +18,7 @@ from castfem.studies.optimisation import argument_checks as check
 from castfem.studies.optimisation.fidelity import at_level, idealised
 from castfem.studies.optimisation.store import Evaluation, Store
 from castfem.studies.sweep.groups import check as check_groups
+from castfem.studies.sweep.record import check_folder
 from castfem.studies.sweep.work import Derivatives, Job, Outcome
 from castfem.studies.sweep.workers import LOG_NAME, CallExecutor, Workers, nothing
 
@@ -72,7 +72,7 @@ class Evaluator(Closing):
         executor: CallExecutor | None = None,
     ) -> None:
         self.case = lean(as_case(case, "Evaluator"))
-        target = check.check_folder(folder, "Evaluator")
+        target = check_folder(folder, "Evaluator")
         check.check_integer(processes, 0, "Evaluator: processes")
         check.check_integer(ranks, 1, "Evaluator: ranks")
         check_groups(ranks, 1 if comm is None else comm.size, "Evaluator: ranks=")
@@ -144,7 +144,7 @@ class Evaluator(Closing):
             ended(job, outcome)
 
         if missing:
-            self._make_folder()
+            self.store.record.begin()
             self.runs += len(missing)
             self._workers.run(list(missing.values()), ended=note)
             for wait in _PATIENCE:
@@ -161,14 +161,6 @@ class Evaluator(Closing):
             )
         found = [lost.get(job.name) or find(job.case) for job in jobs]
         return [one for one in found if one is not None]
-
-    def _make_folder(self) -> None:
-        folder = self.store.folder
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            self.store.record.save()
-        except (OSError, RunFailure) as error:
-            raise InputError(folder_refused(folder, error)) from None
 
     def close(self) -> None:
         """Release the processes, or the other ranks."""

@@ -29,6 +29,7 @@ from castfem.studies.optimisation.problem import DesignProblem, RunRequest
 from castfem.studies.optimisation.responses import KnownRuns, Obtain
 from castfem.studies.optimisation.store import Evaluation
 from castfem.studies.optimisation.workflow import Workflow
+from castfem.studies.sweep.record import check_folder
 from castfem.studies.sweep.workers import nothing
 
 if TYPE_CHECKING:
@@ -72,7 +73,7 @@ class Study:
             raise InputError(f"Study: evaluator must be an Evaluator, got {evaluator!r}")
         self.evaluator = evaluator
         if folder is not None and evaluator is None:
-            self.evaluator = Evaluator(loaded, check.check_folder(folder, "Study"))
+            self.evaluator = Evaluator(loaded, check_folder(folder, "Study"))
         if self.evaluator is not None:
             self.problem.check_results()
         self._runs = KnownRuns(self.problem, self.evaluator)
