@@ -87,8 +87,8 @@ def best_single(found: Optimum) -> dict[str, Any]:
     Heat in MJ/m and per cent of the idealised mould's, stress in MPa.
     """
     (kept,), (value,) = found.constraints, found.values
-    less = max((a for a in found.away if a.value < value.value), key=lambda a: a.value)
-    more = min((a for a in found.away if a.value > value.value), key=lambda a: a.value)
+    less = max((a for a in found.neighbours if a.value < value.value), key=lambda a: a.value)
+    more = min((a for a in found.neighbours if a.value > value.value), key=lambda a: a.value)
     lost = kept.left - less.left[0]
     assert found.objective is not None
     return {

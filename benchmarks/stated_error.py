@@ -17,7 +17,7 @@ from castfem.post.report.error_table import main_names, quantity_of
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.headline import plain_label
 from castfem.studies.accuracy.ladder import Level, levels
-from castfem.studies.accuracy.memo import Ladder, prepare
+from castfem.studies.accuracy.ladder_runs import Ladder, prepare
 from castfem.studies.accuracy.sizes import AXES, axes_of, changes
 from castfem.studies.accuracy.table import ErrorTable
 from castfem.studies.sweep.work import Job, Outcome

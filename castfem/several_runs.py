@@ -223,7 +223,7 @@ def error_table(
     """
     from castfem.post.compare.study_tables import errors_in_si
     from castfem.studies.accuracy.ladder import BASE, levels
-    from castfem.studies.accuracy.memo import prepare
+    from castfem.studies.accuracy.ladder_runs import prepare
     from castfem.studies.accuracy.table import attach
 
     sound = as_case(case, "error_table")

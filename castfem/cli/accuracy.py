@@ -21,7 +21,7 @@ from castfem.runs.output.run_record import RUN_NAME
 from castfem.runs.results.headline import plain_label
 from castfem.runs.results.numbers import duration
 from castfem.studies.accuracy.ladder import BASE, levels
-from castfem.studies.accuracy.memo import Ladder, prepare
+from castfem.studies.accuracy.ladder_runs import Ladder, prepare
 from castfem.studies.accuracy.proposal import propose, read_share
 from castfem.studies.accuracy.sizes import cell_count, changes
 from castfem.studies.accuracy.table import ErrorTable, attach
@@ -123,7 +123,7 @@ def _propose(table: ErrorTable, options: Options) -> None:
     given += [f"{key}={value}" for key, value in changes(case, found.factors).items()]
     settings = " ".join(f"--set {shlex.quote(text)}" for text in given)
     print(f"castfem run {shlex.quote(options.name)} {settings} -o FOLDER")
-    for name, left in found.beyond.items():
+    for name, left in found.unreached.items():
         label = plain_label(quantity_of(table.quantities[name]))
         print(f"not by sizes within reach: {label}, {100 * left:.2g} %", file=sys.stderr)
 

@@ -138,7 +138,7 @@ def check_processes(processes: int | None, ranks: bool, of_each: int = 1) -> Non
 
     Raises:
         InputError: There are none, or the ranks of a launcher do the work, or they cannot be
-            parted so.
+            split into such groups.
     """
     if ranks and processes is not None:
         raise InputError("-j is for one machine; under mpirun the ranks do the work")

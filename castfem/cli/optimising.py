@@ -110,7 +110,7 @@ def _report(study: Study, optimum: Optimum, target: Path, options: Request) -> i
         written.append(write_mould_table(target, best).name)
     if optimum.front is not None:
         written.append(write_front(target, optimum.front).name)
-    if options.figures and optimum.away:
+    if options.figures and optimum.neighbours:
         written += _drawn(study, optimum, target)
     if not options.quiet:
         out = parallel.console()

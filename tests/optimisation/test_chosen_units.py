@@ -38,7 +38,7 @@ FRONT = Front(
     FrontResult("shell_mid_face", "shell, mid-face", "mm", -1.0, 1e-5),
     (FrontPoint((2.0,), 5e6, 0.0127, None, "a"), FrontPoint((3.0,), 6e6, 0.0137, 1e9, "b")),
     4,
-    spent=False,
+    exhausted=False,
 )
 SPREAD = Spread(
     ("superheat",),

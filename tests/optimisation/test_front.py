@@ -77,7 +77,7 @@ def test_two_variables():
         speed, superheat = point.values
         way = (speed - 3.0) / 1.5
         assert superheat == pytest.approx(20.0 + 20.0 * way, abs=1.5)
-    assert not found.spent
+    assert not found.exhausted
 
 
 def test_constraints_hold_on_it():

@@ -39,7 +39,7 @@ def report(optimum: Optimum) -> Iterator[Table | str]:
     yield f"{optimum.sense} {label_shown(objective.label)}: {_state(optimum)}"
     yield _variables(optimum)
     yield _results(optimum, objective)
-    if optimum.away:
+    if optimum.neighbours:
         yield _steps(optimum, objective)
     yield from _remarks(optimum, objective)
     if optimum.spread is not None:
@@ -58,11 +58,11 @@ def _state(optimum: Optimum) -> str:
         state = f"found; held by {'; '.join(by)}" if by else "found; no constraint binds"
         if failed := optimum.runs["failed"]:
             state += f"; {failed} of the {optimum.runs['search']} runs by {optimum.fidelity} failed"
-        return f"{state}; another place is as good" if optimum.elsewhere else state
+        return f"{state}; another place is as good" if optimum.other_optima else state
     if optimum.status == "not converged":
         return "not converged: better runs were still met; raise optimise.most_runs"
     if optimum.status == "independent":
-        return f"depends on none of {', '.join(optimum.idle)}; any value is as good"
+        return f"depends on none of {', '.join(optimum.without_effect)}; any value is as good"
     worst = optimum.worst
     if worst is None:
         return "no run meets all constraints"
@@ -93,7 +93,7 @@ def promising_ends(optimum: Optimum) -> tuple[Value, ...]:
 
 def _falls(optimum: Optimum, value: Value, number: int, one: ConstraintStatus) -> int:
     """1 if the violation falls from the next run inwards to the end, -1 if it grows, else 0."""
-    steps = [a for a in optimum.away if a.key == value.key and math.isfinite(a.objective)]
+    steps = [a for a in optimum.neighbours if a.key == value.key and math.isfinite(a.objective)]
     if not steps:
         return 0
     inward = min(steps, key=lambda step: abs(step.value - value.value))
@@ -185,7 +185,7 @@ def _steps(optimum: Optimum, objective: ResultWithError) -> Table:
     head = f"{objective.name} [{objective.difference_unit}]"
     rows: list[Sequence[str]] = []
     units = {value.key: value.unit for value in optimum.values}
-    for step in optimum.away:
+    for step in optimum.neighbours:
         name = f"{step.key} = {variable(step.value)} {units[step.key]}".rstrip()
         if step.message:
             rows.append((name, "fails", *("" for _ in heads)))
@@ -214,19 +214,19 @@ def _remarks(optimum: Optimum, objective: ResultWithError) -> Iterator[str]:
     yield f"{checked}; {optimum.seconds:.0f} s of runs; best run: {best}"
     if optimum.by_check is not None and optimum.constraints:
         yield _by_check(optimum, objective)
-    if optimum.idle and optimum.status == "found":
-        yield f"no result depends on {' and '.join(optimum.idle)}: any value is as good"
-    for why in optimum.unknown:
+    if optimum.without_effect and optimum.status == "found":
+        yield f"no result depends on {' and '.join(optimum.without_effect)}: any value is as good"
+    for why in optimum.unverified:
         yield f"the interval is open, for {why}"
-    if optimum.elsewhere:
-        some = "; or ".join(_values(optimum, one) for one in optimum.elsewhere[:3])
+    if optimum.other_optima:
+        some = "; or ".join(_values(optimum, one) for one in optimum.other_optima[:3])
         yield f"not the only one: as good within scatter, outside of these intervals, is {some}"
     every = (objective, *(one.result for one in optimum.constraints))
     for known in {one.name: one for one in every if one.twin is not None}.values():
         name, value = known.twin or ("", 0.0)
         apart = f"{_difference(known, value - known.value)} {known.difference_unit}"
         yield f"{known.name} lies {apart} below {name}, its maximum"
-    span = [abs(step.objective) for step in optimum.away if math.isfinite(step.objective)]
+    span = [abs(step.objective) for step in optimum.neighbours if math.isfinite(step.objective)]
     if span and max(span) <= _SIGMAS * objective.noise:
         yield "all about it the objective changes by no more than its noise: it is flat here"
 
@@ -310,5 +310,5 @@ def _front(front: Front) -> Iterator[Table | str]:
         shown = "" if price is None else significant(price, 3)
         rows.append((*(variable(value) for value in point.values), first, second, shown))
     yield Table((*front.keys, *heads), rows, words=())
-    if front.spent:
+    if front.exhausted:
         yield "a search of the front has had its runs before it was done: raise optimise.most_runs"

@@ -28,6 +28,7 @@ REACH = 2.5  # steps from the optimum within which the quadratics are used
 _SAMPLES, _LINE = 2**14, 4001  # places in that box, with several variables and with one
 _PARTS = 1.0 / 3.0, 2.0 / 3.0, 1.0  # of the largest error of margins, and of that of the cost
 _EDGE = 0.02  # of the box: an interval that ends so near to its end may go on
+_NEIGHBOURS, _APART = 5, 1e-3  # runs that measure the noise, and their distance, of the ranges
 _SIGMAS = 3.0  # two runs differ by that much of their scatter in one case of thirty
 
 
@@ -258,3 +259,24 @@ def around(centre: Array, step: Array, steps: Sequence[int] = (1, 2)) -> list[Ar
                 place[i] = np.clip(share, 0.0, 1.0)
                 found.append(place)
     return found
+
+
+def neighbours(place: Array) -> list[Array]:
+    """Places (n,) on a short line through one, or as near to it as the ranges allow, shares."""
+    along = _along()
+    middle = np.clip(place, along[-1], 1.0 - along[-1])
+    return [np.asarray(middle + step) for step in along]
+
+
+def scatter(values: Array) -> Array | None:
+    """Standard deviation of results (r, 1 + m) at `neighbours` about a line; None if one failed."""
+    if np.isnan(values).any():
+        return None
+    along = _along()
+    fit = np.polynomial.polynomial.polyfit(along, values, 1)
+    rest = values - np.polynomial.polynomial.polyval(along, fit).T
+    return np.asarray(np.sqrt(np.sum(rest**2, axis=0) / (len(along) - 2)))
+
+
+def _along() -> Array:
+    return np.asarray((np.arange(_NEIGHBOURS) - _NEIGHBOURS // 2) * _APART)
