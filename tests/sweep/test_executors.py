@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
-from small_case import small
+from ranks import needs_mpirun, python_on
+from small_case import small, write_small
 
 import castfem
 from castfem.base.errors import InputError
@@ -101,6 +102,30 @@ def test_all_executors_give_the_same_table(tmp_path, monkeypatch):
     assert own[same].equals(alone[same])
     again = castfem.sweep(small(SHORT), SPEEDS, "own", executor=Fake(lambda n, job: Outcome("no")))
     assert again.equals(own)  # nothing is run
+
+
+@needs_mpirun
+def test_the_ranks_of_a_launcher(tmp_path):
+    """By the executor of mpi4py; without one it is said what to do."""
+    write_small(tmp_path)
+    (tmp_path / "script.py").write_text(
+        "import castfem\nfrom mpi4py import MPI\n"
+        "from mpi4py.futures import MPICommExecutor\n"
+        "case = castfem.load('small').with_(length='6 mm')\n"
+        f"values = {SPEEDS!r}\n"
+        "with MPICommExecutor(MPI.COMM_WORLD, root=0) as executor:\n"
+        "    if executor is not None:\n"
+        "        print(list(castfem.sweep(case, values, 'out', executor=executor).heat_removed))\n"
+        "        try:\n            castfem.sweep(case, values, 'out')\n"
+        "        except castfem.InputError as error:\n            print(error)\n"
+    )
+    done = python_on(3, "script.py", folder=tmp_path, timeout=240.0)
+    assert done.returncode == 0, done.stderr
+    alone = castfem.sweep(small(SHORT), SPEEDS, tmp_path / "alone")
+    assert done.stdout.splitlines() == [
+        str(list(alone["heat_removed"])),
+        "sweep: runs on one rank; under mpirun use castfem sweep",
+    ]
 
 
 def test_a_run_that_is_lost_is_submitted_again(tmp_path):

@@ -106,6 +106,11 @@ def _alone(job: Job, comm: MPI.Comm | None) -> Outcome:
     from mpi4py import MPI
 
     from castfem.base import log
+
+    if comm is None and MPI.COMM_WORLD.size > 1:
+        import petsc4py
+
+        petsc4py.init(comm=MPI.COMM_SELF)  # other ranks of an executor need not come along
     from castfem.runs import loop
 
     log.close()
