@@ -133,7 +133,11 @@ def sweep(
     from castfem.studies.sweep.results import TABLE_NAME, rows, write_table
 
     sound = as_case(case, "sweep")
-    given = _value_lists(values)
+    given = {} if values is None else values
+    lists = given.values() if isinstance(given, Mapping) else [""]
+    if any(isinstance(one, str) or not isinstance(one, Sequence) for one in lists):
+        sample = '{"casting.speed": ["3 m/min"]}'
+        raise InputError(f"sweep: values must be keys with lists of values, {sample}: {values!r}")
     assignments = [f"{key}={','.join(map(written, several))}" for key, several in given.items()]
     variants = plan(sound, assignments, None if table is None else Path(table))
     with _target(folder, "sweep", executor) as target:
@@ -143,20 +147,6 @@ def sweep(
         found = rows([v.name for v in variants], record)
         write_table(target / TABLE_NAME, found)
     return sweep_in_si(found)
-
-
-def _value_lists(values: Mapping[str, Sequence[Any]] | None) -> Mapping[str, Sequence[Any]]:
-    """The values of a sweep by key.
-
-    Raises:
-        InputError: They are not written so.
-    """
-    several = {} if values is None else values
-    lists = several.values() if isinstance(several, Mapping) else [""]
-    if any(isinstance(one, str) or not isinstance(one, Sequence) for one in lists):
-        sample = '{"casting.speed": ["3 m/min"]}'
-        raise InputError(f"sweep: values must be keys with lists of values, {sample}: {values!r}")
-    return several
 
 
 @contextmanager

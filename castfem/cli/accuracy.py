@@ -141,7 +141,7 @@ def show_errors(folder: Path) -> None:
 
 
 def print_table(table: ErrorTable) -> None:
-    """Print errors, and which runs told nothing of them."""
+    """Print errors, and which runs have none."""
     for one in error_tables(table):
         say(parallel.console(), one, "")
     for line in without_error(table):

@@ -29,7 +29,7 @@ def on_root(
     """Prepare and carry out runs on rank 0; the other ranks work (collective).
 
     Args:
-        prepare: Looks at all that the user gave; told whether there are several ranks.
+        prepare: Looks at all that the user gave; called with whether there are several ranks.
         carry_out: Does what has been prepared, by `Workers` on the ranks, and returns the exit
             status.
 

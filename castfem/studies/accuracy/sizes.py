@@ -42,7 +42,7 @@ MESH, STEP, COUPLING = "mesh", "step", "coupling"
 AXES = (MESH, STEP, COUPLING)
 CELLS = ("surface_size", "corner_size", "face_size", "core_size")
 _LOCAL = {"sdirk2": 3, "backward_euler": 2}  # power of the step that its error follows
-_ALIKE = 0.02  # relative; two factors that differ by less are one
+_EQUAL = 0.02  # relative; two factors that differ by less are one
 _SIZES = {
     "mesh": CELLS,
     "coupling": (
@@ -215,7 +215,7 @@ def factors_between(
         other: Of the other case, likewise.
 
     Returns:
-        Factors; None where the sizes are not all scaled alike, so that no error can be told.
+        Factors; None where the sizes are not all scaled alike, so that no error is known.
     """
     if base.keys() != other.keys():
         return None
@@ -223,11 +223,11 @@ def factors_between(
     for name, size in base.items():
         axis = MESH if name.startswith("mesh.") else COUPLING if name == "window" else STEP
         groups.setdefault(axis, []).append(other[name] / size)
-    if any(not _alike(ratios) for ratios in groups.values()):
+    if any(not _nearly_equal(ratios) for ratios in groups.values()):
         return None
     return {axis: math.prod(r) ** (1.0 / len(r)) for axis, r in groups.items()}
 
 
-def _alike(ratios: Iterable[float]) -> bool:
+def _nearly_equal(ratios: Iterable[float]) -> bool:
     every = list(ratios)
-    return max(every) <= (1.0 + _ALIKE) * min(every)
+    return max(every) <= (1.0 + _EQUAL) * min(every)

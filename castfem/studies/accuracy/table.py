@@ -245,7 +245,7 @@ def _series(
     """A number by the factor of one of the sizes, in its unit.
 
     Where the windows cut the thermal steps shorter windows have shorter steps, too: what these
-    alone do to the number is told by the run with such steps, and is taken out.
+    alone do to the number is known by the run with such steps, and is taken out.
     """
 
     def of(axis: str) -> dict[float, float]:

@@ -123,7 +123,7 @@ def hot_mould_of(
     comm: MPI.Comm,
     origin: str,
     turns: int = 1,
-    told: Callable[[int, Turn], None] = lambda number, turn: None,
+    report: Callable[[int, Turn], None] = lambda number, turn: None,
 ) -> list[Turn]:
     """Return the turns of a case's hot mould, the last of which is the answer (collective).
 
@@ -133,7 +133,7 @@ def hot_mould_of(
         origin: What the user called the case, for messages.
         turns: Most of them; 1 heats the tube once. They end before where wall and heat agree, and
             after one where the tube's flux or its faces' temperatures are given.
-        told: Called after each.
+        report: Called after each.
 
     Raises:
         InputError: The case has no tube.
@@ -151,14 +151,14 @@ def hot_mould_of(
             share, reach = table.tube.corner_flux, table.tube.corner_reach
             flux = profile(given, sides, table.length, share, reach)
         turn = Turn(None, tube.solve(flux), np.nan, np.nan)
-        told(1, turn)
+        report(1, turn)
         return [turn]
     found: list[Turn] = []
     for number in range(1, turns + 1):
         strand = follow(_heated(case, table, found[-1].wall if found else None), comm)
         wall = tube.solve(flux_of(strand, mould))
         found.append(_turn(strand, wall, found[-1] if found else None))
-        told(number, found[-1])
+        report(number, found[-1])
         if found[-1].moved < SHAPE and abs(found[-1].heat) < HEAT:
             break
     return found

@@ -63,7 +63,7 @@ def find_section(
     origin: str,
     at: float | None = None,
     close: float = CLOSE,
-    told: Callable[[int, Attempt], None] = lambda number, attempt: None,
+    report: Callable[[int, Attempt], None] = lambda number, attempt: None,
 ) -> list[Attempt]:
     """Return the runs, the last of which ends as a rectangle of the case's section (collective).
 
@@ -73,7 +73,7 @@ def find_section(
         origin: What the user called the case, for messages.
         at: Position of the wanted section, m; None: the end of the mould, or of the run.
         close: Largest deviation from it, m.
-        told: Called after each run.
+        report: Called after each run.
 
     Raises:
         InputError: The case cannot be asked.
@@ -92,7 +92,7 @@ def find_section(
             start = Outline(ways, np.zeros(len(ways)))
         end = outline_of(strand.outline[-1], strand.line.place, start, sides)
         found.append(Attempt(start, end, float(np.abs(end.offset).max()), strand))
-        told(number, found[-1])
+        report(number, found[-1])
         if found[-1].worst <= close:
             return found
         start = Outline(start.ways, start.offset - RELAXATION * end.offset)

@@ -20,7 +20,7 @@ from castfem.studies.optimisation.problem import RunRequest
 from castfem.studies.optimisation.responses import Responses
 from castfem.studies.optimisation.search import FIRST, Search
 
-_SIGMAS = 2.0  # of noise: nearer results are not told apart
+_SIGMAS = 2.0  # of noise: nearer results count as equal
 
 
 class FrontSearch:

@@ -99,7 +99,7 @@ class Value:
     key: str
     unit: str  #: "" for none
     value: float  #: at the best run
-    low: float  #: lowest value that cannot be told from the best
+    low: float  #: lowest value that cannot be distinguished from the best
     high: float
     open_low: bool  #: whether it may lie lower still
     open_high: bool

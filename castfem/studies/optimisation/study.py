@@ -1,4 +1,4 @@
-"""A search by ask and tell: it asks for the runs that it needs, and is told their results.
+"""A search by ask and tell: it asks for the runs that it needs, and is given their results.
 
 study = Study("billet125/optimum_single")
 while wanted := study.ask():
@@ -77,7 +77,7 @@ class Study:
         if self.evaluator is not None:
             self.problem.check_results()
         self._runs = KnownRuns(self.problem, self.evaluator)
-        self._kept: list[RunResult] = []
+        self._ideal_runs: list[RunResult] = []
         self._result: Optimum | None = None
         if self.problem.table.method == "slsqp":
             self._check_derivatives()
@@ -184,7 +184,7 @@ class Study:
         request = check.check_request(self.problem, request, "tell")
         if isinstance(results, RunResult):
             if request.ideal:
-                self._kept.append(results)  # tapers begin by its history: a temporary one must stay
+                self._ideal_runs.append(results)  # tapers begin by its history
             results = _evaluation(results, self._runs.case(request).casting.length)
         elif isinstance(results, Mapping):
             results = Evaluation(check.quantities_of(self.problem, request, results))
