@@ -102,6 +102,10 @@ def test_all_executors_give_the_same_table(tmp_path, monkeypatch):
     assert own[same].equals(alone[same])
     again = castfem.sweep(small(SHORT), SPEEDS, "own", executor=Fake(lambda n, job: Outcome("no")))
     assert again.equals(own)  # nothing is run
+    # Nor where the sweep was killed before it could note what had ended.
+    (tmp_path / "own" / "sweep.json").write_text('{"format": "castfem sweep", "runs": {}}')
+    noted = castfem.sweep(small(SHORT), SPEEDS, "own", executor=Fake(lambda n, job: Outcome("no")))
+    assert noted[same].equals(alone[same])
 
 
 @needs_mpirun
