@@ -53,11 +53,14 @@ class Processes(Executor):
         return self._threads.submit(self._call, partial(function, *args, **keywords))
 
     def _call(self, call: Callable[[], object]) -> object:
-        if self._closing:
-            raise ProcessEnded("the executor is closed")
-        process = self._idle.pop() if self._idle else _Process(self._noise)
+        try:
+            process = self._idle.pop()
+        except IndexError:
+            process = _Process(self._noise)
         self._busy.append(process)
         try:
+            if self._closing:  # while it was started
+                process.process.terminate()
             value, error = process.call(call)
             self._idle.append(process)
         finally:
@@ -70,11 +73,17 @@ class Processes(Executor):
         """End the processes after their calls, or at once: a run notes that it was stopped."""
         self._closing = cancel_futures
         self._threads.shutdown(wait=not cancel_futures, cancel_futures=cancel_futures)
-        for process in self._busy:
-            process.process.terminate()
+        busy, idle = list(self._busy), list(self._idle)
+        for one in busy:
+            one.process.terminate()
+        for one in idle:
+            one.connection.close()
         end = time.monotonic() + _PATIENCE
-        for process in [*self._idle, *self._busy]:
-            process.end(end)
+        for one in (*idle, *busy):
+            one.process.join(max(0.0, end - time.monotonic()))
+            if one.process.is_alive():
+                one.process.kill()
+                one.process.join()
         self._threads.shutdown()
 
 
@@ -83,7 +92,7 @@ class _Process:
 
     def __init__(self, noise: Path) -> None:
         context = multiprocessing.get_context("spawn")  # a fork would share what MPI has set up
-        self._connection, other = context.Pipe()
+        self.connection, other = context.Pipe()
         self.process = context.Process(target=_serve, args=(other, noise), daemon=True)
         with _starting, _one_thread_each():
             self.process.start()
@@ -92,22 +101,12 @@ class _Process:
     def call(self, call: Callable[[], object]) -> tuple[object, Exception | None]:
         """Make a call; return its value, and what it has raised."""
         try:
-            self._connection.send(call)
-            value, error = self._connection.recv()
+            self.connection.send(call)
+            value, error = self.connection.recv()
         except (EOFError, OSError):
             self.process.join(_PATIENCE)
             raise ProcessEnded(_death(self.process.exitcode)) from None
         return value, error
-
-    def end(self, latest: float) -> None:
-        """End it, by force after a time of the monotonic clock."""
-        if not self.process.is_alive() or self.process.exitcode is not None:
-            return
-        self._connection.close()
-        self.process.join(max(0.0, latest - time.monotonic()))
-        if self.process.is_alive():
-            self.process.kill()
-            self.process.join()
 
 
 def _death(code: int | None) -> str:
