@@ -96,7 +96,7 @@ def test_slopes_without_runs():
     centre = np.array([0.5, 0.5])
     places = centre + np.array([[0.0, 0.0], [-0.1, 0.0], [0.1, 0.0], [0.0, -0.1], [0.0, 0.1]])
     tilt = Tilt.fit(centre, places, np.array([1.0, 0.8, 1.2, np.nan, np.nan]))
-    assert tilt.unverified.tolist() == [False, True]
+    assert tilt.unknown.tolist() == [False, True]
     assert tilt.slope == pytest.approx([2.0, 0.0])
 
 
