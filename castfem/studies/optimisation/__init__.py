@@ -9,7 +9,7 @@ local_model        quadratics about an optimum: intervals, binding constraints
 numerical_error    by other levels;  check_level  the optimum by the level of the check
 spread             by uncertain inputs, with polynomial_fit;  front  of two results
 workflow, study    search, checks and answer, by ask and tell
-optimum            the answer, made by assemble;  optimum_report  its tables;  figures
+optimum            the answer, made by assemble
 """
 
 from castfem.studies.optimisation.evaluator import Evaluator
