@@ -146,7 +146,8 @@ def _serve(connection: Connection, noise: Path) -> None:
             os.dup2(file.fileno(), stream)
     try:
         while True:
-            call, found = connection.recv(), None
+            call = connection.recv()
+            found: tuple[object, Exception | None]
             try:
                 found = call(), None
             except Exception as error:

@@ -156,8 +156,9 @@ def _on_ranks(
     import castfem.runs.loop  # noqa: F401  PETSc is initialised by all ranks together or never
 
     with MPICommExecutor(comm, root=0) as pool:
-        if pool is not None:
-            run_jobs(pool, jobs, begun, ended, tick)
+        executor: CallExecutor | None = pool  # type: ignore[assignment]  # its stubs are wrong
+        if executor is not None:
+            run_jobs(executor, jobs, begun, ended, tick)
 
 
 def run_jobs(
