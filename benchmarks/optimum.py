@@ -9,11 +9,11 @@ from typing import Any
 
 from benchmarks.report import Columns, Output
 from castfem.model.shipped_cases import load
+from castfem.post.compare.optimum_files import mould_table
 from castfem.post.plots.optimisation import optimum_figure
 from castfem.post.plots.style import save
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.studies.optimisation import Evaluator, Optimum, RunRequest, Study
-from castfem.studies.optimisation.mould_table import mould_table
 
 CASES = ("single", "corner", "double", "parabolic", "double_corner")
 OFF = 1e-3  # mm: a gap that counts
@@ -87,8 +87,8 @@ def best_single(found: Optimum) -> dict[str, Any]:
     Heat in MJ/m and per cent of the idealised mould's, stress in MPa.
     """
     (kept,), (value,) = found.constraints, found.values
-    less = max((a for a in found.away if a.value < value.value), key=lambda a: a.value)
-    more = min((a for a in found.away if a.value > value.value), key=lambda a: a.value)
+    less = max((a for a in found.neighbours if a.value < value.value), key=lambda a: a.value)
+    more = min((a for a in found.neighbours if a.value > value.value), key=lambda a: a.value)
     lost = kept.left - less.left[0]
     assert found.objective is not None
     return {

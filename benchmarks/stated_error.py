@@ -17,11 +17,11 @@ from castfem.post.report.error_table import main_names, quantity_of
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.headline import plain_label
 from castfem.studies.accuracy.ladder import Level, levels
-from castfem.studies.accuracy.memo import Ladder, prepare
+from castfem.studies.accuracy.ladder_runs import Ladder, prepare
 from castfem.studies.accuracy.sizes import AXES, axes_of, changes
 from castfem.studies.accuracy.table import ErrorTable
-from castfem.studies.sweep.local import run_locally
 from castfem.studies.sweep.work import Job, Outcome
+from castfem.studies.sweep.workers import Workers
 
 COARSE = ("mesh.surface_size=1.6 mm", "mesh.corner_size=1.6 mm", "mesh.face_size=12 mm",
           "mesh.core_size=16 mm", "coupling.interval=0.2 s")  # fmt: skip
@@ -100,12 +100,9 @@ def run_all(name: str, rungs: Sequence[Level], folder: Path) -> Ladder:
         print(f"  {name}, {job.name}: {outcome.seconds:.1f} s {outcome.message}", flush=True)
 
     if ladder.jobs:
-        run_locally(ladder.jobs, 1, folder / "noise.log", _nothing, noted, _nothing)
+        with Workers(folder / "noise.log", processes=1) as workers:
+            workers.run(ladder.jobs, ended=noted)
     return ladder
-
-
-def _nothing(*_: object) -> None:
-    """Stand in for what is told of runs that begin."""
 
 
 def _values(folder: Path) -> dict[str, float]:

@@ -5,6 +5,7 @@ For scripts (docs/scripting.md); imported at first use, so that `import castfem`
     load, run, Result, Snapshot     a case, a run of it, what it gives
     sensitivities                   a run with the derivatives of its results
     comparison                      finished runs side by side
+    sweep                           a case with several values of its keys
     error_table                     the error of each result of a case
     optimise                        the best values of a case's keys
     find_section                    the outline at the meniscus for a wanted section
@@ -22,7 +23,7 @@ What there is, upstream first; nothing knows what comes after it (docs/architect
     model/          case files, checked; model/build: from a case to what computes it
     runs/           output, results, tensile; the time loop from the meniscus to the end
     studies/        several runs: identification, mould_fit, sensitivity, sweep, accuracy,
-                    optimisation
+                    optimisation, calibration
     post/           plots, report, compare, html, watch: figures and words on runs
     api several_runs    for scripts: one run, several runs
     cli/            the commands
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
         find_section,
         mould_at_work,
         optimise,
+        sweep,
     )
 
 __version__ = "0.1.0"
@@ -63,9 +65,10 @@ __all__ = [
     "quantity",
     "run",
     "sensitivities",
+    "sweep",
 ]
 libraries.watch()
-_STUDIES = ("comparison", "error_table", "find_section", "mould_at_work", "optimise")
+_STUDIES = ("comparison", "error_table", "find_section", "mould_at_work", "optimise", "sweep")
 
 
 def __getattr__(name: str) -> Any:

@@ -1,5 +1,6 @@
 """What commands find by several runs, for those who script: in SI, as tables and plain objects.
 
+    castfem.sweep(case, {"casting.speed": ["3 m/min", "4 m/min"]}, "folder")    # castfem sweep
     castfem.comparison(["results/one", "results/other"])    # castfem compare
     castfem.error_table("billet125/thermal")                # castfem error
     castfem.optimise("billet125/optimum_single")            # castfem optimise
@@ -11,10 +12,9 @@ Nothing is printed or drawn. Heavy modules are imported by the functions that ne
 
 from __future__ import annotations
 
-import math
 import tempfile
-from collections.abc import Iterable, Sequence
-from contextlib import ExitStack
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,13 +30,12 @@ if TYPE_CHECKING:
     from castfem.model import Case
     from castfem.physics.mould.displaced import WallDisplacement
     from castfem.physics.mould.mould import Mould
-    from castfem.post.compare.runs import Run
-    from castfem.post.compare.table import Line
-    from castfem.studies.accuracy.memo import Ladder
-    from castfem.studies.accuracy.table import ErrorTable
     from castfem.studies.mould_fit.coupled import Turn
     from castfem.studies.mould_fit.section import Attempt, Outline
     from castfem.studies.optimisation import Optimum
+    from castfem.studies.sweep.record import Record
+    from castfem.studies.sweep.work import Job
+    from castfem.studies.sweep.workers import CallExecutor
 
 
 _COLUMNS = "name", "at", "label", "unit"
@@ -70,7 +69,7 @@ def comparison(
             a position, or one has the name of another column.
     """
     from castfem.post.compare.runs import base_of, read_runs
-    from castfem.post.compare.table import lines
+    from castfem.post.compare.table import in_si, lines
     from castfem.runs.results.places import read_number
 
     several: Any = [folders] if isinstance(folders, str | Path) else folders
@@ -91,33 +90,97 @@ def comparison(
     )
     if not found:
         raise InputError(f"at {at}: none of the runs has been there")
-    return _compared(runs, found)
+    return in_si(runs, found)
 
 
-def _compared(runs: Sequence[Run], found: Sequence[Line]) -> pandas.DataFrame:
-    """The lines of a comparison as a table in SI."""
-    import pandas
+def sweep(
+    case: Case | str | Path,
+    values: Mapping[str, Sequence[Any]] | None = None,
+    folder: Path | str | None = None,
+    *,
+    table: Path | str | None = None,
+    processes: int = 0,
+    executor: CallExecutor | None = None,
+    overwrite: bool = False,
+) -> pandas.DataFrame:
+    """Run a case with several values of its keys, as `castfem sweep` does.
 
-    from castfem.base.shown_quantity import Quantity, to_si, unit_of_difference
-    from castfem.post.compare.table import SHARE
+    Args:
+        case: A case, or what `load` takes.
+        values: Key to its values, written as in a case file: each combination is a run.
+        folder: Where the runs go, as those of `castfem sweep -o`; what is finished in it is not run
+            again, and what was cut short goes on. None takes a temporary folder, which is removed.
+        table: CSV file with a row a run, as `--table` takes it.
+        processes: Runs at once, each in a process of its own, for which a script needs
+            `if __name__ == "__main__":`; 0: in this process, one after the other.
+        executor: Makes the runs instead: an object with `submit(function, *arguments)`, as those of
+            `concurrent.futures`, `mpi4py.futures`, executorlib and submitit. Its processes must see
+            the folder; it stays open. A process makes one run at a time, whatever its threads.
+        overwrite: Run all anew, also over runs of other cases.
 
-    rows: list[dict[str, Any]] = []
-    for line in found:
-        # A share stands below the result that it is of, and has no name of its own.
-        name = f"{rows[-1]['name']}_share" if line.unit == SHARE else line.name
-        shown = "%" if line.unit == SHARE else line.unit
-        row: dict[str, Any] = {"name": name, "at": math.nan if line.at is None else line.at}
-        row |= {"label": line.label, "unit": Quantity(0.0, shown, "").unit}
-        for i, run in enumerate(runs):
-            row[run.label] = to_si(line.ours[i], shown)
-            row[f"{run.label}: error"] = to_si(line.error(i), unit_of_difference(shown))
-            row[f"{run.label}: reference"] = to_si(line.theirs[i], shown)
-            bound = line.kinds[i] != "value" and math.isfinite(line.theirs[i])
-            row[f"{run.label}: bound"] = line.kinds[i] if bound else None
-        rows.append(row)
-    table = pandas.DataFrame(rows).set_index("name")
-    extra = [f"{run.label}: {what}" for run in runs for what in ("error", "reference", "bound")]
-    return table.drop(columns=[column for column in extra if table[column].isna().all()])
+    Returns:
+        A row a run, by its name: what was varied, as written; `status` ("finished" or "failed"),
+        the results in SI by their names, `seconds`, and the `message` of a run that has failed.
+
+    Raises:
+        InputError: Keys, values or folder cannot be used; nothing has been run.
+        RunFailure: A file cannot be written. A run that fails raises nothing.
+    """
+    from castfem.base.errors import written
+    from castfem.post.compare.study_tables import sweep_in_si
+    from castfem.studies.sweep.plan import plan
+    from castfem.studies.sweep.record import check_own, prepare
+    from castfem.studies.sweep.results import TABLE_NAME, rows, write_table
+
+    sound = as_case(case, "sweep")
+    given = {} if values is None else values
+    lists = given.values() if isinstance(given, Mapping) else [""]
+    if any(isinstance(one, str) or not isinstance(one, Sequence) for one in lists):
+        sample = '{"casting.speed": ["3 m/min"]}'
+        raise InputError(f"sweep: values must be keys with lists of values, {sample}: {values!r}")
+    assignments = [f"{key}={','.join(map(written, several))}" for key, several in given.items()]
+    variants = plan(sound, assignments, None if table is None else Path(table))
+    with _target(folder, "sweep", executor) as target:
+        check_own(target, (TABLE_NAME,))
+        record, missing = prepare(target, variants, resume=not overwrite, overwrite=overwrite)
+        _make(missing, record, processes, executor)
+        found = rows([v.name for v in variants], record)
+        write_table(target / TABLE_NAME, found)
+    return sweep_in_si(found)
+
+
+@contextmanager
+def _target(
+    folder: Path | str | None, caller: str, executor: CallExecutor | None
+) -> Iterator[Path]:
+    """The folder of several runs; a temporary one for None.
+
+    Raises:
+        InputError: It cannot be used, or there are several ranks and no executor that has them.
+    """
+    from mpi4py import MPI
+
+    from castfem.studies.sweep.record import check_folder
+
+    if MPI.COMM_WORLD.size > 1 and executor is None:
+        command = caller.partition("_")[0]
+        raise InputError(f"{caller}: runs on one rank; under mpirun use castfem {command}")
+    if folder is None:
+        with tempfile.TemporaryDirectory() as made:
+            yield Path(made)
+    else:
+        yield check_folder(folder, caller)
+
+
+def _make(
+    jobs: Sequence[Job], record: Record, processes: int, executor: CallExecutor | None
+) -> None:
+    """Make runs, and note how each has ended."""
+    from castfem.studies.sweep.workers import LOG_NAME, Workers
+
+    noise = record.folder / LOG_NAME
+    with Workers(noise, processes=processes, executor=executor) as workers:
+        workers.run(jobs, ended=record.note)
 
 
 def error_table(
@@ -125,6 +188,7 @@ def error_table(
     folder: Path | str | None = None,
     *,
     processes: int = 0,
+    executor: CallExecutor | None = None,
     overwrite: bool = False,
 ) -> pandas.DataFrame:
     """Find the error of each result of a case, by runs with other cells, steps and windows.
@@ -135,6 +199,7 @@ def error_table(
             run again. None takes a temporary folder, which is removed.
         processes: Runs at once, each in a process of its own, for which a script needs
             `if __name__ == "__main__":`; 0: in this process, one after the other.
+        executor: Makes the runs instead, as for `sweep`.
         overwrite: Run all anew, also over runs of other cases.
 
     Returns:
@@ -146,28 +211,19 @@ def error_table(
         InputError: Case or folder cannot be used, or there are several ranks.
         RunFailure: The case itself does not come to its end.
     """
-    from mpi4py import MPI
-
-    from castfem.runs.output.run_record import RUN_NAME
+    from castfem.post.compare.study_tables import errors_in_si
     from castfem.studies.accuracy.ladder import BASE, levels
-    from castfem.studies.accuracy.memo import prepare
+    from castfem.studies.accuracy.ladder_runs import prepare
     from castfem.studies.accuracy.table import attach
 
-    if MPI.COMM_WORLD.size > 1:
-        raise InputError("error_table: runs on one rank; under mpirun use castfem error")
     sound = as_case(case, "error_table")
-    if folder is None:
-        with tempfile.TemporaryDirectory() as made:
-            return error_table(sound, made, processes=processes)
-    target = Path(folder)
-    if (target / RUN_NAME).is_file():
-        raise InputError(f"{target}: holds a single run; choose another folder")
-    ladder = prepare(levels(sound), target, overwrite=overwrite)
-    _run_all(ladder, processes)
-    table = ladder.table()
-    table.write(target)
-    attach(table, target / BASE)
-    return _errors(table)
+    with _target(folder, "error_table", executor) as target:
+        ladder = prepare(levels(sound), target, overwrite=overwrite)
+        _make(ladder.jobs, ladder.record, processes, executor)
+        table = ladder.table()
+        table.write(target)
+        attach(table, target / BASE)
+        return errors_in_si(table)
 
 
 def optimise(
@@ -175,6 +231,7 @@ def optimise(
     folder: Path | str | None = None,
     *,
     processes: int = 0,
+    executor: CallExecutor | None = None,
     comm: MPI.Intracomm | None = None,
     ranks: int = 1,
 ) -> Optimum:
@@ -189,6 +246,7 @@ def optimise(
             again. None takes a temporary folder, which is removed.
         processes: Runs at once, each in a process of its own, for which a script needs
             `if __name__ == "__main__":`; 0: in this process, one after the other.
+        executor: Makes the runs instead, as for `sweep`; then this is not collective.
         comm: Ranks that do the runs; all when None.
         ranks: Of each run, where there are several.
 
@@ -206,7 +264,8 @@ def optimise(
     from castfem.studies.optimisation import Evaluator, Study, serve
     from castfem.studies.optimisation.argument_checks import origin_of
 
-    comm = MPI.COMM_WORLD if comm is None else comm
+    alone = MPI.COMM_SELF if executor is not None else MPI.COMM_WORLD
+    comm = alone if comm is None else comm
     found: Optimum | None = None
     error: Exception | None = None
     if comm.rank:
@@ -218,7 +277,9 @@ def optimise(
                 if comm.size > 1 and processes:
                     raise InputError("optimise: processes: under mpirun the ranks do the work")
                 target = folder or held.enter_context(tempfile.TemporaryDirectory())
-                team = Evaluator(sound, target, processes=processes, comm=comm, ranks=ranks)
+                team = Evaluator(
+                    sound, target, processes=processes, comm=comm, ranks=ranks, executor=executor
+                )
             except Exception as raised:
                 error = raised
                 if comm.size > 1:
@@ -236,57 +297,13 @@ def optimise(
     return found
 
 
-def _run_all(ladder: Ladder, processes: int) -> None:
-    """Do the runs of a ladder that are not finished."""
-    from castfem.studies.sweep.local import run_locally
-    from castfem.studies.sweep.work import Job, work
-
-    def nothing(*_: Job) -> None:
-        """Nobody looks on."""
-
-    if processes and ladder.jobs:
-        noise = ladder.record.folder / "sweep.log"
-        run_locally(ladder.jobs, processes, noise, nothing, ladder.record.note, nothing)
-        return
-    for job in ladder.jobs:
-        ladder.record.note(job, work(job))
-
-
-def _errors(found: ErrorTable) -> pandas.DataFrame:
-    """The errors of a case as a table in SI."""
-    import pandas
-
-    from castfem.base.shown_quantity import Quantity, to_si, unit_of_difference
-
-    rows = []
-    for name, entry in found.quantities.items():
-        value = to_si(entry.value, entry.unit)
-        unit = unit_of_difference(entry.unit)
-        row: dict[str, Any] = {
-            "name": name,
-            "label": entry.label,
-            "unit": Quantity(value, entry.unit, "").unit,
-        }
-        row |= {"value": value, "error": to_si(entry.error(), unit)}
-        rows.append(row | {axis: to_si(part.error, unit) for axis, part in entry.parts.items()})
-    table = pandas.DataFrame(rows).set_index("name")
-    table.attrs["not run"] = {run.name: run.message for run in found.runs if run.message}
-    return table
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundSection:
-    """The section at the meniscus whose strand has the wanted one further down.
+    """The section at the meniscus whose strand has the wanted one further down."""
 
-    Attributes:
-        outline: At the meniscus: way round a quarter and offset from the rectangle, m.
-        wall: The wall that follows the strand all round and all the way.
-        attempts: The runs; `worst` of each says how far off its section was, m.
-    """
-
-    outline: Outline
-    wall: WallDisplacement
-    attempts: tuple[Attempt, ...]
+    outline: Outline  #: at the meniscus: way round a quarter and offset from the rectangle, m
+    wall: WallDisplacement  #: the wall that follows the strand all round and all the way
+    attempts: tuple[Attempt, ...]  #: the runs; `worst` of each says how far off its section was, m
 
     def changes(self, *, wall: bool = False) -> dict[str, Any]:
         """Return what `case.with_` takes to start from the outline; `wall`: in that wall, too."""
@@ -330,21 +347,16 @@ def find_section(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MouldAtWork:
-    """A mould cold and at work.
+    """A mould cold and at work."""
 
-    Attributes:
-        cold: As it is made; `cold.dimensions(z)` has its sizes at z, m.
-        hot: As the strand meets it, likewise.
-        displacement: From sizes and taper of the case to the wall at work; None where the case
-            gives the mould at work.
-        iterations: Strand and tube of each iteration; the last `wall` has the temperatures (K)
-            and the stress of the copper.
-    """
-
-    cold: Mould
-    hot: Mould
+    cold: Mould  #: as it is made; `cold.dimensions(z)` has its sizes at z, m
+    hot: Mould  #: as the strand meets it, likewise
     displacement: WallDisplacement | None
+    """From sizes and taper of the case to the wall at work; None where the case gives the mould
+    at work."""
     iterations: tuple[Turn, ...]
+    """Strand and tube of each iteration; the last `wall` has the temperatures (K) and the
+    stress of the copper."""
 
     def changes(self) -> dict[str, Any]:
         """Return what `case.with_` takes to run in the wall at work; nothing where it is given."""

@@ -39,6 +39,7 @@ ORDER = {
     "studies.sweep": "many runs",
     "studies.accuracy": "the error of each number",
     "studies.optimisation": "which values are best",
+    "studies.calibration": "keys fitted to measurements",
     "post.plots": "figures of a run",
     "post.report": "words on a run",
     "post.compare": "runs side by side",

@@ -58,17 +58,21 @@ def dotted(path: Path) -> str:
 
 def shown(value: object) -> str:
     """Return a value as it stands in a TOML file, shortened."""
+    text = written(value)
+    return text if len(text) <= 60 else text[:56] + " ..."
+
+
+def written(value: object) -> str:
+    """Return a value as it stands in a TOML file."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
-        text = f'"{value}"'
-    elif isinstance(value, Mapping):
-        text = "{ " + ", ".join(f"{k} = {shown(v)}" for k, v in value.items()) + " }"
-    elif isinstance(value, Sequence):
-        text = "[" + ", ".join(shown(v) for v in value) + "]"
-    else:
-        text = str(value)
-    return text if len(text) <= 60 else text[:56] + " ..."
+        return f'"{value}"'
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{k} = {written(v)}" for k, v in value.items()) + " }"
+    if isinstance(value, Sequence):
+        return "[" + ", ".join(written(v) for v in value) + "]"
+    return str(value)
 
 
 def said_in_a_line(error: BaseException) -> str:

@@ -66,13 +66,13 @@ _running = threading.RLock()  # a run may have others within, in its own thread
 
 
 @contextmanager
-def one_at_a_time() -> Iterator[None]:
-    """Keep other threads from running a case as long as the block lasts.
+def one_at_a_time(*, wait: bool = False) -> Iterator[None]:
+    """Keep other threads from running a case as long as the block lasts; `wait` for one that does.
 
     Raises:
-        InputError: Another thread runs one.
+        InputError: Another thread runs one, and it is not waited for.
     """
-    if not _running.acquire(blocking=False):
+    if not _running.acquire(blocking=wait):
         raise InputError(
             "another thread of this process runs a case; run one after the other, or in processes "
             "of their own (castfem sweep, multiprocessing)"

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from rich.console import Console
-    from rich.table import Table as RichTable
 
 _GAP = "  "  # between columns
 _WHOLE = "\N{NO-BREAK SPACE}"  # inside what no end of a line may part
@@ -209,13 +208,3 @@ def _wrapped(text: str, width: int, start: str, indent: str) -> list[str]:
         break_on_hyphens=False,
     )  # fmt: skip
     return lines or [start]
-
-
-def keep_words(table: RichTable, width: int) -> None:
-    """Let the cells of a table of rich go on between words, where it is wider than the screen."""
-    cells = [[str(column.header), *map(str, column.cells)] for column in table.columns]
-    beside = sum(table.padding[i] for i in (1, 3)) - len(_GAP) + 1  # of each column
-    widths = _widths(cells, width - 1 - len(cells) * beside)
-    if sum(widths) < sum(map(_widest, cells)):
-        for column, wide in zip(table.columns, widths, strict=True):
-            column.width = wide

@@ -21,10 +21,11 @@ from castfem.runs.results.headline import plain_label
 from castfem.runs.results.numbers import duration
 from castfem.runs.results.run_case import units_of_run
 from castfem.studies.accuracy.ladder import BASE, levels
-from castfem.studies.accuracy.memo import Ladder, prepare
+from castfem.studies.accuracy.ladder_runs import Ladder, prepare
 from castfem.studies.accuracy.proposal import propose, read_share
 from castfem.studies.accuracy.sizes import cell_count, changes
 from castfem.studies.accuracy.table import ErrorTable, attach
+from castfem.studies.sweep.record import check_folder
 from castfem.studies.sweep.work import Job, Outcome
 
 if TYPE_CHECKING:
@@ -33,13 +34,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Options(Request):
-    """What the user asked for.
+    """What the user asked for."""
 
-    Attributes:
-        to: Error for which sizes are to be proposed, "1%"; "" for none.
-    """
-
-    to: str = ""
+    to: str = ""  #: error for which sizes are to be proposed, "1%"; "" for none
 
 
 def error_of_case(options: Options) -> int:
@@ -55,7 +52,6 @@ def error_of_case(options: Options) -> int:
     return many_runs.on_root(
         lambda ranks: _prepared(options, ranks),
         lambda ladder, comm: _done(ladder, options, comm),
-        many_runs.assist,
     )
 
 
@@ -64,7 +60,7 @@ def _prepared(options: Options, ranks: bool) -> Ladder:
     if options.to:
         read_share(options.to)
     folder = _folder(options)
-    many_runs.check_folder(folder)
+    check_folder(folder)
     path = shipped_cases.find(options.name)
     case = load_case(path, options.overrides)
     options.check_reached(case.casting.length)
@@ -127,7 +123,7 @@ def _propose(table: ErrorTable, options: Options) -> None:
     given += [f"{key}={value}" for key, value in changes(case, found.factors).items()]
     settings = " ".join(f"--set {shlex.quote(text)}" for text in given)
     print(f"castfem run {shlex.quote(options.name)} {settings} -o FOLDER")
-    for name, left in found.beyond.items():
+    for name, left in found.unreached.items():
         label = plain_label(quantity_of(table.quantities[name]))
         print(f"not by sizes within reach: {label}, {100 * left:.2g} %", file=sys.stderr)
 
@@ -145,7 +141,7 @@ def show_errors(folder: Path) -> None:
 
 
 def print_table(table: ErrorTable) -> None:
-    """Print errors, and which runs told nothing of them."""
+    """Print errors, and which runs have none."""
     for one in error_tables(table):
         say(parallel.console(), one, "")
     for line in without_error(table):

@@ -15,6 +15,7 @@ from castfem.base.shown_units import scale_of, shown_in
 from castfem.base.table import Table, say
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import chosen
+from castfem.cli.run_progress import View
 from castfem.model import Case, load_case, shipped_cases
 from castfem.model.load import faults_of_key
 from castfem.model.shown_units import units_of
@@ -22,7 +23,7 @@ from castfem.post.plots.calibration import Compared, draw_calibration
 from castfem.post.plots.style import save
 from castfem.runs.results.needs import faults_of
 from castfem.runs.results.numbers import error_shown, shown, unit_shown
-from castfem.studies.optimisation.calibrate import (
+from castfem.studies.calibration.fit import (
     Calibration,
     Free,
     calibrate,
@@ -30,10 +31,9 @@ from castfem.studies.optimisation.calibrate import (
     read_free,
     write,
 )
-from castfem.studies.optimisation.evaluator import Evaluator, serve
-from castfem.studies.optimisation.measured import Measured, read_measured
-from castfem.studies.optimisation.probe_data import is_of_probe, missing_column
-from castfem.studies.sweep.view import View
+from castfem.studies.calibration.measured import Measured, read_measured
+from castfem.studies.calibration.probe_data import is_of_probe, missing_column
+from castfem.studies.optimisation.evaluator import Evaluator
 
 FIGURE_NAME = "calibration.png"
 _ALIKE = 0.95  # correlation of keys that the data hardly tell apart
@@ -82,7 +82,7 @@ def calibrate_case(
         evaluator = many_runs.evaluator(followed(case, measured), target, processes)
         return _Question(case, keys, measured, evaluator)
 
-    return many_runs.on_root(prepare, lambda asked, _: _done(asked, quiet, units), serve)
+    return many_runs.on_root(prepare, lambda asked, _: _done(asked, quiet, units))
 
 
 def _check_keys(case: Case, keys: Sequence[Free]) -> None:
@@ -123,7 +123,7 @@ def _done(asked: _Question, quiet: bool, units: Sequence[str]) -> int:
     target = asked.evaluator.store.folder
     with asked.evaluator as evaluator:
         view = View(0, 0, quiet=True)
-        found = calibrate(asked.case, asked.measured, asked.keys, evaluator, view)
+        found = calibrate(asked.case, asked.measured, asked.keys, evaluator, view.ended)
     write(target, found)
     with chosen(units), shown_in(units_of(asked.case)):
         save(draw_calibration(_panels(found)), target / FIGURE_NAME)

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, TypeVar
 
 from castfem.base.errors import CastfemError, InputError
 from castfem.cli import parallel
-from castfem.runs.output.run_record import RUN_NAME
-from castfem.studies.sweep.record import Record
+from castfem.studies.sweep.record import Record, check_folder
 from castfem.studies.sweep.work import Job, Outcome
+from castfem.studies.sweep.workers import LOG_NAME, Workers, serve
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -19,21 +19,19 @@ if TYPE_CHECKING:
     from castfem.model import Case
     from castfem.studies.optimisation.evaluator import Evaluator
 
-NOISE_NAME = "sweep.log"
 Prepared = TypeVar("Prepared")
 
 
 def on_root(
     prepare: Callable[[bool], Prepared],
     carry_out: Callable[[Prepared, MPI.Intracomm | None], int],
-    assist: Callable[[MPI.Intracomm], None],
 ) -> int:
     """Prepare and carry out runs on rank 0; the other ranks work (collective).
 
     Args:
-        prepare: Looks at all that the user gave; told whether there are several ranks.
-        carry_out: Does what has been prepared, and returns the exit status.
-        assist: What the other ranks do meanwhile, until rank 0 lets them go.
+        prepare: Looks at all that the user gave; called with whether there are several ranks.
+        carry_out: Does what has been prepared, by `Workers` on the ranks, and returns the exit
+            status.
 
     Returns:
         The exit status, on all ranks.
@@ -56,7 +54,7 @@ def on_root(
         raise InputError(problems)
     if prepared is None:
         assert comm is not None
-        assist(comm)
+        serve(comm)
         return int(comm.bcast(0))
     try:
         status = carry_out(prepared, comm)
@@ -65,35 +63,6 @@ def on_root(
             comm.bcast(error.exit_status)
         raise
     return status if comm is None else int(comm.bcast(status))
-
-
-def assist(comm: MPI.Intracomm, ranks: int = 1) -> None:
-    """Do runs of `run_all` on a rank that is not the first.
-
-    Args:
-        comm: All ranks.
-        ranks: Of each run; with more than one, the first rank of a group notes how it has ended.
-    """
-    if ranks == 1:
-        from castfem.studies.sweep.ranks import run_on_ranks
-
-        run_on_ranks(comm, (), _nothing, _nothing, _nothing)
-        return
-    from castfem.studies.sweep.groups import run_in_groups
-    from castfem.studies.sweep.view import View
-
-    record = Record(comm.bcast(None))
-    view = View(0, 0, quiet=True, terminal=False)
-
-    def ended(job: Job, outcome: Outcome) -> None:
-        view.ended(job, outcome)
-        record.note(job, outcome)
-
-    run_in_groups(comm, ranks, (), _nothing, ended)
-
-
-def _nothing(*_: object) -> None:
-    """Stand in for what is told to rank 0."""
 
 
 def run_all(
@@ -116,10 +85,10 @@ def run_all(
         comm: All ranks, None for processes of this machine.
         processes: How many of these at once; None for one a core.
         quiet: Show nothing but runs that fail.
-        noted: Called when a run has ended and has been noted; not in groups of ranks.
-        ranks: Of each run, under a launcher (`run_in_groups`).
+        noted: Called when a run has ended and has been noted.
+        ranks: Of each run, under a launcher.
     """
-    from castfem.studies.sweep.view import View
+    from castfem.cli.run_progress import View
 
     view = View(len(jobs) + finished, finished, quiet)
 
@@ -129,22 +98,11 @@ def run_all(
         if noted is not None:
             noted(job, outcome)
 
+    count = min(processes or cores(), len(jobs))
+    noise = record.folder / LOG_NAME
     try:
-        if comm is not None and ranks > 1:
-            from castfem.studies.sweep.groups import run_in_groups
-
-            comm.bcast(record.folder)
-            run_in_groups(comm, ranks, jobs, view.begun, ended)
-            record.reload()
-        elif comm is not None:
-            from castfem.studies.sweep.ranks import run_on_ranks
-
-            run_on_ranks(comm, jobs, view.begun, ended, view.tick)
-        elif jobs:
-            from castfem.studies.sweep.local import run_locally
-
-            count = min(processes or cores(), len(jobs))
-            run_locally(jobs, count, record.folder / NOISE_NAME, view.begun, ended, view.tick)
+        with Workers(noise, processes=count, comm=comm, ranks=ranks) as workers:
+            workers.run(jobs, view.begun, ended, view.tick)
     finally:
         view.stop()
 
@@ -170,18 +128,6 @@ def evaluator(case: Case, folder: Path, processes: int | None, ranks: int = 1) -
     return Evaluator(case, folder, processes=at_once, comm=comm, ranks=ranks)
 
 
-def check_folder(folder: Path) -> None:
-    """Refuse what cannot be the folder of many runs.
-
-    Raises:
-        InputError: It is a file, or that of a single run.
-    """
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is a file, a folder is needed; choose another with -o")
-    if (folder / RUN_NAME).is_file():
-        raise InputError(f"{folder}: holds a single run; choose another with -o")
-
-
 def check_processes(processes: int | None, ranks: bool, of_each: int = 1) -> None:
     """Refuse a number of processes that cannot be, or of ranks.
 
@@ -192,7 +138,7 @@ def check_processes(processes: int | None, ranks: bool, of_each: int = 1) -> Non
 
     Raises:
         InputError: There are none, or the ranks of a launcher do the work, or they cannot be
-            parted so.
+            split into such groups.
     """
     if ranks and processes is not None:
         raise InputError("-j is for one machine; under mpirun the ranks do the work")

@@ -288,7 +288,7 @@ def find_outline(case: Case, picture: Path, origin: str, at: str | None) -> None
             print(f"run {number}: {1e6 * attempt.worst:.1f} um off the wanted section", flush=True)
 
     try:
-        attempts = find_section(case, comm, origin, position, told=progress)
+        attempts = find_section(case, comm, origin, position, report=progress)
     except InputError as error:
         if at is None:
             raise

@@ -9,20 +9,23 @@ from typing import TYPE_CHECKING
 from castfem.base.atomic_files import write_json
 from castfem.base.errors import RunFailure
 from castfem.base.shown_units import scale_of, shown_in
-from castfem.base.table import Table, keep_words, say
+from castfem.base.table import Table, say
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import Request, chosen
 from castfem.model import load_case, shipped_cases
 from castfem.model.shared_heat import fixed_while_varied
 from castfem.model.shown_units import units_of
+from castfem.post.compare.optimum_files import (
+    FRONT_NAME,
+    MOULD_NAME,
+    mould_table,
+    write_front,
+    write_mould_table,
+)
+from castfem.post.compare.optimum_tables import report, spread_scale
 from castfem.post.report.cautions import cautions_of_all
 from castfem.runs.output.summary import Summary
-from castfem.studies.optimisation.evaluator import serve
 from castfem.studies.optimisation.fidelity import THERMAL
-from castfem.studies.optimisation.front import TABLE_NAME as FRONT_TABLE
-from castfem.studies.optimisation.front import write_front
-from castfem.studies.optimisation.mould_table import MOULD_NAME, mould_table, write_mould_table
-from castfem.studies.optimisation.optimum_report import report, spread_scale
 from castfem.studies.optimisation.study import Study
 from castfem.studies.sweep.record import check_own
 from castfem.studies.sweep.work import Job, Outcome
@@ -31,7 +34,7 @@ if TYPE_CHECKING:
     from castfem.studies.optimisation.optimum import Optimum
 
 OPTIMUM_NAME = "optimum.json"
-_WRITTEN = OPTIMUM_NAME, MOULD_NAME, FRONT_TABLE
+_WRITTEN = OPTIMUM_NAME, MOULD_NAME, FRONT_NAME
 
 
 class RunLines:
@@ -45,9 +48,6 @@ class RunLines:
         if not self._quiet:
             print(what, file=sys.stderr, flush=True)
 
-    def begun(self, job: Job) -> None:
-        """Nothing is printed."""
-
     def ended(self, job: Job, outcome: Outcome) -> None:
         """Print how a run has ended."""
         self._count += 1
@@ -55,9 +55,6 @@ class RunLines:
         if not self._quiet:
             line = f"run {self._count}, {job.name}: {how} in {outcome.seconds:.1f} s"
             print(line, file=sys.stderr, flush=True)
-
-    def tick(self) -> None:
-        """Nothing is printed."""
 
 
 def optimise_case(options: Request) -> int:
@@ -70,7 +67,6 @@ def optimise_case(options: Request) -> int:
     return many_runs.on_root(
         lambda ranks: _prepared(options, ranks),
         lambda prepared, _: _done(*prepared, options),
-        serve,
     )
 
 
@@ -79,7 +75,7 @@ def _done(study: Study, target: Path, options: Request) -> int:
     assert study.evaluator is not None
     with study.evaluator:
         lines = RunLines(options.quiet)
-        optimum = study.solve(lines, stage=lines.stage)
+        optimum = study.solve(lines.ended, stage=lines.stage)
     with chosen(options.units), shown_in(units_of(study.problem.case)):
         return _report(study, optimum, target, options)
 
@@ -114,18 +110,16 @@ def _report(study: Study, optimum: Optimum, target: Path, options: Request) -> i
         written.append(write_mould_table(target, best).name)
     if optimum.front is not None:
         written.append(write_front(target, optimum.front).name)
-    if options.figures and optimum.away:
+    if options.figures and optimum.neighbours:
         written += _drawn(study, optimum, target)
     if not options.quiet:
         out = parallel.console()
         for block in report(optimum):
-            if not isinstance(block, str):
-                keep_words(block, out.width)
-            out.print(block, "", highlight=False, soft_wrap=isinstance(block, str))
+            say(out, block, "")
         folder = target / optimum.best
         best_run = {"the best run": (folder, Summary.load(folder))} if optimum.best else {}
         for line in cautions_of_all(best_run):
-            out.print(line, highlight=False, soft_wrap=True)
+            say(out, line)
         if moulded:
             say(out, _mould(study, optimum), "")
         print(f"{', '.join(written)} in {target}, runs beside")

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem.base.atomic_files import folder_refused
 from castfem.base.errors import InputError, RunFailure
 from castfem.base.shown_units import shown_in
 from castfem.base.table import say
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import DEFAULT, Request, chosen
+from castfem.cli.sweep_parts import Share, write_script
 from castfem.model import shipped_cases
 from castfem.model.shared_heat import shared_heat
 from castfem.post.compare.study_tables import sweep_table
@@ -21,9 +21,8 @@ from castfem.post.report.cautions import cautions_of_all
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.run_case import units_of_run
 from castfem.studies.sweep.plan import Variant, plan
-from castfem.studies.sweep.record import Record, check_own
+from castfem.studies.sweep.record import Record, check_folder, check_own, prepare
 from castfem.studies.sweep.results import TABLE_NAME, rows, write_table
-from castfem.studies.sweep.share import Share
 from castfem.studies.sweep.work import Job, Outcome
 
 if TYPE_CHECKING:
@@ -34,38 +33,29 @@ _SOONEST = 2.0  # s between two versions of the table
 
 @dataclass(frozen=True, slots=True)
 class Options(Request):
-    """What the user asked for.
+    """What the user asked for."""
 
-    Attributes:
-        assignments: Those of --set, with one or several values each.
-        table: CSV file of runs.
-        part: Which share of the runs to do, `3/20`; "" for all.
-        collect: Run nothing; make the table of what has been run, in parts or elsewhere.
-        script: Write a script that does the sweep in parts, and run nothing.
-    """
-
-    assignments: tuple[str, ...] = ()
-    table: Path | None = None
-    part: str = ""
+    assignments: tuple[str, ...] = ()  #: those of --set, with one or several values each
+    table: Path | None = None  #: CSV file of runs
+    part: str = ""  #: which share of the runs to do, `3/20`; "" for all
     collect: bool = False
-    script: Path | None = None
+    """Run nothing; make the table of what has been run, in parts or elsewhere."""
+    script: Path | None = None  #: write a script that does the sweep in parts, and run nothing
 
 
 @dataclass(frozen=True, slots=True)
 class _Sweep:
-    """A sweep that is sound: its runs, and those of them that are still to be done here.
+    """A sweep that is sound: its runs, and those of them that are still to be done here."""
 
-    Attributes:
-        record: Of all its runs, those of other parts too.
-        variants: The runs that are looked after here: all, or those of a part.
-        jobs: What is still to be run.
-        whole: Whether that is the whole sweep.
-    """
+    record: Record  #: of all its runs, those of other parts too
+    variants: tuple[Variant, ...]  #: the runs that are looked after here: all, or those of a part
+    jobs: tuple[Job, ...]  #: what is still to be run
+    whole: bool = True  #: whether that is the whole sweep
 
-    record: Record
-    variants: tuple[Variant, ...]
-    jobs: tuple[Job, ...]
-    whole: bool = True
+    @property
+    def names(self) -> list[str]:
+        """Of its runs that are looked after here."""
+        return [one.name for one in self.variants]
 
 
 def sweep_case(options: Options) -> int:
@@ -80,7 +70,6 @@ def sweep_case(options: Options) -> int:
     return many_runs.on_root(
         lambda ranks: _prepared(options, ranks),
         lambda sweep, comm: _done(sweep, options, comm),
-        lambda comm: many_runs.assist(comm, options.ranks),
     )
 
 
@@ -93,7 +82,7 @@ def _planned(options: Options) -> tuple[tuple[Variant, ...], Path]:
     path = shipped_cases.find(options.name)
     variants = plan(options.case(path), options.assignments, options.table)
     target = options.target(path, "_sweep")
-    many_runs.check_folder(target)
+    check_folder(target)
     for line in shared_heat(one.case for one in variants):
         print(f"castfem: {line}", file=sys.stderr)
     options.check_reached(max((one.case.casting.length for one in variants), default=0.0))
@@ -111,17 +100,10 @@ def _prepared(options: Options, ranks: bool) -> _Sweep:
     share = Share.read(options.part) if options.part else Share(1, 1)
     variants = tuple(share.of(everything))
     check_own(target, (TABLE_NAME,))
-    record = Record(target)
-    after = _draw if options.figures else None
-    jobs = record.unfinished(
-        [Job(v.name, target / v.name, v.case, options.resume, after) for v in variants],
-        overwrite=options.overwrite,
-    )
-    try:
-        with record.shared():
-            record.expect(everything, {variant.name for variant in variants})
-    except (OSError, RunFailure) as error:
-        raise InputError(folder_refused(target, error)) from None
+    record, jobs = prepare(
+        target, everything, variants, resume=options.resume, overwrite=options.overwrite,
+        after=_draw if options.figures else None,
+    )  # fmt: skip
     return _Sweep(record, variants, jobs, share.count == 1)
 
 
@@ -140,8 +122,6 @@ def _alone(options: Options) -> int:
     """
     variants, target = _planned(options)
     if options.script is not None:
-        from castfem.studies.sweep.slurm import write_script
-
         words = [options.name, "-o", str(target)]
         words += [word for given in options.assignments for word in ("--set", given)]
         words += ["--table", str(options.table)] if options.table is not None else []
@@ -171,7 +151,7 @@ def _done(sweep: _Sweep, options: Options, comm: MPI.Intracomm | None) -> int:
     def noted(job: Job, outcome: Outcome) -> None:
         nonlocal written
         if sweep.whole and time.monotonic() - written > _SOONEST:  # it is written again at the end
-            write_table(target / TABLE_NAME, rows(sweep.variants, sweep.record))
+            write_table(target / TABLE_NAME, rows(sweep.names, sweep.record))
             written = time.monotonic()
 
     many_runs.run_all(
@@ -186,7 +166,7 @@ def _report(sweep: _Sweep, options: Options) -> int:
 
     One part of several writes no table: the others have rows for it, too.
     """
-    table = rows(sweep.variants, sweep.record, options.at)
+    table = rows(sweep.names, sweep.record, options.at)
     target = sweep.record.folder
     if sweep.whole:
         write_table(target / TABLE_NAME, table)

@@ -34,7 +34,7 @@ def test_errors_are_reached_at_the_least_time() -> None:
     table = _table(shell=(4.0, 0.0, 1.0, 100.0))
     found = propose(table, ["shell"], 0.01)
     assert table.quantities["shell"].error(found.factors) <= 1.0
-    assert not found.beyond
+    assert not found.unreached
     for axis in ("mesh", "coupling"):  # one size coarser in either and it is not reached
         coarser = {**found.factors, axis: found.factors[axis] * 2.0**0.25}
         assert table.quantities["shell"].error(coarser) > 1.0
@@ -52,7 +52,7 @@ def test_what_is_good_enough_becomes_cheaper() -> None:
 def test_a_number_out_of_reach_is_told_and_holds_nothing_up() -> None:
     table = _table(shell=(4.0, 0.0, 0.0, 100.0), pressure=(900.0, 0.0, 0.0, 100.0))
     found = propose(table, ["shell", "pressure"], 0.01)
-    assert found.beyond == {"pressure": pytest.approx(0.5625)}
+    assert found.unreached == {"pressure": pytest.approx(0.5625)}
     assert table.quantities["shell"].error(found.factors) <= 1.0
     assert found.factors == propose(table, ["shell"], 0.01).factors
 

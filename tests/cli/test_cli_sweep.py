@@ -17,11 +17,11 @@ from ranks import needs_mpirun, python_on
 from small_case import write_small
 
 from castfem.model import load_case
-from castfem.studies.sweep.local import run_locally
 from castfem.studies.sweep.plan import plan
 from castfem.studies.sweep.record import Record
 from castfem.studies.sweep.results import rows
 from castfem.studies.sweep.work import Job
+from castfem.studies.sweep.workers import Workers
 
 pytestmark = pytest.mark.slow
 
@@ -105,7 +105,7 @@ def test_results_of_another_case_are_not_those_of_this_sweep(castfem, tmp_path):
         variants = plan(base.with_(length=length), values)
         record = Record(Path("out"))
         record.expect(variants)
-        table = rows(variants, record)
+        table = rows([one.name for one in variants], record)
         assert [row.status for row in table] == [status] * 2
         assert [bool(row.quantities) for row in table] == [status == "finished"] * 2
 
@@ -174,7 +174,8 @@ def test_a_process_that_dies_costs_its_run_alone(tmp_path):
     def note(job, outcome):
         ended[job.name] = outcome
 
-    run_locally(jobs, 1, tmp_path / "noise", lambda job: None, note, tick)
+    with Workers(tmp_path / "noise", processes=1) as workers:
+        workers.run(jobs, ended=note, tick=tick)
     assert "SIGKILL" in ended["first"].message
     assert not ended["second"].failed
     assert (tmp_path / "second" / "summary.json").is_file()

@@ -18,12 +18,12 @@ from small_case import write_small
 import castfem as api
 from castfem.base.errors import InputError
 from castfem.cli import sweeping
+from castfem.cli.sweep_parts import Share
 from castfem.studies.accuracy.sizes import MESH, factors_of
 from castfem.studies.sweep.groups import check
-from castfem.studies.sweep.local import run_locally
 from castfem.studies.sweep.plan import plan
-from castfem.studies.sweep.share import Share
 from castfem.studies.sweep.work import Job
+from castfem.studies.sweep.workers import Workers
 
 pytestmark = pytest.mark.slow
 
@@ -115,14 +115,13 @@ def test_killed_workers_end_complete(tmp_path) -> None:
 
     for folder, tick in (("hit", kill), ("still", lambda: None)):
         jobs = [Job(v.name, tmp_path / folder / v.name, v.case) for v in variants]
-        run_locally(
-            jobs,
-            1,
-            tmp_path / "noise",
-            lambda job: begun.append(job.name),
-            lambda job, outcome: messages.__setitem__(job.name, outcome.message),
-            tick,
-        )
+        with Workers(tmp_path / "noise", processes=1) as workers:
+            workers.run(
+                jobs,
+                lambda job: begun.append(job.name),
+                lambda job, outcome: messages.__setitem__(job.name, outcome.message),
+                tick,
+            )
         assert messages == dict.fromkeys(NAMES, "")
     assert killed == set(NAMES[:2])
     assert begun == [*NAMES, *NAMES]

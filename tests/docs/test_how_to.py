@@ -11,7 +11,8 @@ import os
 import re
 import shlex
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from concurrent.futures import Executor, Future
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -22,8 +23,7 @@ from PIL import Image
 from castfem.cli import execute
 from castfem.model import load_case
 from castfem.model.shipped_cases import find
-from castfem.studies.sweep import local
-from castfem.studies.sweep.work import Job, work
+from castfem.studies.sweep import workers
 
 pytestmark = pytest.mark.slow
 
@@ -93,26 +93,16 @@ def commands(text: str) -> Iterator[list[str]]:
         before = words
 
 
-class Here:
+class Here(Executor):
     """Does the runs of a sweep in this process: what spares its start-up is tested elsewhere."""
 
-    def __init__(self, processes: int, noise: Path) -> None:
+    def __init__(self, count: int, noise: Path) -> None:
         pass
 
-    def run(self, jobs: Sequence[Job], begun: Any, ended: Any, tick: Any) -> None:
-        for job in jobs:
-            begun(job)
-            ended(job, work(job))
-        tick()
-
-    def close(self) -> None:
-        pass
-
-
-def run_here(
-    jobs: Sequence[Job], processes: int, noise: Path, begun: Any, ended: Any, tick: Any
-) -> None:
-    Here(processes, noise).run(jobs, begun, ended, tick)
+    def submit(self, function: Any, /, *args: Any, **keywords: Any) -> Future[Any]:
+        call: Future[Any] = Future()
+        call.set_result(function(*args, **keywords))
+        return call
 
 
 def shortened(page: str, words: list[str]) -> tuple[list[str], bool]:
@@ -186,8 +176,7 @@ def test_a_page_does_what_it_says(
     """Commands end well, files are sound, and the lines of an output are among those printed."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")
-    monkeypatch.setattr(local, "run_locally", run_here)
-    monkeypatch.setattr(local, "Team", Here)
+    monkeypatch.setattr(workers, "Processes", Here)
     for name in ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID"):
         monkeypatch.delenv(name, raising=False)
     for kind, name, text in blocks("how_to/my_billet.md"):

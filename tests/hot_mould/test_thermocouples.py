@@ -14,11 +14,11 @@ from castfem.base.errors import InputError
 from castfem.cli.calibrating import _check_results
 from castfem.model import Case
 from castfem.runs.results.wall_flux import read_wall_flux
+from castfem.studies.calibration.fit import calibrate, computed, followed, read_free
+from castfem.studies.calibration.measured import Measured
 from castfem.studies.mould_fit.coupled import hot_mould_of
 from castfem.studies.mould_fit.thermocouples import CopperTemperatures
-from castfem.studies.optimisation.calibrate import calibrate, computed, followed, read_free
 from castfem.studies.optimisation.evaluator import Evaluator
-from castfem.studies.optimisation.measured import Measured
 
 LENGTH = 0.06
 NAME = "tc.temperature"

@@ -57,8 +57,11 @@ def test_folders_and_counts(tmp_path):
     (tmp_path / "run" / "run.json").write_text("{}")
     for folder, line in (
         (3, "folder must be a path, got 3"),
-        (tmp_path / "file", f"folder: {tmp_path / 'file'} is a file; choose another"),
-        (tmp_path / "run", f"folder: {tmp_path / 'run'} holds a single run; choose another"),
+        (
+            tmp_path / "file",
+            f"folder: {tmp_path / 'file'}: is a file, a folder is needed; choose another",
+        ),
+        (tmp_path / "run", f"folder: {tmp_path / 'run'}: holds a single run; choose another"),
     ):
         assert line in said(lambda f=folder: Evaluator(case, f))
         assert line in said(lambda f=folder: Study(small({**SHORT, "optimise": ASKED}), f))

@@ -11,11 +11,11 @@ from known_results import HEAT, SPEED, STRESS, solve
 from small_case import small
 
 from castfem.base.types import Array
+from castfem.post.compare.optimum_tables import report
 from castfem.studies.optimisation import Optimum, RunRequest, Study
 from castfem.studies.optimisation.check_level import Check, CheckedOptimum
 from castfem.studies.optimisation.local_model import Binding, Quadratic, intervals
 from castfem.studies.optimisation.numerical_error import NumericalError
-from castfem.studies.optimisation.optimum_report import report
 
 CENTRE, STEP, SCATTER = np.array([0.5]), np.array([0.02]), np.array([0.01, 0.01])
 

@@ -20,8 +20,8 @@ from castfem.base.types import Array
 from castfem.cli import calibrating
 from castfem.cli.calibrating import calibrate_case
 from castfem.post.plots.style import save
-from castfem.studies.optimisation.calibrate import Fit, Free, fit, read_free
-from castfem.studies.optimisation.measured import read_measured
+from castfem.studies.calibration.fit import Fit, Free, fit, read_free
+from castfem.studies.calibration.measured import read_measured
 
 X = np.linspace(0.0, 3.0, 9)
 NOISE = np.array([0.3, -0.2, 0.1, -0.4, 0.25, -0.05, 0.15, -0.3, 0.2])

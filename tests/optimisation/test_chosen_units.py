@@ -9,6 +9,8 @@ import pytest
 from rich.console import Console
 
 from castfem.base.shown_units import ShownUnits, shown_in
+from castfem.base.table import say
+from castfem.post.compare.optimum_tables import report
 from castfem.post.plots import optimisation as figures
 from castfem.studies.optimisation.optimum import (
     ConstraintStatus,
@@ -22,7 +24,6 @@ from castfem.studies.optimisation.optimum import (
     SpreadRow,
     Value,
 )
-from castfem.studies.optimisation.optimum_report import report
 
 TEMPERATURE, SHELL, STRESS = (
     ResultWithError("surface_temperature_corner", "surface, corner", "degC", 1273.15, 0.5, 2.0),
@@ -37,7 +38,7 @@ FRONT = Front(
     FrontResult("shell_mid_face", "shell, mid-face", "mm", -1.0, 1e-5),
     (FrontPoint((2.0,), 5e6, 0.0127, None, "a"), FrontPoint((3.0,), 6e6, 0.0137, 1e9, "b")),
     4,
-    spent=False,
+    exhausted=False,
 )
 SPREAD = Spread(
     ("superheat",),
@@ -69,7 +70,7 @@ def lines(choice: str | dict[str, str]) -> dict[str, list[str]]:
     console = Console(file=io.StringIO(), width=200)
     with shown_in(ShownUnits.read(choice)):
         for block in report(ANSWER):
-            console.print(block, highlight=False, markup=False)
+            say(console, block)
     text = console.file.getvalue()  # type: ignore[attr-defined]
     split = [re.split(r"  +", line.strip()) for line in text.splitlines() if line.strip()]
     found = {first: rest for first, *rest in reversed(split)}  # the first of a name

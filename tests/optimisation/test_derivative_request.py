@@ -70,7 +70,7 @@ def test_shares_of_ranges(tmp_path: Path) -> None:
         (3.0, 0.2, 40.0),
     )
     one.run([middle])
-    outputs = Responses(one.problem, one._runs.find, one.run)
+    outputs = Responses(one.problem, one._runs, one.run)
     outputs.fetch([middle])
     found = outputs.slopes(middle)
     assert found is not None
@@ -210,7 +210,7 @@ def test_a_share_of_what_the_idealised_mould_gives(inputs: tuple[float, ...]) ->
     one.tell(run, Evaluation(given, slopes={STRESS: by, HEAT: by}))
     slopes = None if ideal is None else {HEAT: ideal}
     one.tell(one.problem.ideal(run), Evaluation(given, slopes=slopes))
-    outputs = Responses(one.problem, one._runs.find, one.run)
+    outputs = Responses(one.problem, one._runs, one.run)
     outputs.fetch([run])
     found = outputs.slopes(run)
     assert found is not None

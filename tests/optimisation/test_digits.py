@@ -10,10 +10,11 @@ from known_results import SPEED, STRESS, solve
 from rich.console import Console
 from small_case import small
 
+from castfem.base.table import say
+from castfem.post.compare.digits import column, ends, result, significant, variable
+from castfem.post.compare.optimum_tables import interval, report
 from castfem.studies.optimisation import Optimum, RunRequest, Study
-from castfem.studies.optimisation.digits import column, ends, result, significant, variable
 from castfem.studies.optimisation.optimum import Value
-from castfem.studies.optimisation.optimum_report import interval, report
 
 
 @pytest.mark.parametrize(
@@ -79,7 +80,7 @@ def test_ends_of_an_interval():
 def lines(found: Optimum) -> str:
     console = Console(width=200, record=True, markup=False, file=open("/dev/null", "w"))  # noqa: SIM115
     for one in report(found):
-        console.print(one)
+        say(console, one)
     return console.export_text()
 
 

@@ -211,7 +211,7 @@ def test_ranks_do_the_runs(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(
         "import castfem\nfrom mpi4py import MPI\n"
-        "from castfem.studies.optimisation.evaluator import Evaluator, serve\n"
+        "from castfem.studies.optimisation import Evaluator, serve\n"
         "comm = MPI.COMM_WORLD\n"
         "if comm.rank:\n    serve(comm)\nelse:\n"
         "    case = castfem.load('small').with_(length='6 mm')\n"

@@ -12,12 +12,12 @@ from known_results import HEAT, SPEED, STRESS, Given, solve
 from small_case import small
 
 from castfem.base.errors import InputError
+from castfem.post.compare.optimum_files import write_front
+from castfem.post.compare.optimum_tables import report
 from castfem.post.plots.optimisation import front_figure
 from castfem.post.plots.style import save
 from castfem.studies.optimisation import Evaluation, RunRequest, Study
-from castfem.studies.optimisation.front import write_front
 from castfem.studies.optimisation.optimum import Front
-from castfem.studies.optimisation.optimum_report import report
 
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
 
@@ -77,7 +77,7 @@ def test_two_variables():
         speed, superheat = point.values
         way = (speed - 3.0) / 1.5
         assert superheat == pytest.approx(20.0 + 20.0 * way, abs=1.5)
-    assert not found.spent
+    assert not found.exhausted
 
 
 def test_constraints_hold_on_it():

@@ -12,9 +12,9 @@ from known_results import HEAT, SPEED, STRESS, Given, solve
 from small_case import small
 
 from castfem.base.errors import InputError
+from castfem.post.compare.optimum_tables import report
 from castfem.studies.optimisation import Evaluation, RunRequest, Study
-from castfem.studies.optimisation.global_search import valleys
-from castfem.studies.optimisation.optimum_report import report
+from castfem.studies.optimisation.global_search import local_optima
 
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
 installed = pytest.mark.skipif(
@@ -41,7 +41,7 @@ def test_the_better_of_two_valleys():
     found = solve(study(start), two_valleys)
     assert found.values[0].value == pytest.approx(4.4, abs=0.01)
     assert found.runs["search"] <= 65
-    assert not found.spent
+    assert not found.exhausted
 
 
 def wedges(wanted: RunRequest) -> dict[str, float]:
@@ -67,7 +67,7 @@ def scattered(wanted: RunRequest) -> dict[str, float]:
 def test_two_valleys_of_one_depth_are_told(given: Given, near: tuple[float, float]) -> None:
     """One is the answer, the other is named, once, in the first line and by its values."""
     found = solve(study({**SPEED, "start": "2.2 m/min"}), given)
-    (other,) = found.elsewhere
+    (other,) = found.other_optima
     places = sorted([found.values[0].value, *other])
     assert places == pytest.approx(near, abs=0.2 if given is scattered else 0.01)
     lines = [line for line in report(found) if isinstance(line, str)]
@@ -79,7 +79,7 @@ def test_two_valleys_of_one_depth_are_told(given: Given, near: tuple[float, floa
 def test_a_valley_that_is_not_as_deep_or_misses_a_constraint_is_not_told():
     """One is worse by a tenth, in the other the heat is missing."""
     found = solve(study({**SPEED, "start": "2.2 m/min"}), two_valleys)
-    assert not found.elsewhere
+    assert not found.other_optima
     assert "another place" not in str(next(iter(report(found))))
 
     def given(wanted: RunRequest) -> dict[str, float]:
@@ -87,7 +87,7 @@ def test_a_valley_that_is_not_as_deep_or_misses_a_constraint_is_not_told():
 
     asked = {"constraints": ["heat_removed >= 3 MJ/m"]}
     found = solve(study({**SPEED, "start": "2.2 m/min"}, **asked), given)
-    assert found.values[0].value == pytest.approx(4.3, abs=0.01) and not found.elsewhere
+    assert found.values[0].value == pytest.approx(4.3, abs=0.01) and not found.other_optima
 
 
 @installed
@@ -126,9 +126,9 @@ def test_asked_run_by_run():
 def test_best_places_of_valleys():
     places = np.array([[0.1], [0.15], [0.5], [0.55], [0.9]])
     values = np.array([[3.0], [1.0], [0.5], [0.2], [0.4]])
-    assert [place[0] for place in valleys(places, values)] == [0.55, 0.9]
+    assert [place[0] for place in local_optima(places, values)] == [0.55, 0.9]
     missed = np.column_stack([values, [1.0, 1.0, 1.0, -1.0, -2.0]])  # what misses less goes first
-    assert [place[0] for place in valleys(places, missed)] == [0.5, 0.15]
+    assert [place[0] for place in local_optima(places, missed)] == [0.5, 0.15]
 
 
 def test_it_is_missed_before_a_run(monkeypatch: pytest.MonkeyPatch):
@@ -145,6 +145,6 @@ def test_a_valley_that_is_flat_is_one_valley() -> None:
 
     for given in (quartic, lambda wanted: {STRESS: 10.0}):
         found = solve(study({**SPEED, "start": "2.2 m/min"}, method="cobyqa"), given)
-        assert not found.elsewhere
+        assert not found.other_optima
         assert "another place" not in str(next(iter(report(found))))
     assert found.values[0].low <= 2.2  # of the last, which is flat

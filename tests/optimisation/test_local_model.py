@@ -8,9 +8,9 @@ from known_results import HEAT, SPEED, STRESS, solve
 from small_case import small
 
 from castfem.base.types import Array
+from castfem.post.compare.optimum_tables import report
 from castfem.studies.optimisation import Evaluation, Optimum, RunRequest, Study
 from castfem.studies.optimisation.local_model import REACH, Quadratic, nearest
-from castfem.studies.optimisation.optimum_report import report
 
 CENTRE, STEP = np.array([0.5, 0.4]), np.array([0.05, 0.1])
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}

@@ -14,7 +14,7 @@ from small_case import SMALL
 from castfem.base.errors import InputError
 from castfem.cli.app import app
 from castfem.model.shipped_cases import load
-from castfem.studies.optimisation.mould_table import mould_table
+from castfem.post.compare.optimum_files import mould_table
 
 pytestmark = pytest.mark.slow
 

@@ -86,7 +86,7 @@ def test_the_least_number_is_enough(variables: int, inputs: int) -> None:
 
     def given(x: Array) -> tuple[Array, Array]:
         step = 1e-5 * np.eye(every)
-        columns = polynomial_fit._columns
+        columns = polynomial_fit.columns
         by = [columns(x + h, variables) - columns(x - h, variables) for h in step]
         slopes = np.stack([b @ weights / 2e-5 for b in by], axis=1)
         return (columns(x, variables) @ weights)[:, None], slopes[:, None, :]

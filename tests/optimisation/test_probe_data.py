@@ -12,8 +12,8 @@ import castfem
 from castfem.base.errors import InputError
 from castfem.cli.calibrating import _check_results
 from castfem.model import Case
-from castfem.studies.optimisation.calibrate import computed
-from castfem.studies.optimisation.measured import Measured, read_measured
+from castfem.studies.calibration.fit import computed
+from castfem.studies.calibration.measured import Measured, read_measured
 
 
 def probed(coefficient: str = "1600 W/(m^2 K)") -> Case:

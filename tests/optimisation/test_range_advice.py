@@ -8,8 +8,8 @@ import pytest
 from known_results import HEAT, SPEED, STRESS, solve
 from small_case import small
 
+from castfem.post.compare.optimum_tables import report
 from castfem.studies.optimisation import Optimum, RunRequest, Study
-from castfem.studies.optimisation.optimum_report import report
 
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
 HINT = "a wider one may meet them"

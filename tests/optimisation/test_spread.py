@@ -16,8 +16,8 @@ from small_case import small
 from castfem.base.errors import InputError
 from castfem.model.shipped_cases import load
 from castfem.physics.constitutive.parameters import given_set
+from castfem.post.compare.optimum_tables import report
 from castfem.studies.optimisation import Evaluation, RunRequest, Study
-from castfem.studies.optimisation.optimum_report import report
 from castfem.studies.optimisation.problem import DesignProblem
 
 H = {"key": "cooling.mould.surface.0.coefficient", "relative": ["-10 %", "10 %"]}

@@ -11,11 +11,11 @@ from known_results import HEAT, SPEED, STRESS, Given, bowl, covered, solve, stud
 
 from castfem.base.atomic_files import plain
 from castfem.base.shown_quantity import Quantity
+from castfem.post.compare.optimum_tables import report
 from castfem.studies.accuracy.estimate import SAFETY
-from castfem.studies.accuracy.levels import LEVELS
+from castfem.studies.accuracy.sizes import LEVELS
 from castfem.studies.optimisation import Evaluation, RunRequest
 from castfem.studies.optimisation.numerical_error import NumericalError, error, sides
-from castfem.studies.optimisation.optimum_report import report
 
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
 
@@ -35,7 +35,7 @@ def test_largest_value():
     assert found.values[0].value == pytest.approx(3.3, abs=0.01)
     assert found.objective is not None
     assert found.objective.value == pytest.approx(-10.0, abs=1e-3)
-    assert all(step.objective < 0.0 for step in found.away)
+    assert all(step.objective < 0.0 for step in found.neighbours)
 
 
 def test_constraint_binds():
@@ -242,7 +242,7 @@ def test_two_equal_optima():
 
     found = solve(study({**SPEED, "start": "3.2 m/min"}), given)
     assert min(abs(found.values[0].value - x) for x in (3.0, 3.4)) < 0.1
-    assert found.elsewhere or (
+    assert found.other_optima or (
         covered(
             found,
             3.0,
@@ -265,7 +265,7 @@ def test_best_at_the_end_of_a_range():
 
 def test_runs_that_are_used_up():
     found = solve(study(most_runs=8), bowl)
-    assert found.spent and found.runs["looked_at"] <= 8 < found.runs["all"]
+    assert found.exhausted and found.runs["looked_at"] <= 8 < found.runs["all"]
     assert any("most_runs" in str(line) for line in report(found))
 
 
@@ -354,11 +354,11 @@ def test_what_nothing_depends_on_is_not_found() -> None:
         return {STRESS: 1500.0 + 1e-12 * np.sin(1e3 * wanted.values[0]), HEAT: 1.0}
 
     found = solve(study(SUPERHEAT), given)
-    assert found.status == "independent" and found.idle == ("casting.superheat",)
+    assert found.status == "independent" and found.without_effect == ("casting.superheat",)
     (first, *_) = (block for block in report(found) if isinstance(block, str))
     assert "depends on none of casting.superheat; any value is as good" in first
     both = solve(study(SPEED, SUPERHEAT), lambda w: bowl(w))
-    assert both.status == "found" and both.idle == ("casting.superheat",)
+    assert both.status == "found" and both.without_effect == ("casting.superheat",)
     assert any(
         "no result depends on casting.superheat" in b for b in report(both) if isinstance(b, str)
     )
@@ -367,5 +367,5 @@ def test_what_nothing_depends_on_is_not_found() -> None:
 def test_a_start_at_the_best_place_is_found() -> None:
     """There the slope is 0 by symmetry, and yet the result depends on the variable."""
     found = solve(study(), lambda w: {STRESS: 10.0 + 2.0 * (w.values[0] - 3.6) ** 2, HEAT: 1.0})
-    assert found.status == "found" and found.idle == ()
+    assert found.status == "found" and found.without_effect == ()
     assert found.values[0].value == pytest.approx(3.6, abs=0.01)

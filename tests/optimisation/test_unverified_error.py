@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from known_results import HEAT, SPEED, STRESS, Given, bowl, solve, study
 
+from castfem.post.compare.optimum_tables import interval, report
 from castfem.studies.optimisation import Evaluation, Optimum, RunRequest
 from castfem.studies.optimisation.numerical_error import Tilt
-from castfem.studies.optimisation.optimum_report import interval, report
 
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
 FAILS = Evaluation({}, 0.5, "breakout")
@@ -54,12 +54,12 @@ def test_levels_that_all_come_through_leave_it_closed():
     (value,) = solve(study(fidelity="coarse"), bowl).values
     assert not value.open_low and not value.open_high
     found = solve(study(fidelity="coarse", constraints=["heat_removed >= 2 MJ/m"]), bowl)
-    assert found.unknown == () and "is open" not in lines(found)
+    assert found.unverified == () and "is open" not in lines(found)
 
 
 def test_a_finest_level_that_fails_is_named_where_the_next_one_checks():
     found = solve(study(fidelity="coarse"), failing("fine"))
-    assert found.checked == "default" and found.unknown == ()
+    assert found.checked == "default" and found.unverified == ()
     assert "checked by default (the best run fails by fine)" in lines(found)
 
 
@@ -117,7 +117,7 @@ def test_a_check_that_fails_on_its_way():
     asked = {"fidelity": "coarse", "constraints": ["heat_removed >= 3 MJ/m"]}
     whole, cut = solve(study(**asked), heated), solve(study(**asked), given)
     assert whole.values[0].checked == pytest.approx(3.3, abs=0.01)
-    assert not whole.unknown and not whole.values[0].open_high
+    assert not whole.unverified and not whole.values[0].open_high
     (value,) = cut.values
     assert value.checked == pytest.approx(3.0, abs=0.01)
     assert (value.open_low, value.open_high) == (False, True)
@@ -155,6 +155,6 @@ def test_a_spread_that_failed():
 def test_a_search_that_was_cut_short():
     found = solve(study(most_runs=8, fidelity="coarse"), bowl)
     (value,) = found.values
-    assert found.spent and value.open_low and value.open_high
+    assert found.exhausted and value.open_low and value.open_high
     why = "the search has had its runs before it was done: raise optimise.most_runs"
-    assert lines(found).count(why) == 1 and found.unknown == (why,)
+    assert lines(found).count(why) == 1 and found.unverified == (why,)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
+from castfem.base.shown_quantity import Quantity, to_si, unit_of_difference
 from castfem.base.shown_units import Scale, place_said, plain_unit, scale_of
 from castfem.base.table import FAILED, Table
 from castfem.post.report.error_table import main_names, quantity_of
@@ -14,6 +16,9 @@ from castfem.runs.results.numbers import error_shown, resolution_in, shown, unit
 from castfem.studies.accuracy.table import Entry, ErrorTable, Part
 from castfem.studies.sweep.plan import shortened
 from castfem.studies.sweep.results import TABLE_NAME, Row, varied
+
+if TYPE_CHECKING:
+    import pandas
 
 _LEAST = 4  # results that are shown before what was varied has columns of its own
 _GAP = 2  # between columns
@@ -178,3 +183,36 @@ def without_error(table: ErrorTable) -> list[str]:
         for run in table.runs
         if run.message
     ]
+
+
+def sweep_in_si(table: Sequence[Row]) -> pandas.DataFrame:
+    """Return what was varied in the runs of a sweep and their results in SI, a row a run."""
+    import pandas
+
+    content: list[dict[str, Any]] = []
+    for row in table:
+        results = {name: quantity.value for name, quantity in row.quantities.items()}
+        varied = {key: value.strip('"') for key, value in row.given.items()}
+        ended = {"seconds": row.seconds, "message": row.message}
+        content.append({"run": row.name, **varied, "status": row.status, **results, **ended})
+    return pandas.DataFrame(content).set_index("run")
+
+
+def errors_in_si(found: ErrorTable) -> pandas.DataFrame:
+    """Return the errors of a case in SI, a row a result."""
+    import pandas
+
+    rows = []
+    for name, entry in found.quantities.items():
+        value = to_si(entry.value, entry.unit)
+        unit = unit_of_difference(entry.unit)
+        row: dict[str, Any] = {
+            "name": name,
+            "label": entry.label,
+            "unit": Quantity(value, entry.unit, "").unit,
+        }
+        row |= {"value": value, "error": to_si(entry.error(), unit)}
+        rows.append(row | {axis: to_si(part.error, unit) for axis, part in entry.parts.items()})
+    table = pandas.DataFrame(rows).set_index("name")
+    table.attrs["not run"] = {run.name: run.message for run in found.runs if run.message}
+    return table

@@ -6,11 +6,11 @@ import math
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from castfem.base.shown_quantity import Quantity, from_si, unit_of_difference
+from castfem.base.shown_quantity import Quantity, from_si, to_si, unit_of_difference
 from castfem.base.shown_units import Scale, label_shown, scale_of
 from castfem.base.table import Table
 from castfem.post.compare.runs import Run
@@ -315,3 +315,26 @@ def csv_table(runs: Sequence[Run], table: Sequence[Line]) -> Table:
 
 def _number(value: float) -> str:
     return f"{value:.12g}" if math.isfinite(value) else ""
+
+
+def in_si(runs: Sequence[Run], found: Sequence[Line]) -> pandas.DataFrame:
+    """Return the lines of a comparison in SI, a row each."""
+    import pandas
+
+    rows: list[dict[str, Any]] = []
+    for line in found:
+        # A share stands below the result that it is of, and has no name of its own.
+        name = f"{rows[-1]['name']}_share" if line.unit == SHARE else line.name
+        shown = "%" if line.unit == SHARE else line.unit
+        row: dict[str, Any] = {"name": name, "at": math.nan if line.at is None else line.at}
+        row |= {"label": line.label, "unit": Quantity(0.0, shown, "").unit}
+        for i, run in enumerate(runs):
+            row[run.label] = to_si(line.ours[i], shown)
+            row[f"{run.label}: error"] = to_si(line.error(i), unit_of_difference(shown))
+            row[f"{run.label}: reference"] = to_si(line.theirs[i], shown)
+            bound = line.kinds[i] != "value" and math.isfinite(line.theirs[i])
+            row[f"{run.label}: bound"] = line.kinds[i] if bound else None
+        rows.append(row)
+    table = pandas.DataFrame(rows).set_index("name")
+    extra = [f"{run.label}: {what}" for run in runs for what in ("error", "reference", "bound")]
+    return table.drop(columns=[column for column in extra if table[column].isna().all()])

@@ -24,15 +24,10 @@ _SAME = 1e-12  # relative; values that differ by less are rounded differently
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """The error of a number that comes from one of the sizes.
+    """The error of a number that comes from one of the sizes."""
 
-    Attributes:
-        error: Its absolute value, in the unit of the number; NaN where nothing is known.
-        order: The order of convergence that shows; None where none does.
-    """
-
-    error: float
-    order: float | None = None
+    error: float  #: its absolute value, in the unit of the number; NaN where nothing is known
+    order: float | None = None  #: the order of convergence that shows; None where none does
 
     def scaled(self, factor: float) -> float:
         """Return the error where the size is `factor` times as large.

@@ -24,21 +24,13 @@ _DEARER = {MESH: 2.0, STEP: 0.5, COUPLING: 1.0}  # time goes with this power of 
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """A run of the ladder.
+    """A run of the ladder."""
 
-    Attributes:
-        name: Of its folder.
-        axis: Which of the sizes is scaled; "" for the case itself.
-        factor: By how much.
-        case: The case with these sizes.
-        problem: Why it cannot be run, empty if it can.
-    """
-
-    name: str
-    axis: str
-    factor: float
-    case: Case
-    problem: str = ""
+    name: str  #: of its folder
+    axis: str  #: which of the sizes is scaled; "" for the case itself
+    factor: float  #: by how much
+    case: Case  #: the case with these sizes
+    problem: str = ""  #: why it cannot be run, empty if it can
 
     @property
     def text(self) -> str:

@@ -24,19 +24,13 @@ _DEARER: Mapping[str, tuple[float, float, float]] = {
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """Sizes for an error that is asked for.
+    """Sizes for an error that is asked for."""
 
-    Attributes:
-        factors: Of the sizes of the case, by axis.
-        seconds: How long a run with them is expected to take.
-        now: How long one of the case as it is has taken.
-        beyond: Numbers that no sizes within reach bring there, with the share that is left.
-    """
-
-    factors: Mapping[str, float]
-    seconds: float
-    now: float
-    beyond: Mapping[str, float]
+    factors: Mapping[str, float]  #: of the sizes of the case, by axis
+    seconds: float  #: how long a run with them is expected to take
+    now: float  #: how long one of the case as it is has taken
+    unreached: Mapping[str, float]
+    """Numbers that no sizes within reach bring there, with the share that is left."""
 
 
 def read_share(text: str) -> float:
@@ -72,12 +66,12 @@ def propose(table: ErrorTable, names: Sequence[str], share: float) -> Proposal:
     }
     axes = [a for a in AXES if any(a in entry.parts for entry in entries.values())]
     finest = {axis: _FINEST[axis] for axis in axes}
-    beyond = {
+    unreached = {
         name: entry.error(finest) / entry.scale
         for name, entry in entries.items()
         if entry.error(finest) > share * entry.scale
     }
-    wanted = [entry for name, entry in entries.items() if name not in beyond]
+    wanted = [entry for name, entry in entries.items() if name not in unreached]
     dearer = {axis: _exponent(table, axis) for axis in axes}
     best, least = finest, math.inf
     for chosen in itertools.product(*(_choices(axis) for axis in axes)):
@@ -88,7 +82,7 @@ def propose(table: ErrorTable, names: Sequence[str], share: float) -> Proposal:
     now = next(run.seconds for run in table.runs if not run.axis)
     if not wanted:
         best, least = dict.fromkeys(axes, 1.0), 1.0
-    return Proposal(best, now * least, now, beyond)
+    return Proposal(best, now * least, now, unreached)
 
 
 def _choices(axis: str) -> list[float]:

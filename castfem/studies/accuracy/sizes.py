@@ -10,6 +10,7 @@ import hashlib
 import json
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -18,13 +19,29 @@ from castfem.model import Case
 from castfem.model.mechanics import Way
 from castfem.model.section import meshing
 from castfem.physics.coupling.step_control import ALLOWED_STRAIN
-from castfem.studies.accuracy.levels import LEVELS
 
+DEFAULT = "default"
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """A level of accuracy."""
+
+    cells: float  #: size of the cells over that of the case
+    window: float  #: length of the coupling windows over that of the case
+
+
+LEVELS: Mapping[str, Level] = {
+    "coarse": Level(1.5, 2.0),
+    DEFAULT: Level(1.0, 1.0),
+    "fine": Level(0.625, 0.5),
+}
+"""The cheapest first."""
 MESH, STEP, COUPLING = "mesh", "step", "coupling"
 AXES = (MESH, STEP, COUPLING)
 CELLS = ("surface_size", "corner_size", "face_size", "core_size")
 _LOCAL = {"sdirk2": 3, "backward_euler": 2}  # power of the step that its error follows
-_ALIKE = 0.02  # relative; two factors that differ by less are one
+_EQUAL = 0.02  # relative; two factors that differ by less are one
 _SIZES = {
     "mesh": CELLS,
     "coupling": (
@@ -41,7 +58,7 @@ _SIZES = {
 def factors_of(word: str) -> dict[str, float]:
     """Return the factors that a word for the accuracy of a run stands for.
 
-    They are those of `castfem.studies.accuracy.levels`; the step goes with the coupling window.
+    They are those of `LEVELS`; the step goes with the coupling window.
 
     Raises:
         InputError: There is no such word.
@@ -197,7 +214,7 @@ def factors_between(
         other: Of the other case, likewise.
 
     Returns:
-        Factors; None where the sizes are not all scaled alike, so that no error can be told.
+        Factors; None where the sizes are not all scaled alike, so that no error is known.
     """
     if base.keys() != other.keys():
         return None
@@ -205,11 +222,11 @@ def factors_between(
     for name, size in base.items():
         axis = MESH if name.startswith("mesh.") else COUPLING if name == "window" else STEP
         groups.setdefault(axis, []).append(other[name] / size)
-    if any(not _alike(ratios) for ratios in groups.values()):
+    if any(not _nearly_equal(ratios) for ratios in groups.values()):
         return None
     return {axis: math.prod(r) ** (1.0 / len(r)) for axis, r in groups.items()}
 
 
-def _alike(ratios: Iterable[float]) -> bool:
+def _nearly_equal(ratios: Iterable[float]) -> bool:
     every = list(ratios)
-    return max(every) <= (1.0 + _ALIKE) * min(every)
+    return max(every) <= (1.0 + _EQUAL) * min(every)

@@ -43,36 +43,22 @@ _NOTHING = 1e-9  # in the unit of the tables; what is smaller in all runs is zer
 
 @dataclass(frozen=True, slots=True)
 class Ran:
-    """A run of the ladder that has been done, or not.
+    """A run of the ladder that has been done, or not."""
 
-    Attributes:
-        name: Of its folder.
-        axis: Which of the sizes is scaled; "" for the case itself.
-        factor: By how much.
-        seconds: What it took.
-        message: Why there is nothing of it, empty if there is.
-    """
-
-    name: str
-    axis: str
-    factor: float
-    seconds: float = 0.0
-    message: str = ""
+    name: str  #: of its folder
+    axis: str  #: which of the sizes is scaled; "" for the case itself
+    factor: float  #: by how much
+    seconds: float = 0.0  #: what it took
+    message: str = ""  #: why there is nothing of it, empty if there is
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """The error that comes from one of the sizes.
+    """The error that comes from one of the sizes."""
 
-    Attributes:
-        error: Its absolute value; NaN where nothing is known.
-        order: The order of convergence that shows; None where none does.
-        values: The number by size, relative to that of the case.
-    """
-
-    error: float
-    order: float | None
-    values: Mapping[float, float]
+    error: float  #: its absolute value; NaN where nothing is known
+    order: float | None  #: the order of convergence that shows; None where none does
+    values: Mapping[float, float]  #: the number by size, relative to that of the case
 
     def at(self, factor: float) -> float:
         """The error where the size is `factor` times as large."""
@@ -81,22 +67,15 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A number with its error.
+    """A number with its error."""
 
-    Attributes:
-        label: What it is, for tables.
-        unit: Of the value; errors of temperatures are in K.
-        value: Of the case as it is.
-        parts: What the error is made of, by axis.
-        scale: What a percentage of it is of: the value, of a temperature its fall since the
-            meniscus; 0 where there is nothing.
-    """
-
-    label: str
-    unit: str
-    value: float
-    parts: Mapping[str, Part]
+    label: str  #: what it is, for tables
+    unit: str  #: of the value; errors of temperatures are in K
+    value: float  #: of the case as it is
+    parts: Mapping[str, Part]  #: what the error is made of, by axis
     scale: float = 0.0
+    """What a percentage of it is of: the value, of a temperature its fall since the meniscus; 0
+    where there is nothing."""
 
     def error(self, factors: Mapping[str, float] | None = None) -> float:
         """The sum of its parts; NaN where one is not known.
@@ -111,23 +90,15 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class ErrorTable:
-    """The errors of a case.
+    """The errors of a case."""
 
-    Attributes:
-        title: Of the case.
-        case: Hash of what its numbers depend on but the sizes.
-        sizes: Those of the case.
-        runs: What was run for it.
-        quantities: Name to number with its error.
-        places: The same at places on the way, by position, m.
-    """
-
-    title: str
-    case: str
-    sizes: Mapping[str, float]
-    runs: tuple[Ran, ...]
-    quantities: Mapping[str, Entry] = field(default_factory=dict)
+    title: str  #: of the case
+    case: str  #: hash of what its numbers depend on but the sizes
+    sizes: Mapping[str, float]  #: those of the case
+    runs: tuple[Ran, ...]  #: what was run for it
+    quantities: Mapping[str, Entry] = field(default_factory=dict)  #: name to number with its error
     places: Mapping[float, Mapping[str, Entry]] = field(default_factory=dict)
+    """The same at places on the way, by position, m."""
 
     def write(self, folder: Path) -> Path:
         """Write error.json.
@@ -274,7 +245,7 @@ def _series(
     """A number by the factor of one of the sizes, in its unit.
 
     Where the windows cut the thermal steps shorter windows have shorter steps, too: what these
-    alone do to the number is told by the run with such steps, and is taken out.
+    alone do to the number is known by the run with such steps, and is taken out.
     """
 
     def of(axis: str) -> dict[float, float]:

@@ -40,26 +40,19 @@ LEAST_POINTS = 4
 
 @dataclass(frozen=True, slots=True)
 class IdentifyOptions:
-    """How to fit.
-
-    Attributes:
-        degree: None fits each temperature by itself; a number makes ln(K0 p2), p1, p3 and p4
-            polynomials of that degree over temperature, through all data at once.
-        softening: "positive" lets p1 be 0 or more, "free" any, "none" keeps it at 0.
-        least_strain: Points below it are left out: the elastic part and the machine's compliance.
-        largest_strain: Points beyond it are left out: necking.
-        points: A curve with more points is thinned to this many, evenly over ln(strain).
-        p3: Bounds.
-        p4: Bounds.
-    """
+    """How to fit."""
 
     degree: int | None = None
+    """None fits each temperature by itself; a number makes ln(K0 p2), p1, p3 and p4 polynomials
+    of that degree over temperature, through all data at once."""
     softening: Literal["positive", "free", "none"] = "positive"
+    """"positive" lets p1 be 0 or more, "free" any, "none" keeps it at 0."""
     least_strain: float = 0.002
-    largest_strain: float = 1.0
-    points: int = 40
-    p3: tuple[float, float] = (0.005, 1.0)
-    p4: tuple[float, float] = (0.0, 0.95)
+    """Points below it are left out: the elastic part and the machine's compliance."""
+    largest_strain: float = 1.0  #: points beyond it are left out: necking
+    points: int = 40  #: A curve with more points is thinned to this many, evenly over ln(strain)
+    p3: tuple[float, float] = (0.005, 1.0)  #: bounds
+    p4: tuple[float, float] = (0.0, 0.95)  #: bounds
 
     @property
     def bounds(self) -> Array:
@@ -70,25 +63,15 @@ class IdentifyOptions:
 
 @dataclass(frozen=True, slots=True)
 class _Problem:
-    """The least-squares problem: residual = design @ unknowns - goal.
+    """The least-squares problem: residual = design @ unknowns - goal."""
 
-    Attributes:
-        design: (points, unknowns).
-        goal: ln(s / sqrt3), (points,).
-        least: Lower bounds of the unknowns.
-        most: Upper bounds; equal to the lower one for an unknown that is held.
-        prior: Values taken where the data leave an unknown open.
-        guessed: 1 where the prior may speak; 0 for the level, which follows from the others.
-        curves: Indices of the points along each curve.
-    """
-
-    design: Array
-    goal: Array
-    least: Array
-    most: Array
-    prior: Array
-    guessed: Array
-    curves: list[Indices] = field(default_factory=list)
+    design: Array  #: (points, unknowns)
+    goal: Array  #: ln(s / sqrt3), (points,)
+    least: Array  #: lower bounds of the unknowns
+    most: Array  #: upper bounds; equal to the lower one for an unknown that is held
+    prior: Array  #: values taken where the data leave an unknown open
+    guessed: Array  #: 1 where the prior may speak; 0 for the level, which follows from the others
+    curves: list[Indices] = field(default_factory=list)  #: indices of the points along each curve
 
 
 def identify(

@@ -41,21 +41,13 @@ LISTED = 10  # bad rows that are listed one by one
 
 @dataclass(frozen=True, slots=True)
 class TensileData:
-    """Points of tensile curves, all arrays (n,).
+    """Points of tensile curves, all arrays (n,)."""
 
-    Attributes:
-        temperature: K; that of a group of tests is their mean.
-        rate: Strain rate, 1/s.
-        strain: Total axial strain.
-        stress: Axial stress, Pa.
-        name: Where they come from.
-    """
-
-    temperature: Array
-    rate: Array
-    strain: Array
-    stress: Array
-    name: str = "tensile curves"
+    temperature: Array  #: K; that of a group of tests is their mean
+    rate: Array  #: strain rate, 1/s
+    strain: Array  #: total axial strain
+    stress: Array  #: axial stress, Pa
+    name: str = "tensile curves"  #: where they come from
 
     @property
     def temperatures(self) -> Array:

@@ -30,27 +30,17 @@ PANELS = 12
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Parameters at one temperature.
+    """Parameters at one temperature."""
 
-    Attributes:
-        temperature: K.
-        values: ln(K0 p2 / Pa), p1, p3, p4.
-        half_width: Of their confidence intervals; infinite where the data say nothing, 0 if held.
-        at_bound: Which of them a bound holds.
-        points: Points used.
-        rates: How many strain rates they have.
-        rms: Root mean square of the residual in ln(stress).
-        worst: Largest residual in ln(stress).
-    """
-
-    temperature: float
-    values: tuple[float, float, float, float] | tuple[float, ...]
+    temperature: float  #: K
+    values: tuple[float, float, float, float] | tuple[float, ...]  #: ln(K0 p2 / Pa), p1, p3, p4
     half_width: tuple[float, ...]
-    at_bound: tuple[bool, ...]
-    points: int
-    rates: int
-    rms: float
-    worst: float
+    """Of their confidence intervals; infinite where the data say nothing, 0 if held."""
+    at_bound: tuple[bool, ...]  #: which of them a bound holds
+    points: int  #: points used
+    rates: int  #: how many strain rates they have
+    rms: float  #: root mean square of the residual in ln(stress)
+    worst: float  #: largest residual in ln(stress)
 
     @property
     def strength(self) -> float:
@@ -60,21 +50,14 @@ class Fit:
 
 @dataclass(frozen=True, slots=True)
 class IdentifiedLaw:
-    """A fitted law.
+    """A fitted law."""
 
-    Attributes:
-        fits: One a temperature, increasing.
-        given: All points of the file.
-        used: Those the fit was made with.
-        degree: Of the polynomials over temperature; None if each temperature stands alone.
-        confidence: Of the intervals, such as 0.95.
-    """
-
-    fits: tuple[Fit, ...]
-    given: TensileData
-    used: TensileData
+    fits: tuple[Fit, ...]  #: one a temperature, increasing
+    given: TensileData  #: all points of the file
+    used: TensileData  #: those the fit was made with
     degree: int | None
-    confidence: float
+    """Of the polynomials over temperature; None if each temperature stands alone."""
+    confidence: float  #: of the intervals, such as 0.95
 
     @property
     def temperature(self) -> Array:

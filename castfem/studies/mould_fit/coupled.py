@@ -46,35 +46,23 @@ _ROWS = 21
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Turn:
-    """One time round.
+    """One time round."""
 
-    Attributes:
-        strand: The run whose flux heated the tube; None where the flux is given.
-        wall: What came of it.
-        moved: Largest change of the wall since the turn before, m; NaN in the first.
-        heat: Relative change of the heat removed since then; likewise.
-    """
-
-    strand: Followed | None
-    wall: HotWall
-    moved: float
-    heat: float
+    strand: Followed | None  #: the run whose flux heated the tube; None where the flux is given
+    wall: HotWall  #: what came of it
+    moved: float  #: largest change of the wall since the turn before, m; NaN in the first
+    heat: float  #: relative change of the heat removed since then; likewise
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drawing:
-    """The mould cold and at work.
+    """The mould cold and at work."""
 
-    Attributes:
-        cold: As it is made.
-        hot: As the strand meets it.
-        displacement: From the sizes and the taper in the case to the wall at work: what
-            `mould.displacement` takes; None where the case gives the mould at work.
-    """
-
-    cold: Mould
-    hot: Mould
+    cold: Mould  #: as it is made
+    hot: Mould  #: as the strand meets it
     displacement: WallDisplacement | None
+    """From the sizes and the taper in the case to the wall at work: what `mould.displacement`
+    takes; None where the case gives the mould at work."""
 
 
 def table_of(case: Case, origin: str) -> MouldTable:
@@ -135,7 +123,7 @@ def hot_mould_of(
     comm: MPI.Comm,
     origin: str,
     turns: int = 1,
-    told: Callable[[int, Turn], None] = lambda number, turn: None,
+    report: Callable[[int, Turn], None] = lambda number, turn: None,
 ) -> list[Turn]:
     """Return the turns of a case's hot mould, the last of which is the answer (collective).
 
@@ -145,7 +133,7 @@ def hot_mould_of(
         origin: What the user called the case, for messages.
         turns: Most of them; 1 heats the tube once. They end before where wall and heat agree, and
             after one where the tube's flux or its faces' temperatures are given.
-        told: Called after each.
+        report: Called after each.
 
     Raises:
         InputError: The case has no tube.
@@ -157,14 +145,14 @@ def hot_mould_of(
     tube = HotMould(comm, mould, copper_of(table), settings_of(table))
     if not table.tube.heated_by_strand:
         turn = Turn(None, tube.solve(given_flux(table, mould)), np.nan, np.nan)
-        told(1, turn)
+        report(1, turn)
         return [turn]
     found: list[Turn] = []
     for number in range(1, turns + 1):
         strand = follow(_heated(case, table, found[-1].wall if found else None), comm)
         wall = tube.solve(flux_of(strand, mould))
         found.append(_turn(strand, wall, found[-1] if found else None))
-        told(number, found[-1])
+        report(number, found[-1])
         if found[-1].moved < SHAPE and abs(found[-1].heat) < HEAT:
             break
     return found

@@ -26,21 +26,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Followed:
-    """The surface of a strand from the meniscus to the end of the run; the same on all ranks.
+    """The surface of a strand from the meniscus to the end of the run; the same on all ranks."""
 
-    Attributes:
-        line: Its vertices.
-        positions: Of the samples (p,), m.
-        flux: That it gives off (p, n), W/m2.
-        outline: Where its vertices are (p, n, 2), m; as at the meniscus in a run without mechanics.
-        summary: Of the run.
-    """
-
-    line: SurfaceLine
-    positions: Array
-    flux: Array
+    line: SurfaceLine  #: its vertices
+    positions: Array  #: of the samples (p,), m
+    flux: Array  #: that it gives off (p, n), W/m2
     outline: Array
-    summary: Summary
+    """Where its vertices are (p, n, 2), m; as at the meniscus in a run without mechanics."""
+    summary: Summary  #: of the run
 
     def value(self, name: str) -> float:
         """Return a result of the run, SI; NaN where it has none of that name."""

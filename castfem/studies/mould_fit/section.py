@@ -41,32 +41,20 @@ _FACE, _CORNER = 8, 6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outline:
-    """An outline beside a rectangle, over the way round a quarter.
+    """An outline beside a rectangle, over the way round a quarter."""
 
-    Attributes:
-        ways: Of the vertices (n,), m, increasing.
-        offset: How far they stand out (n,), m.
-    """
-
-    ways: Array
-    offset: Array
+    ways: Array  #: of the vertices (n,), m, increasing
+    offset: Array  #: how far they stand out (n,), m
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Attempt:
-    """One run.
+    """One run."""
 
-    Attributes:
-        start: Outline at the meniscus.
-        end: Outline at the wanted position.
-        worst: Largest deviation there, m.
-        strand: The run.
-    """
-
-    start: Outline
-    end: Outline
-    worst: float
-    strand: Followed
+    start: Outline  #: outline at the meniscus
+    end: Outline  #: outline at the wanted position
+    worst: float  #: largest deviation there, m
+    strand: Followed  #: the run
 
 
 def find_section(
@@ -75,7 +63,7 @@ def find_section(
     origin: str,
     at: float | None = None,
     close: float = CLOSE,
-    told: Callable[[int, Attempt], None] = lambda number, attempt: None,
+    report: Callable[[int, Attempt], None] = lambda number, attempt: None,
 ) -> list[Attempt]:
     """Return the runs, the last of which ends as a rectangle of the case's section (collective).
 
@@ -85,7 +73,7 @@ def find_section(
         origin: What the user called the case, for messages.
         at: Position of the wanted section, m; None: the end of the mould, or of the run.
         close: Largest deviation from it, m.
-        told: Called after each run.
+        report: Called after each run.
 
     Raises:
         InputError: The case cannot be asked.
@@ -104,7 +92,7 @@ def find_section(
             start = Outline(ways, np.zeros(len(ways)))
         end = outline_of(strand.outline[-1], strand.line.place, start, sides)
         found.append(Attempt(start, end, float(np.abs(end.offset).max()), strand))
-        told(number, found[-1])
+        report(number, found[-1])
         if found[-1].worst <= close:
             return found
         start = Outline(start.ways, start.offset - RELAXATION * end.offset)

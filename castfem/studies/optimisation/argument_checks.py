@@ -14,7 +14,6 @@ from castfem.base.errors import InputError
 from castfem.base.result_registry import unit_of
 from castfem.base.shown_quantity import Quantity
 from castfem.model.key_names import full_key
-from castfem.runs.output.run_record import RUN_NAME
 from castfem.studies.optimisation.fidelity import check_word
 from castfem.studies.optimisation.problem import DesignProblem, DesignVariable, RunRequest
 
@@ -25,18 +24,6 @@ if TYPE_CHECKING:
 def origin_of(case: Case | str | Path) -> str:
     """What messages call a case: its path or name as it was given; "" for a case."""
     return str(case) if isinstance(case, str | Path) else ""
-
-
-def check_folder(folder: Path | str, caller: str) -> Path:
-    """Return the path of a folder for many runs."""
-    if not isinstance(folder, str | Path):
-        raise InputError(f"{caller}: folder must be a path, got {folder!r}")
-    path = Path(folder)
-    if path.exists() and not path.is_dir():
-        raise InputError(f"{caller}: folder: {path} is a file; choose another")
-    if (path / RUN_NAME).is_file():
-        raise InputError(f"{caller}: folder: {path} holds a single run; choose another")
-    return path
 
 
 def check_integer(number: int, least: int, what: str) -> int:

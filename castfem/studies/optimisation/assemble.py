@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,9 +9,9 @@ import numpy as np
 from castfem.base.result_registry import general_label, smooth_twins
 from castfem.base.shown_quantity import unit_of_difference
 from castfem.base.types import Array
-from castfem.studies.accuracy.levels import LEVELS
+from castfem.studies.accuracy.sizes import LEVELS
 from castfem.studies.optimisation.check_level import CheckedOptimum
-from castfem.studies.optimisation.equivalent_optima import equivalent_optima
+from castfem.studies.optimisation.global_search import APART
 from castfem.studies.optimisation.local_model import Binding, Interval, Quadratic, around, intervals
 from castfem.studies.optimisation.numerical_error import NumericalError, error
 from castfem.studies.optimisation.optimum import (
@@ -40,7 +39,6 @@ class Findings:
 
     search: Search
     best: RunRequest
-    runs: Mapping[RunRequest, Evaluation]  #: all runs
     model: Quadratic | None = None  #: of the runs about the best one
     error: NumericalError | None = None
     checked: CheckedOptimum | None = None  #: by the level of the check; None where that failed
@@ -48,6 +46,11 @@ class Findings:
     converged: bool = True  #: whether no other run of the search is better
     spread: InputSpread | None = None
     front: Front | None = None
+
+    @property
+    def runs(self) -> dict[RunRequest, Evaluation]:
+        """All runs."""
+        return self.search.responses.runs.results
 
 
 def assemble(found: Findings) -> Optimum:
@@ -72,8 +75,8 @@ def assemble(found: Findings) -> Optimum:
         ),
         objective=None if run.failed else _result(found, 0),
         constraints=() if run.failed else tuple(_constraints(found)),
-        away=tuple(_away(found)),
-        elsewhere=_elsewhere(found, places, elsewhere),
+        neighbours=tuple(_neighbours(found)),
+        other_optima=_other_optima(found, places, elsewhere),
         fidelity=level,
         checked="" if found.error is None else found.error.checked,
         step=search.radius,
@@ -83,14 +86,14 @@ def assemble(found: Findings) -> Optimum:
             "failed": sum(responses.seen[one].failed for one in own),
             "all": len(found.runs),
         },
-        spent=search.exhausted,
+        exhausted=search.exhausted,
         seconds=sum(one.seconds for one in found.runs.values()),
         best="" if run.folder is None else run.folder.name,
         front=found.front,
         spread=None if found.spread is None else _spread(found, found.spread),
         by_check=_by_check(found),
-        unknown=() if unverified is None else unverified.reasons,
-        idle=idle,
+        unverified=() if unverified is None else unverified.reasons,
+        without_effect=idle,
     )
 
 
@@ -112,15 +115,48 @@ def _by_check(found: Findings) -> CheckResult | None:
     return CheckResult(found.search.responses.sense * cost, tuple(left))
 
 
+def equivalent_optima(
+    search: Search, best: RunRequest, scatter: float
+) -> tuple[list[RunRequest], list[RunRequest]]:
+    """Return runs that meet all constraints, and whose objective is not worse by more than scatter.
+
+    Returns:
+        Those connected to the best one, itself among them; of each other region the best.
+    """
+    responses = search.responses
+    places = {w: search.problem.shares(w) for w in responses.of_level(best.fidelity)}
+    cost = responses.cost(best)
+    enough = cost + scatter + ROUNDING * abs(cost)
+    good = [w for w in places if search.violation(w) <= 0.0 and responses.cost(w) <= enough]
+    near, elsewhere = [best], list[RunRequest]()
+
+    def apart(one: RunRequest, other: RunRequest) -> bool:
+        return bool(np.max(np.abs(places[one] - places[other])) >= APART)
+
+    def is_connected(one: RunRequest) -> bool:
+        """Whether there are runs between it and the best one, all of them good."""
+        low, high = np.sort([places[one], places[best]], axis=0)
+        between = [w for w, at in places.items() if np.all((low <= at) & (at <= high))]
+        others = [w in good for w in between if w not in (one, best)]
+        return bool(others) and all(others)
+
+    for one in sorted(good, key=responses.cost):
+        if not apart(one, best) or is_connected(one):
+            near.append(one)
+        elif all(apart(one, other) for other in elsewhere):
+            elsewhere.append(one)
+    return near, elsewhere
+
+
 def _equivalent(found: Findings) -> tuple[list[RunRequest], list[RunRequest]]:
-    """Equivalent runs in the valley of the optimum, and in others."""
+    """Equivalent runs connected to the optimum, and others."""
     assert found.model is not None
     scatter = float(found.search.noise[0] + found.model.misfit[0])
     return equivalent_optima(found.search, found.best, scatter)
 
 
 def _intervals(found: Findings, near: list[RunRequest]) -> list[Interval]:
-    """Where the optimum may lie: by the quadratics, and by equivalent runs of its valley."""
+    """Where the optimum may lie: by the quadratics, and by equivalent runs connected to it."""
     problem, responses = found.search.problem, found.search.responses
     if found.model is None or found.error is None:
         return [Interval(0.0, 1.0, False, False) for _ in problem.variables]
@@ -225,7 +261,7 @@ def _constraints(found: Findings) -> list[ConstraintStatus]:
     return constraints
 
 
-def _away(found: Findings) -> list[Neighbour]:
+def _neighbours(found: Findings) -> list[Neighbour]:
     """The runs to either side of the optimum along each variable."""
     responses, best, problem = found.search.responses, found.best, found.search.problem
     if found.model is None:
@@ -245,10 +281,10 @@ def _away(found: Findings) -> list[Neighbour]:
     return neighbours
 
 
-def _elsewhere(
+def _other_optima(
     found: Findings, places: list[Interval], elsewhere: list[RunRequest]
 ) -> tuple[tuple[float, ...], ...]:
-    """Equivalent runs of other valleys, outside of the intervals."""
+    """Equivalent runs that are not connected to it, outside of the intervals."""
     low = np.array([p.low for p in places]) - found.search.radius
     high = np.array([p.high for p in places]) + found.search.radius
 

@@ -3,53 +3,35 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
-from castfem.base.atomic_files import Closing, folder_refused
-from castfem.base.errors import InputError, RunFailure, shown
+from castfem.base.atomic_files import Closing
+from castfem.base.errors import RunFailure, shown
 from castfem.base.result_registry import smooth_twins
 from castfem.model.load import changed, from_document
 from castfem.model.shipped_cases import as_case
-from castfem.studies.accuracy.levels import DEFAULT
+from castfem.studies.accuracy.sizes import DEFAULT
 from castfem.studies.optimisation import argument_checks as check
 from castfem.studies.optimisation.fidelity import at_level, idealised
 from castfem.studies.optimisation.store import Evaluation, Store
-from castfem.studies.sweep.groups import Groups
 from castfem.studies.sweep.groups import check as check_groups
-from castfem.studies.sweep.local import Team
-from castfem.studies.sweep.work import Derivatives, Job, Outcome, work
+from castfem.studies.sweep.record import check_folder
+from castfem.studies.sweep.work import Derivatives, Job, Outcome
+from castfem.studies.sweep.workers import LOG_NAME, CallExecutor, Workers, nothing
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from castfem.model import Case
 
-_LOG_NAME = "sweep.log"
 _PATIENCE = 3.0, 4.0  # s before each further attempt; runs of a killed command end within five
 _LEAN = {"fields": [], "figures": False}
 
 
-class Watcher(Protocol):
-    """Follows runs (`castfem.studies.sweep.view.View` does)."""
-
-    def begun(self, job: Job) -> None:
-        """A run has begun."""
-
-    def ended(self, job: Job, outcome: Outcome) -> None:
-        """A run has ended."""
-
-    def tick(self) -> None:
-        """Called a few times a second."""
-
-
-class _Blind:
-    """Watches nothing."""
-
-    def begun(self, job: Job) -> None: ...
-    def ended(self, job: Job, outcome: Outcome) -> None: ...
-    def tick(self) -> None: ...
+Ended = Callable[[Job, Outcome], None]
+"""Called with a run and how it has ended."""
 
 
 class Evaluator(Closing):
@@ -67,6 +49,7 @@ class Evaluator(Closing):
         comm: Ranks that do the runs instead, the others within `serve`: each run on one of them,
             or on a group of `ranks`, for large sections.
         ranks: Of each run; they divide those of `comm`.
+        executor: Makes the runs instead, as for `castfem.sweep`; it stays open.
 
     Attributes:
         case: The case that is changed.
@@ -85,18 +68,18 @@ class Evaluator(Closing):
         processes: int = 0,
         comm: MPI.Intracomm | None = None,
         ranks: int = 1,
+        executor: CallExecutor | None = None,
     ) -> None:
         self.case = lean(as_case(case, "Evaluator"))
-        target = check.check_folder(folder, "Evaluator")
-        self._processes = check.check_integer(processes, 0, "Evaluator: processes")
-        self._ranks = check.check_integer(ranks, 1, "Evaluator: ranks")
-        size = 1 if comm is None else comm.size
-        check_groups(ranks, size, "Evaluator: ranks=")
-        self._comm = comm if size > 1 else None  # a single rank does its runs itself
+        target = check_folder(folder, "Evaluator")
+        check.check_integer(processes, 0, "Evaluator: processes")
+        check.check_integer(ranks, 1, "Evaluator: ranks")
+        check_groups(ranks, 1 if comm is None else comm.size, "Evaluator: ranks=")
         self.store, self.runs = Store(target), 0
         self.store.check_is_of(self.case)
-        self._team: Team | None = None
-        self._groups: Groups | None = None
+        self._workers = Workers(
+            target / LOG_NAME, processes=processes, comm=comm, ranks=ranks, executor=executor
+        )
 
     def __call__(
         self, changes: Mapping[str, Any] | None = None, fidelity: str = DEFAULT
@@ -126,7 +109,7 @@ class Evaluator(Closing):
         self,
         cases: Sequence[Case],
         given: Sequence[Mapping[str, str]],
-        watcher: Watcher | None = None,
+        ended: Ended = nothing,
         derivatives: Sequence[Derivatives | None] = (),
     ) -> list[Evaluation]:
         """Return the results of cases, each run once.
@@ -134,7 +117,7 @@ class Evaluator(Closing):
         Args:
             cases: The cases.
             given: What is varied in each, key to value, for its folder's name and tables.
-            watcher: Follows the runs.
+            ended: Called for each run that is made.
             derivatives: Which each computes; a run that was made without them is made again.
 
         Raises:
@@ -150,27 +133,26 @@ class Evaluator(Closing):
         lost: dict[str, Evaluation] = {}
         stopped: list[tuple[Job, Outcome]] = []
 
-        def ended(job: Job, outcome: Outcome) -> None:
+        def note(job: Job, outcome: Outcome) -> None:
             if outcome.obstacle:  # it says nothing about the case
                 stopped.append((job, outcome))
                 return
             found = self.store.note(job, outcome)
             if found.folder is None:
                 lost[job.name] = found
-            if watcher is not None:
-                watcher.ended(job, outcome)
+            ended(job, outcome)
 
         if missing:
-            self._make_folder()
+            self.store.record.begin()
             self.runs += len(missing)
-            self._do(list(missing.values()), ended, watcher or _Blind())
+            self._workers.run(list(missing.values()), ended=note)
             for wait in _PATIENCE:
                 again = [job for job, outcome in stopped if outcome.obstacle == "in use"]
                 if not again:
                     break
                 time.sleep(wait)
                 stopped[:] = [one for one in stopped if one[0] not in again]
-                self._do(again, ended, watcher or _Blind())
+                self._workers.run(again, ended=note)
             self.store.write_table()
         if stopped:
             raise RunFailure(
@@ -179,60 +161,9 @@ class Evaluator(Closing):
         found = [lost.get(job.name) or find(job.case) for job in jobs]
         return [one for one in found if one is not None]
 
-    def _make_folder(self) -> None:
-        folder = self.store.folder
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            self.store.record.save()
-        except (OSError, RunFailure) as error:
-            raise InputError(folder_refused(folder, error)) from None
-
-    def _do(self, jobs: list[Job], ended: Any, watcher: Watcher) -> None:
-        if self._comm is not None and self._ranks > 1:
-            self._comm.bcast(self._ranks)
-            if self._groups is None:
-                self._groups = Groups(self._comm, self._ranks)
-            self._groups.run_for_first(jobs, watcher.begun, ended)
-        elif self._comm is not None:
-            from castfem.studies.sweep.ranks import run_on_ranks
-
-            self._comm.bcast(1)
-            run_on_ranks(self._comm, jobs, watcher.begun, ended, watcher.tick)
-        elif self._processes:
-            if self._team is None:
-                self._team = Team(self._processes, self.store.folder / _LOG_NAME)
-            self._team.run(jobs, watcher.begun, ended, watcher.tick)
-        else:
-            for job in jobs:
-                watcher.begun(job)
-                ended(job, work(job))
-
     def close(self) -> None:
         """Release the processes, or the other ranks."""
-        if self._team is not None:
-            self._team.close()
-        if self._comm is not None:
-            self._comm.bcast(0)
-        if self._groups is not None:
-            self._groups.close()
-        self._team = self._comm = self._groups = None
-
-
-def serve(comm: MPI.Intracomm) -> None:
-    """Do runs for the evaluator of `comm` on rank 0 until it is closed (on every other rank)."""
-    from castfem.studies.sweep.ranks import run_on_ranks
-
-    groups: Groups | None = None
-    blind = _Blind()
-    while ranks := comm.bcast(0):
-        if ranks == 1:
-            run_on_ranks(comm, (), blind.begun, blind.ended, blind.tick)
-            continue
-        if groups is None:
-            groups = Groups(comm, ranks)
-        groups.run_for_first()
-    if groups is not None:
-        groups.close()
+        self._workers.close()
 
 
 def variant(

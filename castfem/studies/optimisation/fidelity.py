@@ -19,7 +19,7 @@ from castfem.base.errors import InputError
 from castfem.base.tables import Table
 from castfem.model.load import from_document
 from castfem.model.mechanics import Way
-from castfem.studies.accuracy.levels import DEFAULT, LEVELS
+from castfem.studies.accuracy.sizes import DEFAULT, LEVELS
 
 if TYPE_CHECKING:
     from castfem.model import Case

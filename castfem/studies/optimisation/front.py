@@ -9,11 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 
-from castfem.base.atomic_files import write_csv
 from castfem.base.result_registry import general_label
 from castfem.base.types import Array
 from castfem.model.optimise import Bound
@@ -22,26 +20,7 @@ from castfem.studies.optimisation.problem import RunRequest
 from castfem.studies.optimisation.responses import Responses
 from castfem.studies.optimisation.search import FIRST, Search
 
-TABLE_NAME = "front.csv"
-_SIGMAS = 2.0  # of noise: nearer results are not told apart
-
-
-def write_front(folder: Path, front: Front) -> Path:
-    """Write the points as CSV, a row each, and return its path.
-
-    Raises:
-        RunFailure: It cannot be written.
-    """
-    head = [one.heading(chosen=False) for one in (front.first, front.second)]
-    rows = [[*front.keys, *head, front.price_heading(chosen=False), "run"]]
-    for point in front.points:
-        price = front.price(point)
-        results = front.first.shown(point.first), front.second.shown(point.second)
-        numbers = (f"{value:.9g}" for value in (*point.values, *results))
-        rows.append([*numbers, "" if price is None else f"{price:.6g}", point.run])
-    path = folder / TABLE_NAME
-    write_csv(path, rows)
-    return path
+_SIGMAS = 2.0  # of noise: nearer results count as equal
 
 
 class FrontSearch:

@@ -3,7 +3,7 @@
 The first half covers the ranges evenly (Sobol's sequence), the other half goes where the tree of
 Parzen estimators [Akiba2019] (docs/references.md) expects improvement, constraints included.
 Proposals are made in batches of fixed size, so that neither the number of processes nor a kill
-changes them. COBYQA goes on from the best run of each of the two best valleys.
+changes them. COBYQA goes on from the two best local optima.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from castfem.base.errors import InputError
 from castfem.base.types import Array
 
-APART = 0.2  # of the ranges: distance of two valleys
+APART = 0.2  # of the ranges: distance of two local optima
 _BATCH = 4
 _SEED = 12
 _MOST = 2
@@ -39,7 +39,7 @@ def check_installed(where: str) -> None:
 
 
 def explore(evaluate: Evaluate, start: Array, count: int) -> list[Array]:
-    """Evaluate places over all of the ranges, and return the best of each valley, best first.
+    """Evaluate places over all of the ranges, and return the best of each region, best first.
 
     Args:
         evaluate: What runs give.
@@ -70,11 +70,11 @@ def explore(evaluate: Evaluate, start: Array, count: int) -> list[Array]:
             study.tell(trial, cost)
         places += new
         values += results
-    return valleys(np.array(places), np.array(values))
+    return local_optima(np.array(places), np.array(values))
 
 
-def valleys(places: Array, values: Array) -> list[Array]:
-    """Return the best place of each valley: no better one lies nearer than a fifth of the ranges.
+def local_optima(places: Array, values: Array) -> list[Array]:
+    """Return the places, best first, that have no better one within a fifth of the ranges.
 
     Args:
         places: Shares of the ranges (r, n).

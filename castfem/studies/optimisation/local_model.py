@@ -16,18 +16,19 @@ import itertools
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from castfem.base.types import Array, Flags
 from castfem.studies.optimisation.numerical_error import NumericalError
+from castfem.studies.optimisation.polynomial_fit import columns
 
 REACH = 2.5  # steps from the optimum within which the quadratics are used
 _SAMPLES, _LINE = 2**14, 4001  # places in that box, with several variables and with one
 _PARTS = 1.0 / 3.0, 2.0 / 3.0, 1.0  # of the largest error of margins, and of that of the cost
 _EDGE = 0.02  # of the box: an interval that ends so near to its end may go on
+_NEIGHBOURS, _APART = 5, 1e-3  # runs that measure the noise, and their distance, of the ranges
 _SIGMAS = 3.0  # two runs differ by that much of their scatter in one case of thirty
 
 
@@ -45,15 +46,15 @@ class Quadratic:
         """Fit the runs (r, n) within reach, with cost and margins (r, 1 + m)."""
         near = np.max(np.abs(shares - centre) / step, axis=1) <= REACH * (1.0 + 1e-9)
         near &= ~np.isnan(values).any(axis=1)
-        columns = _columns(np.asarray((shares[near] - centre) / step))
-        weights, _, rank, _ = np.linalg.lstsq(columns, values[near], rcond=1e-8)
-        rest = values[near] - columns @ weights
-        free = max(len(columns) - int(rank), 1)
+        rows = columns(np.asarray((shares[near] - centre) / step))
+        weights, _, rank, _ = np.linalg.lstsq(rows, values[near], rcond=1e-8)
+        rest = values[near] - rows @ weights
+        free = max(len(rows) - int(rank), 1)
         return cls(centre, step, weights, np.sqrt(np.sum(rest**2, axis=0) / free))
 
     def __call__(self, shares: Array) -> Array:
         """Cost and margins (r, 1 + m) at some places (r, n)."""
-        return np.asarray(_columns((shares - self.centre) / self.step) @ self.weights)
+        return np.asarray(columns((shares - self.centre) / self.step) @ self.weights)
 
     @property
     def slopes(self) -> Array:
@@ -76,11 +77,6 @@ class Quadratic:
 
         points = qmc.Sobol(len(low), scramble=False).random(_SAMPLES)
         return np.vstack([low + points * (high - low), self.centre])
-
-
-def _columns(d: npt.NDArray[np.floating[Any]]) -> Array:
-    pairs = itertools.combinations_with_replacement(range(d.shape[1]), 2)
-    return np.column_stack([np.ones(len(d)), *d.T, *(d[:, i] * d[:, j] for i, j in pairs)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,3 +259,24 @@ def around(centre: Array, step: Array, steps: Sequence[int] = (1, 2)) -> list[Ar
                 place[i] = np.clip(share, 0.0, 1.0)
                 found.append(place)
     return found
+
+
+def neighbours(place: Array) -> list[Array]:
+    """Places (n,) on a short line through one, or as near to it as the ranges allow, shares."""
+    along = _along()
+    middle = np.clip(place, along[-1], 1.0 - along[-1])
+    return [np.asarray(middle + step) for step in along]
+
+
+def scatter(values: Array) -> Array | None:
+    """Standard deviation of results (r, 1 + m) at `neighbours` about a line; None if one failed."""
+    if np.isnan(values).any():
+        return None
+    along = _along()
+    fit = np.polynomial.polynomial.polyfit(along, values, 1)
+    rest = values - np.polynomial.polynomial.polyval(along, fit).T
+    return np.asarray(np.sqrt(np.sum(rest**2, axis=0) / (len(along) - 2)))
+
+
+def _along() -> Array:
+    return np.asarray((np.arange(_NEIGHBOURS) - _NEIGHBOURS // 2) * _APART)

@@ -15,7 +15,7 @@ import numpy as np
 
 from castfem.base.types import Array, Flags
 from castfem.studies.accuracy.estimate import convergence_index
-from castfem.studies.accuracy.levels import LEVELS
+from castfem.studies.accuracy.sizes import LEVELS
 from castfem.studies.optimisation.fidelity import THERMAL
 
 

@@ -99,7 +99,7 @@ class Value:
     key: str
     unit: str  #: "" for none
     value: float  #: at the best run
-    low: float  #: lowest value that cannot be told from the best
+    low: float  #: lowest value that cannot be distinguished from the best
     high: float
     open_low: bool  #: whether it may lie lower still
     open_high: bool
@@ -213,7 +213,7 @@ class Front:
     """From the best of the first to the best of the second, none better than another in both by
     more than noise. A single one: both are best together."""
     runs: int  #: number of runs made for it
-    spent: bool  #: whether a search of it ended because it had no more runs
+    exhausted: bool  #: whether a search of it ended because it had no more runs
 
     def price_heading(self, *, chosen: bool = True) -> str:
         """Heading of the price in tables, with its chosen or documented unit."""
@@ -244,7 +244,7 @@ class Front:
             "second": {"quantity": second.name, "unit": second.shown_unit},
             "price_unit": self.price_heading(chosen=False)[len("price [") : -1],
             "runs": self.runs,
-            "spent": self.spent,
+            "spent": self.exhausted,
             "points": [
                 {
                     "values": list(point.values),
@@ -271,24 +271,24 @@ class Optimum:
     values: tuple[Value, ...]  #: the variables
     objective: ResultWithError | None  #: the result that is best; None if no run has finished
     constraints: tuple[ConstraintStatus, ...]
-    away: tuple[Neighbour, ...]  #: runs a step or two away
-    elsewhere: tuple[tuple[float, ...], ...]
+    neighbours: tuple[Neighbour, ...]  #: runs a step or two away
+    other_optima: tuple[tuple[float, ...], ...]
     """Values of runs outside of the intervals that are as good within scatter, best first, one for
-    each valley."""
+    each region."""
     fidelity: str  #: level of the search
     checked: str  #: the level that checked it, "" where that failed
     step: float  #: of the last steps, as a share of the ranges
     runs: Mapping[str, int]
     """Counts: when the search ended, which most_runs limits; of its level, those about the optimum
     too; failed, of these; in all."""
-    spent: bool  #: whether the search ended because it had no more runs
+    exhausted: bool  #: whether the search ended because it had no more runs
     seconds: float  #: duration of all runs, s
     best: str = ""  #: name of the best run's folder, "" for a run that was made elsewhere
     front: Front | None = None  #: of the objective and another result, if asked for
     spread: Spread | None = None  #: by uncertain inputs, if asked for and enough runs have finished
     by_check: CheckResult | None = None  #: results of the run with the values `checked`
-    unknown: tuple[str, ...] = ()  #: what of its error was not checked: intervals are open for it
-    idle: tuple[str, ...] = ()  #: keys of the variables that change no result
+    unverified: tuple[str, ...] = ()  #: parts of its error that were not checked
+    without_effect: tuple[str, ...] = ()  #: keys of the variables that change no result
 
     @property
     def binding(self) -> tuple[ConstraintStatus, ...]:
@@ -319,17 +319,17 @@ class Optimum:
             "values": [asdict(value) for value in self.values],
             "objective": None if self.objective is None else self.objective.to_json(),
             "constraints": [one.to_json() for one in self.constraints],
-            "away": [self._away(one) for one in self.away],
-            "elsewhere": [list(values) for values in self.elsewhere],
+            "away": [self._neighbour(one) for one in self.neighbours],
+            "elsewhere": [list(values) for values in self.other_optima],
             "fidelity": self.fidelity,
             "checked": self.checked,
             "last_step": self.step,
             "runs": dict(self.runs),
-            "spent": self.spent,
+            "spent": self.exhausted,
             "seconds": self.seconds,
             "best": self.best,
-            "unknown": list(self.unknown),
-            "idle": list(self.idle),
+            "unknown": list(self.unverified),
+            "idle": list(self.without_effect),
             **self._by_check(),
             **({} if self.spread is None else {"spread": asdict(self.spread)}),
             **({} if self.front is None else {"front": self.front.to_json()}),
@@ -346,7 +346,7 @@ class Optimum:
         shown = objective.shown(found.objective)
         return {"by_check": {"objective": shown, "left": self._left(found.left)}}
 
-    def _away(self, one: Neighbour) -> dict[str, Any]:
+    def _neighbour(self, one: Neighbour) -> dict[str, Any]:
         assert self.objective is not None
         change = self.objective.shown_difference(one.objective)
         return {

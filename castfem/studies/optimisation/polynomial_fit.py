@@ -65,23 +65,23 @@ def fit(
     weights, missed = np.zeros((rows.shape[1], values.shape[1])), np.zeros(values.shape)
     for j in range(values.shape[1]):
         known = ~np.isnan(results[:, j])
-        columns = np.where(known[:, None], rows, 0.0)
+        matrix = np.where(known[:, None], rows, 0.0)
         aim = np.where(known, results[:, j], 0.0)
-        inverse = np.linalg.pinv(columns, rcond=1e-10)
+        inverse = np.linalg.pinv(matrix, rcond=1e-10)
         weights[:, j] = inverse @ aim
-        left = aim - columns @ weights[:, j]
+        left = aim - matrix @ weights[:, j]
         for i in range(len(places)):
             own = slice(i * each, (i + 1) * each)
-            others = np.eye(each) - columns[own] @ inverse[:, own]
+            others = np.eye(each) - matrix[own] @ inverse[:, own]
             missed[i, j] = np.linalg.lstsq(others, left[own], rcond=1e-9)[0][0]
-    return (lambda x: _columns(x, variables) @ weights), np.sqrt(np.mean(missed**2, axis=0))
+    return (lambda x: columns(x, variables) @ weights), np.sqrt(np.mean(missed**2, axis=0))
 
 
 def _equations(
     places: Array, values: Array, variables: int, slopes: Array | None
 ) -> tuple[Array, Array]:
     """Rows of the coefficients and right-hand sides: of each run its value, then its slopes."""
-    rows = _columns(places, variables)
+    rows = columns(places, variables)
     if slopes is None:
         return rows, values
     by_place = [_WEIGHT * _slopes(places, variables, i) for i in range(places.shape[1])]
@@ -97,7 +97,8 @@ def _powers(count: int, variables: int) -> list[tuple[int, ...]]:
     return [(), *((i,) for i in every), *squares, *((i, i, i) for i in range(variables))]
 
 
-def _columns(x: Array, variables: int) -> Array:
+def columns(x: Array, variables: int = 0) -> Array:
+    """Values of 1, x_i, x_i x_j (i <= j) and, of the first variables, x_i^3 at places (r, n)."""
     factors = _powers(x.shape[1], variables)
     return np.column_stack([np.prod(x[:, list(one)], axis=1) for one in factors])
 

@@ -20,6 +20,7 @@ from castfem.studies.optimisation.uncertain_inputs import UncertainInput
 
 if TYPE_CHECKING:
     from castfem.model import Case
+    from castfem.physics.mould.mould import Mould
     from castfem.studies.optimisation.store import Evaluation
 
 _STEPS = 1e4  # values are rounded to this part of their range
@@ -230,7 +231,13 @@ class DesignProblem:
         Args:
             ideal: The run in the idealised mould, to whose strand tapers are fitted.
         """
-        from castfem.studies.optimisation.ideal_taper import fitted_tapers
+        from castfem.model.build_mould import build_mould
+        from castfem.studies.mould_fit.ideal_taper import fitted_tapers
+
+        def mould_of(shares: Array) -> Mould:
+            case = self.case.with_(self.changes(self.request(shares)))
+            assert case.mould is not None
+            return build_mould(case.mould, case.section)
 
         start: list[float] = []
         for one, table in zip(self.variables, self.table.variable, strict=True):
@@ -239,5 +246,6 @@ class DesignProblem:
             start.append(0.5 if value is None else one.share(value))
         tapers = self._fitted_tapers()
         if tapers and ideal is not None and ideal.folder is not None and not ideal.failed:
-            return fitted_tapers(self, np.array(start), tapers, ideal.folder)
+            keys = {i: self.variables[i].key for i in tapers}
+            return fitted_tapers(mould_of, np.array(start), keys, ideal.folder)
         return np.array(start)

@@ -14,15 +14,52 @@ from castfem.base.shown_quantity import Quantity
 from castfem.base.types import Array
 from castfem.model.optimise import Bound
 from castfem.studies.optimisation.derivative_request import by_shares, of_run
+from castfem.studies.optimisation.evaluator import Evaluator, lean, variant
 from castfem.studies.optimisation.problem import DesignProblem, RunRequest
+from castfem.studies.optimisation.store import Evaluation
 
 if TYPE_CHECKING:
-    from castfem.studies.optimisation.store import Evaluation
+    from castfem.model import Case
 
-Find = Callable[[RunRequest], "Evaluation | None"]
-"""Gives the results of a run, None where it has not been made."""
 Obtain = Callable[[Sequence[RunRequest]], None]
-"""Makes runs, after which `Find` gives their results."""
+"""Makes runs, after which `KnownRuns.find` gives their results."""
+
+
+class KnownRuns:
+    """The cases and results of the runs of a problem: handed in, or in the folder."""
+
+    def __init__(self, problem: DesignProblem, evaluator: Evaluator | None) -> None:
+        self._problem, self._evaluator = problem, evaluator
+        self._lean = lean(problem.case)
+        self._cases: dict[RunRequest, Case] = {}
+        self._differentiated: set[RunRequest] = set()  # that were asked for derivatives
+        self.results: dict[RunRequest, Evaluation] = {}
+
+    def case(self, request: RunRequest) -> Case:
+        """The case of a run."""
+        if request not in self._cases:
+            changes = self._problem.changes(request)
+            made = variant(self._lean, changes, request.fidelity, ideal=request.ideal)
+            self._cases[request] = made
+        return self._cases[request]
+
+    def find(self, request: RunRequest) -> Evaluation | None:
+        """The results of a run, None where it has not been made as requested."""
+        found = self.results.get(request)
+        if request.derivatives and request not in self._differentiated:
+            found = None
+        if found is None and self._evaluator is not None:
+            derivatives = of_run(self._problem, request) if request.derivatives else None
+            found = self._evaluator.store.find(self.case(request), derivatives)
+            if found is not None:
+                self.note(request, found)
+        return found
+
+    def note(self, request: RunRequest, results: Evaluation) -> None:
+        """Keep the results of a run."""
+        self.results[request] = results
+        if request.derivatives:
+            self._differentiated.add(request)
 
 
 class Responses:
@@ -30,13 +67,14 @@ class Responses:
 
     Args:
         problem: The problem.
-        find: Gives the results of runs.
+        runs: Cases and results.
         obtain: Makes those that are missing.
         objective: Result and sense, instead of the problem's.
         extra: Constraints beside the problem's.
         seen: The runs of other responses, to be shared with them.
 
     Attributes:
+        runs: Of all responses of the problem.
         objective: The result that is to be best. sense: 1 where it is to be small, -1 where large.
         bounds: The constraints.
         seen: The runs that were looked at, in that order.
@@ -45,13 +83,13 @@ class Responses:
     def __init__(
         self,
         problem: DesignProblem,
-        find: Find,
+        runs: KnownRuns,
         obtain: Obtain,
         objective: tuple[str, float] | None = None,
         extra: Sequence[Bound] = (),
         seen: dict[RunRequest, Evaluation] | None = None,
     ) -> None:
-        self.problem, self._find, self._obtain = problem, find, obtain
+        self.problem, self.runs, self._obtain = problem, runs, obtain
         (own,) = problem.table.objectives
         self.objective, self.sense = objective or own
         self.bounds = (*problem.bounds, *extra)
@@ -62,20 +100,20 @@ class Responses:
         self, objective: tuple[str, float] | None = None, extra: Sequence[Bound] = ()
     ) -> Responses:
         """Another objective, or further constraints, of the same runs; see the arguments."""
-        return Responses(self.problem, self._find, self._obtain, objective, extra, self.seen)
+        return Responses(self.problem, self.runs, self._obtain, objective, extra, self.seen)
 
     def apart(self) -> Responses:
         """The same for runs that are none of the search."""
-        return Responses(self.problem, self._find, self._obtain)
+        return Responses(self.problem, self.runs, self._obtain)
 
     def fetch(self, requests: Sequence[RunRequest]) -> None:
         """Have runs made where they are missing, those in the idealised mould with them."""
         ideal = [self.problem.ideal(one) for one in requests] if self.problem.relative else []
-        missing = [one for one in dict.fromkeys([*ideal, *requests]) if self._find(one) is None]
+        missing = [one for one in dict.fromkeys([*ideal, *requests]) if self.runs.find(one) is None]
         if missing:
             self._obtain(missing)
         for one in requests:
-            found = self._find(one)
+            found = self.runs.find(one)
             assert found is not None, "obtain has made all runs"
             self.seen[one] = found
 
@@ -132,7 +170,7 @@ class Responses:
         for i, bound in enumerate(self.bounds, 1):
             ideal = self.problem.ideal(request)
             if bound.relative and of_run(self.problem, ideal).to:  # else it is constant
-                run = self._find(ideal)
+                run = self.runs.find(ideal)
                 there = None if run is None else run.slopes
                 if not there or bound.quantity not in there:
                     return None
@@ -152,7 +190,7 @@ class Responses:
         return shares, np.array([self.vector(one) for one in own])
 
     def _ideal(self, request: RunRequest, name: str) -> float:
-        run = self._find(replace(self.problem.ideal(request), derivatives=False))
+        run = self.runs.find(replace(self.problem.ideal(request), derivatives=False))
         assert run is not None, "it was made with the run"
         if run.failed:
             raise InputError(

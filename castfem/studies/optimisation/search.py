@@ -18,6 +18,7 @@ import numpy as np
 
 from castfem.base.types import Array
 from castfem.studies.optimisation.global_search import explore
+from castfem.studies.optimisation.local_model import neighbours, scatter
 from castfem.studies.optimisation.problem import RunRequest
 from castfem.studies.optimisation.responses import Responses
 
@@ -26,7 +27,6 @@ AT_END = 2.0  # last steps from the end of a range
 ROUNDING = 1e-9  # of a bound: what misses it by less has met it
 _SOBOL = 3  # 2^3 - 1 places over the ranges where the start fails
 _LARGEST_LAST = 0.03  # of the ranges: of the last step, however large the noise
-_NEIGHBOURS, _APART = 5, 1e-3  # runs that measure the noise, and their distance, of the ranges
 _FAILED = 10.0  # of the part that a failed run has not reached, in scales of the constraints
 _UNSEEN = 1e-2  # of a result: its scale where no two runs have shown one
 _INSIDE = 1e-3  # of the scale of a constraint: how far inside of it SLSQP aims
@@ -138,7 +138,7 @@ class Search:
         self.responses.fetch(requests)
 
     def _starts(self, begin: Array) -> list[Array]:
-        """Where to search from: the start, or the valleys of a global search."""
+        """Where to search from: the start, or the local optima of a global search."""
         count = (self._most - len(self.responses.seen)) // 2
         if self.problem.table.method != "optuna" or count < 2:
             return [begin]
@@ -383,24 +383,3 @@ class Search:
         idle = np.all(self._moved <= ROUNDING * largest[:, None], axis=0)
         found = tuple(key for key, one in zip(keys, idle, strict=True) if one)
         return () if found == keys else found
-
-
-def neighbours(place: Array) -> list[Array]:
-    """Places (n,) on a short line through one, or as near to it as the ranges allow, shares."""
-    along = _along()
-    middle = np.clip(place, along[-1], 1.0 - along[-1])
-    return [np.asarray(middle + step) for step in along]
-
-
-def scatter(values: Array) -> Array | None:
-    """Standard deviation of results (r, 1 + m) at `neighbours` about a line; None if one failed."""
-    if np.isnan(values).any():
-        return None
-    along = _along()
-    fit = np.polynomial.polynomial.polyfit(along, values, 1)
-    rest = values - np.polynomial.polynomial.polyval(along, fit).T
-    return np.asarray(np.sqrt(np.sum(rest**2, axis=0) / (len(along) - 2)))
-
-
-def _along() -> Array:
-    return np.asarray((np.arange(_NEIGHBOURS) - _NEIGHBOURS // 2) * _APART)

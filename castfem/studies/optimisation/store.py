@@ -13,7 +13,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from castfem.base import units
 from castfem.base.atomic_files import UNWRITTEN
@@ -39,14 +39,6 @@ _NO_KEYS = ("fidelity", "mould")  # varied, and no keys of the case
 _DIGITS = 10  # of the hash in the name of a run
 
 Strand = dict[str, dict[str, Any]]
-
-
-class _Row(NamedTuple):
-    """A run as its row has it; see `castfem.studies.sweep.results.Named`."""
-
-    name: str
-    given: Mapping[str, str]
-    label: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,14 +200,8 @@ class Store:
         Raises:
             RunFailure: It cannot be written.
         """
-        entries = self.record.entries.items()
-        done = {name: entry for name, entry in entries if entry.message or entry.physics}
-        keys = list(dict.fromkeys(key for entry in done.values() for key in entry.given))
-        table = [
-            _Row(name, {key: entry.given.get(key, "") for key in keys}, entry.label)
-            for name, entry in done.items()
-        ]
-        write_table(self.folder / TABLE_NAME, rows(table, self.record))
+        done = [n for n, entry in self.record.entries.items() if entry.status != "waiting"]
+        write_table(self.folder / TABLE_NAME, rows(done, self.record))
 
     def _read_earlier(self, name: str) -> None:
         """Read a run of an earlier call, if it has ended."""

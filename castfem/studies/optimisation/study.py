@@ -1,4 +1,4 @@
-"""A search by ask and tell: it asks for the runs that it needs, and is told their results.
+"""A search by ask and tell: it asks for the runs that it needs, and is given their results.
 
 study = Study("billet125/optimum_single")
 while wanted := study.ask():
@@ -20,15 +20,17 @@ from castfem.base.errors import InputError
 from castfem.model.shipped_cases import as_case
 from castfem.runs.output.run_record import RunRecord
 from castfem.runs.result import RunResult
-from castfem.studies.accuracy.levels import DEFAULT
+from castfem.studies.accuracy.sizes import DEFAULT
 from castfem.studies.optimisation import argument_checks as check
 from castfem.studies.optimisation.derivative_request import obstacles, of_run
-from castfem.studies.optimisation.evaluator import Evaluator, Watcher, lean, variant
+from castfem.studies.optimisation.evaluator import Ended, Evaluator
 from castfem.studies.optimisation.optimum import Optimum
 from castfem.studies.optimisation.problem import DesignProblem, RunRequest
-from castfem.studies.optimisation.responses import Obtain
+from castfem.studies.optimisation.responses import KnownRuns, Obtain
 from castfem.studies.optimisation.store import Evaluation
 from castfem.studies.optimisation.workflow import Workflow
+from castfem.studies.sweep.record import check_folder
+from castfem.studies.sweep.workers import nothing
 
 if TYPE_CHECKING:
     from castfem.model import Case
@@ -71,11 +73,11 @@ class Study:
             raise InputError(f"Study: evaluator must be an Evaluator, got {evaluator!r}")
         self.evaluator = evaluator
         if folder is not None and evaluator is None:
-            self.evaluator = Evaluator(loaded, check.check_folder(folder, "Study"))
+            self.evaluator = Evaluator(loaded, check_folder(folder, "Study"))
         if self.evaluator is not None:
             self.problem.check_results()
-        self._runs = _KnownRuns(self.problem, self.evaluator)
-        self._kept: list[RunResult] = []
+        self._runs = KnownRuns(self.problem, self.evaluator)
+        self._ideal_runs: list[RunResult] = []
         self._result: Optimum | None = None
         if self.problem.table.method == "slsqp":
             self._check_derivatives()
@@ -106,14 +108,14 @@ class Study:
 
     def solve(
         self,
-        watcher: Watcher | None = None,
+        ended: Ended = nothing,
         obtain: Obtain | None = None,
         stage: Callable[[str], None] | None = None,
     ) -> Optimum:
         """Make all runs that the search needs, and return its answer.
 
         Args:
-            watcher: Follows the runs.
+            ended: Called with each run that is made, and how it has ended.
             obtain: Makes runs and tells their results, instead of the study's evaluator.
             stage: Called with the purpose of the runs that follow.
 
@@ -124,7 +126,7 @@ class Study:
 
         def run(requests: Sequence[RunRequest]) -> None:
             if obtain is None:
-                self.run(requests, watcher)
+                self.run(requests, ended)
                 return
             obtain(requests)
             lost = sum(self._runs.find(one) is None for one in requests)
@@ -138,10 +140,7 @@ class Study:
         return self._result
 
     def _workflow(self, own: bool, stage: Callable[[str], None] | None = None) -> Workflow:
-        runs = self._runs
-        return Workflow(
-            self.problem, runs.find, runs.case, runs.results, own, stage or (lambda purpose: None)
-        )
+        return Workflow(self.problem, self._runs, own, stage or nothing)
 
     def _check_derivatives(self) -> None:
         """Refuse a search by derivatives of runs that have none."""
@@ -185,7 +184,7 @@ class Study:
         request = check.check_request(self.problem, request, "tell")
         if isinstance(results, RunResult):
             if request.ideal:
-                self._kept.append(results)  # tapers begin by its history: a temporary one must stay
+                self._ideal_runs.append(results)  # tapers begin by its history
             results = _evaluation(results, self._runs.case(request).casting.length)
         elif isinstance(results, Mapping):
             results = Evaluation(check.quantities_of(self.problem, request, results))
@@ -200,13 +199,13 @@ class Study:
     def run(
         self,
         requests: RunRequest | Mapping[str, Any] | Sequence[RunRequest | Mapping[str, Any]],
-        watcher: Watcher | None = None,
+        ended: Ended = nothing,
     ) -> list[Evaluation]:
         """Make runs, or find them in the folder, and tell their results.
 
         Args:
             requests: A run or several; see `tell`.
-            watcher: Follows the runs.
+            ended: Called with each run that is made, and how it has ended.
 
         Raises:
             InputError: The study has no folder, or there is no such run.
@@ -219,7 +218,7 @@ class Study:
         cases = [self._runs.case(one) for one in runs]
         varied = [self._varied(one) for one in runs]
         derivatives = [of_run(self.problem, one) if one.derivatives else None for one in runs]
-        found = self.evaluator.evaluate(cases, varied, watcher, derivatives)
+        found = self.evaluator.evaluate(cases, varied, ended, derivatives)
         for one, evaluation in zip(runs, found, strict=True):
             self._runs.note(one, evaluation)
         return found
@@ -263,43 +262,6 @@ class _RunsMissing(Exception):
     def __init__(self, requests: Requests) -> None:
         super().__init__(requests)
         self.requests = requests
-
-
-class _KnownRuns:
-    """The cases and results of the runs of a problem: handed in, or in the folder."""
-
-    def __init__(self, problem: DesignProblem, evaluator: Evaluator | None) -> None:
-        self._problem, self._evaluator = problem, evaluator
-        self._lean = lean(problem.case)
-        self._cases: dict[RunRequest, Case] = {}
-        self._differentiated: set[RunRequest] = set()  # that were asked for derivatives
-        self.results: dict[RunRequest, Evaluation] = {}
-
-    def case(self, request: RunRequest) -> Case:
-        """The case of a run."""
-        if request not in self._cases:
-            changes = self._problem.changes(request)
-            made = variant(self._lean, changes, request.fidelity, ideal=request.ideal)
-            self._cases[request] = made
-        return self._cases[request]
-
-    def find(self, request: RunRequest) -> Evaluation | None:
-        """The results of a run, None where it has not been made as requested."""
-        found = self.results.get(request)
-        if request.derivatives and request not in self._differentiated:
-            found = None
-        if found is None and self._evaluator is not None:
-            derivatives = of_run(self._problem, request) if request.derivatives else None
-            found = self._evaluator.store.find(self.case(request), derivatives)
-            if found is not None:
-                self.note(request, found)
-        return found
-
-    def note(self, request: RunRequest, results: Evaluation) -> None:
-        """Keep the results of a run."""
-        self.results[request] = results
-        if request.derivatives:
-            self._differentiated.add(request)
 
 
 def _evaluation(result: RunResult, length: float) -> Evaluation:

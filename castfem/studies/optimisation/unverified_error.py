@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from castfem.base.types import Flags
-from castfem.studies.accuracy.levels import LEVELS
+from castfem.studies.accuracy.sizes import LEVELS
 from castfem.studies.optimisation.check_level import CheckedOptimum
 from castfem.studies.optimisation.numerical_error import NumericalError, next_of
 from castfem.studies.optimisation.problem import RunRequest

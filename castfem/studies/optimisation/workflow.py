@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from castfem.base.errors import InputError
 from castfem.base.types import Array
-from castfem.studies.accuracy.levels import LEVELS
+from castfem.studies.accuracy.sizes import LEVELS
 from castfem.studies.optimisation.assemble import Findings, assemble
 from castfem.studies.optimisation.check_level import Check, CheckedOptimum
 from castfem.studies.optimisation.derivative_request import obstacles
@@ -19,13 +19,12 @@ from castfem.studies.optimisation.local_model import Binding, Quadratic, around,
 from castfem.studies.optimisation.numerical_error import NumericalError, Tilt, next_of
 from castfem.studies.optimisation.optimum import Optimum
 from castfem.studies.optimisation.problem import DesignProblem, RunRequest
-from castfem.studies.optimisation.responses import Find, Obtain, Responses
+from castfem.studies.optimisation.responses import KnownRuns, Obtain, Responses
 from castfem.studies.optimisation.search import AT_END, Search
 from castfem.studies.optimisation.spread import input_spread
-from castfem.studies.optimisation.store import Evaluation
 
 if TYPE_CHECKING:
-    from castfem.model import Case
+    pass
 
 _STEP, _WIDEST = 0.025, 0.1  # of the ranges: between the runs about an optimum
 _TURNS = 3  # of search and runs about its optimum
@@ -36,21 +35,19 @@ class Workflow:
     """Looks for the answer to a problem; it waits for each run that it needs."""
 
     problem: DesignProblem
-    find: Find  #: gives the results of a run, None where it has not been made
-    case_of: Callable[[RunRequest], Case]  #: gives the case of a run
-    runs: Mapping[RunRequest, Evaluation]  #: all results so far
+    runs: KnownRuns  #: their cases and results
     castfem_runs: bool  #: whether the runs are castfem's own, which may compute derivatives
     stage: Callable[[str], None]  #: called with the purpose of the runs that follow
 
     def run(self, obtain: Obtain) -> Optimum:
         """Return the answer; `obtain` makes the runs that are missing."""
         problem, start = self.problem, self._start(obtain)
-        responses = Responses(problem, self.find, obtain)
+        responses = Responses(problem, self.runs, obtain)
         search = Search(responses, problem.table.most_runs)
         self.stage("search")
         best = search.run(start)
         if responses.seen[best].failed:
-            return assemble(Findings(search, best, self.runs))
+            return assemble(Findings(search, best))
         for _ in range(_TURNS):
             found = self._about(search, best)
             better = search.better_than(found.best)
@@ -58,7 +55,7 @@ class Workflow:
                 break
             best = better
         if (better := search.better_than(found.best)) is not None:
-            return assemble(Findings(search, better, self.runs, converged=False))
+            return assemble(Findings(search, better, converged=False))
         if problem.inputs:
             self.stage("spread by the inputs")
             assert found.model is not None
@@ -78,15 +75,15 @@ class Workflow:
         if not problem.needs_ideal:
             return problem.start(None)
         request = problem.ideal(problem.request(problem.start(None)))
-        if self.find(request) is None:
+        if self.runs.find(request) is None:
             obtain([request])
-        return problem.start(self.find(request))
+        return problem.start(self.runs.find(request))
 
     def _has_derivatives(self, best: RunRequest) -> bool:
         """Whether runs with other inputs can compute derivatives."""
         own = replace(best, inputs=tuple(one.value(0.5) for one in self.problem.inputs))
         every = [own, self.problem.ideal(own)] if self.problem.relative else [own]
-        return not obstacles(self.problem, {one: self.case_of(one) for one in every})
+        return not obstacles(self.problem, {one: self.runs.case(one) for one in every})
 
     def _about(self, search: Search, best: RunRequest) -> Findings:
         """Make the runs about a best one, and at the other levels."""
@@ -105,7 +102,7 @@ class Workflow:
             model = self._model(responses, best, step)
         binding = self._binding(search, best, model, error)
         checked = self._check(search, best, model, error, binding)
-        return Findings(search, best, self.runs, model, error, checked, binding)
+        return Findings(search, best, model, error, checked, binding)
 
     def _surroundings(self, search: Search, best: RunRequest) -> tuple[RunRequest, Quadratic]:
         """Fit the runs about a best one; where another one there is better, search on from it."""
@@ -190,7 +187,7 @@ class Workflow:
     def _is_sound(self, request: RunRequest) -> bool:
         """Whether a case can be computed at a level: larger cells may not fit into its faces."""
         try:
-            self.case_of(request)
+            self.runs.case(request)
         except InputError:
             return False
         return True

@@ -1,6 +1,7 @@
 """Runs on groups of ranks: each group takes the next run that nobody has taken.
 
-Which is the next one is counted in one place that all groups reach without its owner's help.
+The number of the next run is on rank 0, and all groups reach it without its owner's help: an
+executor of mpi4py would need a rank that gives out the runs and makes none itself.
 """
 
 from __future__ import annotations
@@ -38,26 +39,6 @@ def check(ranks: int, size: int, name: str = "--ranks ") -> None:
         )
 
 
-def run_in_groups(
-    comm: MPI.Intracomm,
-    ranks: int,
-    jobs: Sequence[Job],
-    begun: Callable[[Job], None],
-    ended: Callable[[Job, Outcome], None],
-) -> None:
-    """Do all jobs (collective).
-
-    Args:
-        comm: All ranks.
-        ranks: Of a group; they divide all.
-        jobs: What to run, in this order; those of rank 0 count.
-        begun: Called on the first rank of a group when it has begun with a job.
-        ended: Called there when it has ended.
-    """
-    with Groups(comm, ranks) as groups:
-        groups.run(jobs, begun, ended)
-
-
 class Groups(Closing):
     """Groups of ranks that stay for further jobs. All that it does is collective.
 
@@ -73,59 +54,55 @@ class Groups(Closing):
 
     def run(
         self,
-        jobs: Sequence[Job],
-        begun: Callable[[Job], None],
-        ended: Callable[[Job, Outcome], None],
-    ) -> None:
-        """Do all jobs; whoever leads a group tells of those of its own. See `run_in_groups`."""
-        from castfem.fem.root import raise_together
-
-        jobs = self._comm.bcast(tuple(jobs))
-        told = _Told(jobs, begun, ended) if self._group.rank == 0 else None
-        for number in self._taken(len(jobs)):
-            if told is not None:
-                told.begin(number)
-            outcome = work(jobs[number], comm=self._group)
-            if told is not None:
-                told.end(number, outcome)
-        raise_together(self._comm, None if told is None else told.error)
-
-    def run_for_first(
-        self,
         jobs: Sequence[Job] = (),
         begun: Callable[[Job], None] | None = None,
         ended: Callable[[Job, Outcome], None] | None = None,
     ) -> None:
-        """Do all jobs; rank 0 is told of each, between two runs of its own and at the end.
+        """Make runs; rank 0 hears of those of other groups between its own and at the end.
 
-        What it raises when it is told is raised after the last run: nobody is left waiting.
+        What `begun` or `ended` raises is raised after the last run: nobody is left waiting.
 
         Args:
             jobs: What to run, in this order; those of rank 0 count.
             begun: Called on rank 0 for each job, of another group when it has ended.
             ended: Called there when it is known how a job has ended.
         """
-        comm = self._comm
+        comm, first = self._comm, self._comm.rank == 0
         jobs = comm.bcast(tuple(jobs))
-        told = _Told(jobs, begun, ended) if comm.rank == 0 else None
+        waiting, missing = set(range(len(jobs))), set(range(len(jobs)))
+        error: Exception | None = None
         sent = []
+
+        def note(number: int, outcome: Outcome | None) -> None:
+            nonlocal error
+            if outcome is not None:
+                missing.discard(number)
+            try:
+                if error is None and number in waiting and begun is not None:
+                    begun(jobs[number])
+                waiting.discard(number)
+                if error is None and outcome is not None and ended is not None:
+                    ended(jobs[number], outcome)
+            except Exception as raised:
+                error = raised
+
         for number in self._taken(len(jobs)):
-            if told is not None:
-                told.begin(number)
+            if first:
+                note(number, None)
             outcome = work(jobs[number], comm=self._group)
-            if told is not None:
-                told.end(number, outcome)
+            if first:
+                note(number, outcome)
                 while comm.iprobe():
-                    told.end(*comm.recv())
+                    note(*comm.recv())
             elif self._group.rank == 0:
                 sent.append(comm.isend((number, outcome), 0))
-        while told is not None and told.missing:
-            told.end(*comm.recv())
+        while first and missing:
+            note(*comm.recv())
         for request in sent:
             request.wait()
         comm.Barrier()
-        if told is not None and told.error is not None:
-            raise told.error
+        if error is not None:
+            raise error
 
     def close(self) -> None:
         """Give the groups up."""
@@ -154,44 +131,3 @@ class Groups(Closing):
                 yield int(number[0])
         finally:
             window.Free()
-
-
-class _Told:
-    """Whoever is told of jobs: an error of its own keeps no other rank from its work.
-
-    Attributes:
-        missing: Numbers of the jobs of whose end nothing was told.
-        error: What telling has raised; nothing is told after that.
-    """
-
-    def __init__(
-        self,
-        jobs: Sequence[Job],
-        begun: Callable[[Job], None] | None,
-        ended: Callable[[Job, Outcome], None] | None,
-    ) -> None:
-        self._jobs, self._begun, self._ended = jobs, begun, ended
-        self._waiting = set(range(len(jobs)))
-        self.missing = set(range(len(jobs)))
-        self.error: Exception | None = None
-
-    def begin(self, number: int) -> None:
-        """Tell that a job has begun."""
-        self._waiting.discard(number)
-        if self._begun is not None:
-            self._tell(self._begun, self._jobs[number])
-
-    def end(self, number: int, outcome: Outcome) -> None:
-        """Tell how a job has ended; that it had begun, too, where that is not known yet."""
-        if number in self._waiting:
-            self.begin(number)
-        self.missing.discard(number)
-        if self._ended is not None:
-            self._tell(self._ended, self._jobs[number], outcome)
-
-    def _tell(self, word: Callable[..., None], *what: object) -> None:
-        try:
-            if self.error is None:
-                word(*what)
-        except Exception as error:
-            self.error = error

@@ -30,20 +30,15 @@ _QUOTED = (
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """One run of a sweep.
+    """One run of a sweep."""
 
-    Attributes:
-        name: Of its folder, made of what is varied: it stays the same when values are added.
-        given: Key to value as the user wrote it, of what is varied; empty for what is left out.
-        case: The case.
-        label: What tables and figures call it: its row's name, and what else is varied; empty if
-            its row has none.
-    """
-
-    name: str
+    name: str  #: of its folder, made of what is varied: it stays the same when values are added
     given: Mapping[str, str]
+    """Key to value as the user wrote it, of what is varied; empty for what is left out."""
     case: Case
     label: str = ""
+    """What tables and figures call it: its row's name, and what else is varied; empty if its
+    row has none."""
 
 
 @dataclass(frozen=True, slots=True)

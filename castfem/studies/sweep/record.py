@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Container, Iterable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-from castfem.base.atomic_files import taken, write_json
-from castfem.base.errors import InputError
+from castfem.base.atomic_files import folder_refused, taken, write_json
+from castfem.base.errors import InputError, RunFailure
 from castfem.model.load import portable
 from castfem.model.shipped_cases import CASE_NAME
 from castfem.runs import existing_run
@@ -24,23 +24,23 @@ _LOCK_NAME = ".sweep.lock"
 _FORMAT = "castfem sweep"
 
 
+Status = Literal["finished", "failed", "waiting"]
+
+
 @dataclass(slots=True)
 class Entry:
-    """A run of the sweep, now or in an earlier call.
+    """A run of the sweep, now or in an earlier call."""
 
-    Attributes:
-        given: Key to value of what is varied.
-        label: What tables and figures call it, if not what is varied.
-        physics: Hash of all its fields depend on, property files too.
-        message: Why it failed.
-        seconds: How long it took.
-    """
+    given: dict[str, str] = field(default_factory=dict)  #: key to value of what is varied
+    label: str = ""  #: what tables and figures call it, if not what is varied
+    physics: str = ""  #: hash of all its fields depend on, property files too; "" until it finishes
+    message: str = ""  #: why it failed
+    seconds: float = 0.0  #: duration
 
-    given: dict[str, str] = field(default_factory=dict)
-    label: str = ""
-    physics: str = ""
-    message: str = ""
-    seconds: float = 0.0
+    @property
+    def status(self) -> Status:
+        """What has become of it."""
+        return "failed" if self.message else "finished" if self.physics else "waiting"
 
 
 def _untitled(case: str) -> list[str]:
@@ -74,6 +74,59 @@ def check_own(folder: Path, names: Iterable[str]) -> None:
                 f"{folder}: castfem would write its {name}, and has not written the one that is "
                 "there; choose another folder, or move the file"
             )
+
+
+def check_folder(folder: Path | str, caller: str = "") -> Path:
+    """Return the path of a folder for many runs.
+
+    Args:
+        folder: The folder; it need not be there.
+        caller: The function that is called with it; "" for the command line.
+
+    Raises:
+        InputError: It is a file, or holds a single run.
+    """
+    where, other = (f"{caller}: folder: ", "") if caller else ("", " with -o")
+    if not isinstance(folder, str | Path):
+        raise InputError(f"{caller}: folder must be a path, got {folder!r}")
+    path = Path(folder)
+    if path.exists() and not path.is_dir():
+        raise InputError(f"{where}{path}: is a file, a folder is needed; choose another{other}")
+    if (path / RUN_NAME).is_file():
+        raise InputError(f"{where}{path}: holds a single run; choose another{other}")
+    return path
+
+
+def prepare(
+    folder: Path,
+    variants: Sequence[Variant],
+    mine: Sequence[Variant] | None = None,
+    *,
+    resume: bool = True,
+    overwrite: bool = False,
+    after: Callable[[Path], object] | None = None,
+) -> tuple[Record, tuple[Job, ...]]:
+    """Look at what is finished in a folder, make it ready for the rest, and return that.
+
+    Args:
+        folder: Where the runs lie, a folder each.
+        variants: All runs.
+        mine: Those that are to be made here; all if None.
+        resume: Whether runs that were cut short go on from their checkpoints.
+        overwrite: Run all anew, also over runs of other cases.
+        after: Called with the folder of each finished run; see `Job`.
+
+    Raises:
+        InputError: The folder holds runs of another case, one is at work there, or it cannot be
+            written.
+    """
+    record, own = Record(folder), variants if mine is None else mine
+    if not overwrite:
+        record.find(own)  # what has ended and could not be noted any more
+    jobs = [Job(one.name, folder / one.name, one.case, resume, after) for one in own]
+    missing = record.unfinished(jobs, overwrite=overwrite)
+    record.begin(variants, {one.name for one in own})
+    return record, missing
 
 
 class Record:
@@ -142,6 +195,18 @@ class Record:
             self.reload()
             yield
             self.save()
+
+    def begin(self, variants: Iterable[Variant] = (), mine: Container[str] | None = None) -> None:
+        """Make the folder, and write which runs are to be; see `expect`.
+
+        Raises:
+            InputError: It cannot be written.
+        """
+        try:
+            with self.shared():
+                self.expect(variants, mine)
+        except (OSError, RunFailure) as error:
+            raise InputError(folder_refused(self.folder, error)) from None
 
     def expect(self, variants: Iterable[Variant], mine: Container[str] | None = None) -> None:
         """Take in the runs that are to be; of those that are not finished nothing is known.

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
 
 from castfem.base import units
 from castfem.base.errors import CastfemError
@@ -16,82 +15,46 @@ from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.derived import derived
 from castfem.runs.results.places import quantities_at
-from castfem.studies.sweep.record import Record
+from castfem.studies.sweep.record import Record, Status
 
 TABLE_NAME = "sweep.csv"
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A run and its results.
+    """A run and its results."""
 
-    Attributes:
-        name: Of the run.
-        given: Key to value of what is varied.
-        status: "finished", "failed" or "waiting".
-        quantities: Its results, empty if it has none.
-        seconds: How long it took.
-        message: Why it failed.
-        label: What it is called, if not by what is varied.
-    """
-
-    name: str
-    given: Mapping[str, str]
-    status: str
-    quantities: Mapping[str, Quantity]
-    seconds: float
-    message: str
-    label: str = ""
+    name: str  #: of the run
+    given: Mapping[str, str]  #: key to value of what is varied
+    status: Status
+    quantities: Mapping[str, Quantity]  #: its results, empty if it has none
+    seconds: float  #: duration
+    message: str  #: why it failed
+    label: str = ""  #: what it is called, if not by what is varied
 
 
-class Named(Protocol):
-    """A run as its row has it, a `Variant` or what is left of one of an earlier call."""
-
-    @property
-    def name(self) -> str:
-        """Of its folder."""
-
-    @property
-    def given(self) -> Mapping[str, str]:
-        """Key to value of what is varied."""
-
-    @property
-    def label(self) -> str:
-        """What it is called, if not by what is varied."""
-
-
-def rows(variants: Sequence[Named], record: Record, at: Sequence[float] = ()) -> list[Row]:
+def rows(names: Iterable[str], record: Record, at: Sequence[float] = ()) -> list[Row]:
     """Return the rows of a sweep as it stands.
 
     Args:
-        variants: Its runs.
+        names: Of its runs.
         record: What has become of them.
         at: Positions, m; the results there stand before those at the end.
     """
     found = []
-    for variant in variants:
-        entry = record.entries[variant.name]
-        status = "failed" if entry.message else "finished" if entry.physics else "waiting"
+    for name in names:
+        entry, folder = record.entries[name], record.folder / name
         quantities: Mapping[str, Quantity] = {}
         message = entry.message
-        if status == "finished":
+        if entry.status == "finished":
             try:
-                summary = Summary.load(record.folder / variant.name)
-                folder = record.folder / variant.name
+                summary = Summary.load(folder)
                 quantities = {**summary.quantities, **derived(folder, summary)} if summary else {}
                 quantities = {**_results_at(folder, at), **quantities}
             except CastfemError as error:
                 message = str(error)
         found.append(
-            Row(
-                variant.name,
-                variant.given,
-                status,
-                quantities,
-                entry.seconds,
-                message,
-                variant.label,
-            )
+            Row(name, entry.given, entry.status, quantities, entry.seconds, message, entry.label)
         )
     return found
 
@@ -139,14 +102,14 @@ def varied(table: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
     The unit goes to the header if all values have the same one.
     """
     headers, columns = [], []
-    for key in table[0].given if table else ():
-        values = [row.given[key] for row in table]
-        numbers = [_split(value) for value in values]
-        common = {unit for pair in numbers if pair for unit in [pair[1]]}
-        if len(common) == 1 and all(pair or not v for pair, v in zip(numbers, values, strict=True)):
-            (unit,) = common
+    for key in dict.fromkeys(key for row in table for key in row.given):
+        values = [row.given.get(key, "") for row in table]
+        parts = [_split(value) if value else ("", None) for value in values]
+        shared = {part[1] for part in parts if part} - {None}
+        if len(shared) == 1 and all(parts):
+            (unit,) = shared
             headers.append(f"{key} [{unit}]" if unit else key)
-            columns.append([pair[0] if pair else "" for pair in numbers])
+            columns.append([part[0] if part else "" for part in parts])
         else:
             headers.append(key)
             columns.append([value.strip("\"'") for value in values])

@@ -9,9 +9,10 @@ import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from castfem.base.errors import CannotWrite, CastfemError, FolderInUse
+from castfem.base.process import one_at_a_time
 from castfem.base.progress import Progress
 from castfem.model import Case
 from castfem.runs.output.run_record import RUN_NAME
@@ -25,54 +26,37 @@ Obstacle = Literal["", "in use", "file", "process"]
 
 @dataclass(frozen=True, slots=True)
 class Derivatives:
-    """Which derivatives a run is to carry along.
+    """Which derivatives a run is to carry along."""
 
-    Attributes:
-        of: Names of results.
-        to: Parameters, as `castfem sensitivity` takes them.
-    """
-
-    of: tuple[str, ...]
-    to: tuple[str, ...]
+    of: tuple[str, ...]  #: names of results
+    to: tuple[str, ...]  #: parameters, as `castfem sensitivity` takes them
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """What is to be run.
+    """What is to be run."""
 
-    Attributes:
-        name: Of the run.
-        folder: Where it writes.
-        case: The case.
-        resume: Go on from the checkpoint, if there is one.
-        after: Called with the folder of the finished run, such as `draw_figures`; a function of a
-            module, since it goes to other processes by name. None for nothing.
-        derivatives: To be carried along, where the case has them; None for none. Such a run is
-            begun anew, not resumed.
-    """
-
-    name: str
-    folder: Path
+    name: str  #: of the run
+    folder: Path  #: where it writes
     case: Case
-    resume: bool = False
+    resume: bool = False  #: go on from the checkpoint, if there is one
     after: Callable[[Path], object] | None = None
+    """Called with the folder of the finished run, such as `draw_figures`; a function of a
+    module, since it goes to other processes by name. None for nothing."""
     derivatives: Derivatives | None = None
+    """To be carried along, where the case has them; None for none. Such a run is begun anew,
+    not resumed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a run has ended.
+    """How a run has ended."""
 
-    Attributes:
-        message: Why it failed, one line; empty if it did not.
-        seconds: How long it took.
-        obstacle: What hindered it that is none of the case's: another run in its folder, a file
-            that cannot be written, the end of its process; empty for nothing.
-    """
-
-    message: str = ""
-    seconds: float = 0.0
+    message: str = ""  #: why it failed, one line; empty if it did not
+    seconds: float = 0.0  #: how long it took
     obstacle: Obstacle = ""
+    """What hindered it that is none of the case's: another run in its folder, a file that
+    cannot be written, the end of its process; empty for nothing."""
 
     @property
     def failed(self) -> bool:
@@ -81,11 +65,16 @@ class Outcome:
 
 
 class Stop(Progress):
-    """A wish to stop that a run heeds after its step: an exception would be lost within PETSc."""
+    """Stops a run after its step where its process shall end: PETSc would lose an exception.
+
+    Attributes:
+        wanted: Whether this process shall end.
+    """
+
+    wanted: ClassVar[bool] = False
 
     def __init__(self) -> None:
         super().__init__(verbosity=-1, terminal=False)
-        self.wanted = False
 
     def update(
         self, position: float, time_s: float, newton: int, step: float, note: str = ""
@@ -100,24 +89,35 @@ class Stop(Progress):
             raise KeyboardInterrupt("stopped with the command that had started it")
 
 
-def work(job: Job, stop: Stop | None = None, comm: MPI.Comm | None = None) -> Outcome:
+def work(job: Job, comm: MPI.Comm | None = None) -> Outcome:
     """Run a case; whatever goes wrong becomes the outcome's message.
+
+    A run of another thread of this process is waited for.
 
     Args:
         job: The run.
-        stop: Asked after each step.
         comm: Ranks to run it on (collective); this process alone if None.
     """
+    with one_at_a_time(wait=True):
+        return _alone(job, comm)
+
+
+def _alone(job: Job, comm: MPI.Comm | None) -> Outcome:
     from mpi4py import MPI
 
     from castfem.base import log
+
+    if comm is None and MPI.COMM_WORLD.size > 1:
+        import petsc4py
+
+        petsc4py.init(comm=MPI.COMM_SELF)  # other ranks of an executor need not come along
     from castfem.runs import loop
 
     log.close()
     log.logger.addHandler(logging.NullHandler())  # not even warnings between the bars: see run.log
     log.logger.propagate = False
     log.logger.setLevel(logging.INFO)
-    begun, progress = time.perf_counter(), stop or Stop()
+    begun, progress = time.perf_counter(), Stop()
     try:
         ranks = MPI.COMM_SELF if comm is None else comm
         reported = progress if ranks.rank == 0 else None

@@ -15,7 +15,7 @@ from castfem.base.errors import InputError
 from castfem.base.result_registry import fault, unit_of
 from castfem.base.shown_quantity import Quantity
 from castfem.base.types import Array
-from castfem.studies.optimisation.probe_data import is_of_probe, misfit, unit_at_probe
+from castfem.studies.calibration.probe_data import is_of_probe, misfit, unit_at_probe
 
 _ERROR = " error"  # ends the name of a column of errors
 _POSITION = "position"

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Sequence
 
 from castfem.base.shown_units import Scale, label_shown, scale_of
-from castfem.studies.optimisation.digits import column, ends, result, significant, variable
+from castfem.base.table import Table
+from castfem.post.compare.digits import column, ends, result, significant, variable
 from castfem.studies.optimisation.numerical_error import checks_of
 from castfem.studies.optimisation.optimum import (
     ConstraintStatus,
@@ -18,14 +18,12 @@ from castfem.studies.optimisation.optimum import (
     Value,
     unit_name,
 )  # fmt: skip
-from castfem.studies.optimisation.range_advice import promising_ends
-
-if TYPE_CHECKING:
-    from rich.table import Table
 
 _VAGUE = 0.25  # of 5 to 95 %, some three standard deviations: an error of that size hides them
 _ROUNDING = 1e-12  # of a result
 _SIGMAS = 4.0  # of noise, that a handful of runs may lie apart by it
+_APART = 3.0  # of noise: two runs differ by that much of it in one case of thirty
+_BOUND = 1e-9  # of a bound: rounding
 _FAR = " (which bars better places)"  # a constraint that binds, but not where the optimum is
 
 
@@ -41,23 +39,13 @@ def report(optimum: Optimum) -> Iterator[Table | str]:
     yield f"{optimum.sense} {label_shown(objective.label)}: {_state(optimum)}"
     yield _variables(optimum)
     yield _results(optimum, objective)
-    if optimum.away:
+    if optimum.neighbours:
         yield _steps(optimum, objective)
     yield from _remarks(optimum, objective)
     if optimum.spread is not None:
         yield from _spread(optimum, optimum.spread)
     if optimum.front is not None:
         yield from _front(optimum.front)
-
-
-def _table(*heads: str) -> Table:
-    from rich import box
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
-    for i, head in enumerate(heads):
-        table.add_column(head, justify="left" if i == 0 else "right", overflow="fold")
-    return table
 
 
 def _state(optimum: Optimum) -> str:
@@ -70,11 +58,11 @@ def _state(optimum: Optimum) -> str:
         state = f"found; held by {'; '.join(by)}" if by else "found; no constraint binds"
         if failed := optimum.runs["failed"]:
             state += f"; {failed} of the {optimum.runs['search']} runs by {optimum.fidelity} failed"
-        return f"{state}; another place is as good" if optimum.elsewhere else state
+        return f"{state}; another place is as good" if optimum.other_optima else state
     if optimum.status == "not converged":
         return "not converged: better runs were still met; raise optimise.most_runs"
     if optimum.status == "independent":
-        return f"depends on none of {', '.join(optimum.idle)}; any value is as good"
+        return f"depends on none of {', '.join(optimum.without_effect)}; any value is as good"
     worst = optimum.worst
     if worst is None:
         return "no run meets all constraints"
@@ -83,6 +71,35 @@ def _state(optimum: Optimum) -> str:
     ends_at = " and ".join(_ends(promising_ends(optimum)))
     wider = f", with {ends_at}: a wider one may meet them" if ends_at else ""
     return f"the constraints cannot be met; nearest, {worst.text} is missed by {missed}{wider}"
+
+
+def promising_ends(optimum: Optimum) -> tuple[Value, ...]:
+    """The variables at an end of their range beyond which all missed constraints may be met.
+
+    Towards such an end the violation of a missed constraint falls by more than noise, and none
+    grows; and each missed constraint falls towards one of them.
+    """
+    missed = [(number, one) for number, one in enumerate(optimum.constraints) if not one.met]
+    falls = {
+        value.key: [_falls(optimum, value, number, one) for number, one in missed]
+        for value in optimum.values
+        if value.at_end in ("lowest", "highest")
+    }
+    found = {key: signs for key, signs in falls.items() if any(signs) and min(signs) >= 0}
+    if not all(any(signs[i] > 0 for signs in found.values()) for i in range(len(missed))):
+        return ()
+    return tuple(value for value in optimum.values if value.key in found)
+
+
+def _falls(optimum: Optimum, value: Value, number: int, one: ConstraintStatus) -> int:
+    """1 if the violation falls from the next run inwards to the end, -1 if it grows, else 0."""
+    steps = [a for a in optimum.neighbours if a.key == value.key and math.isfinite(a.objective)]
+    if not steps:
+        return 0
+    inward = min(steps, key=lambda step: abs(step.value - value.value))
+    gained = one.left - inward.left[number]
+    noise = _APART * one.result.noise + _BOUND * abs(one.bound)
+    return 0 if abs(gained) <= noise else int(math.copysign(1, gained))
 
 
 def _ends(values: Iterable[Value]) -> list[str]:
@@ -100,15 +117,13 @@ def _values(optimum: Optimum, other: Iterable[float | None] | None = None) -> st
 
 def _variables(optimum: Optimum) -> Table:
     by = [f"constraints by {optimum.checked}"] if optimum.checked and optimum.constraints else []
-    table = _table("variable", "best", *by, "cannot be told from", "looked for in")
+    rows = []
     for value in optimum.values:
         label = f"{value.key} [{value.unit}]" if value.unit else value.key
-        checked = "" if value.checked is None else variable(value.checked)
+        checked = ["" if value.checked is None else variable(value.checked) for _ in by]
         searched = " to ".join(variable(end) for end in value.range)
-        table.add_row(
-            label, variable(value.value), *(checked for _ in by), interval(value), searched
-        )
-    return table
+        rows.append((label, variable(value.value), *checked, interval(value), searched))
+    return Table(("variable", "best", *by, "cannot be told from", "looked for in"), rows)
 
 
 def interval(value: Value) -> str:
@@ -142,9 +157,8 @@ def _check_apart(optimum: Optimum, objective: ResultWithError) -> float:
 
 def _results(optimum: Optimum, objective: ResultWithError) -> Table:
     by = f"left by {optimum.checked}" if optimum.checked else "left by the check"
-    table = _table("at the optimum", "value", "noise", "numerical error", "left", by, "")
     value = _shown(objective, objective.value, _check_apart(optimum, objective))
-    table.add_row(objective.heading(), value, *_errors(objective), "", "", "objective")
+    rows = [(objective.heading(), value, *_errors(objective), "", "", "objective")]
     for one in optimum.constraints:
         known = one.result
         left = f"{_difference(known, one.left)} ± {_difference(known, one.error)}"
@@ -152,8 +166,8 @@ def _results(optimum: Optimum, objective: ResultWithError) -> Table:
         label = f"{one.text} [{unit}]" if unit else one.text  # as written, perhaps in another one
         value = _shown(known, known.value, max(abs(one.left), known.noise))
         checked = _difference(known, one.checked)
-        table.add_row(label, value, *_errors(known), left, checked, _word(one))
-    return table
+        rows.append((label, value, *_errors(known), left, checked, _word(one)))
+    return Table(("at the optimum", "value", "noise", "numerical error", "left", by, ""), rows)
 
 
 def _word(one: ConstraintStatus) -> str:
@@ -169,20 +183,20 @@ def _word(one: ConstraintStatus) -> str:
 def _steps(optimum: Optimum, objective: ResultWithError) -> Table:
     heads = [f"left of {one.text}" for one in optimum.constraints]
     head = f"{objective.name} [{objective.difference_unit}]"
-    table = _table("a step away", head, *heads)
+    rows: list[Sequence[str]] = []
     units = {value.key: value.unit for value in optimum.values}
-    for step in optimum.away:
+    for step in optimum.neighbours:
         name = f"{step.key} = {variable(step.value)} {units[step.key]}".rstrip()
         if step.message:
-            table.add_row(name, "fails", *("" for _ in heads))
+            rows.append((name, "fails", *("" for _ in heads)))
             continue
         cells = [significant(objective.chosen_difference(step.objective), 3, "+")]
         for one, left in zip(optimum.constraints, step.left, strict=True):
             amount = significant(one.result.chosen_difference(left), 3)
             missed = "" if left >= -one.result.noise - 1e-9 * abs(one.bound) else " (not met)"
             cells.append(f"{amount} {one.result.difference_unit}{missed}")
-        table.add_row(name, *cells)
-    return table
+        rows.append((name, *cells))
+    return Table(("a step away", head, *heads), rows)
 
 
 def _remarks(optimum: Optimum, objective: ResultWithError) -> Iterator[str]:
@@ -200,19 +214,19 @@ def _remarks(optimum: Optimum, objective: ResultWithError) -> Iterator[str]:
     yield f"{checked}; {optimum.seconds:.0f} s of runs; best run: {best}"
     if optimum.by_check is not None and optimum.constraints:
         yield _by_check(optimum, objective)
-    if optimum.idle and optimum.status == "found":
-        yield f"no result depends on {' and '.join(optimum.idle)}: any value is as good"
-    for why in optimum.unknown:
+    if optimum.without_effect and optimum.status == "found":
+        yield f"no result depends on {' and '.join(optimum.without_effect)}: any value is as good"
+    for why in optimum.unverified:
         yield f"the interval is open, for {why}"
-    if optimum.elsewhere:
-        some = "; or ".join(_values(optimum, one) for one in optimum.elsewhere[:3])
+    if optimum.other_optima:
+        some = "; or ".join(_values(optimum, one) for one in optimum.other_optima[:3])
         yield f"not the only one: as good within scatter, outside of these intervals, is {some}"
     every = (objective, *(one.result for one in optimum.constraints))
     for known in {one.name: one for one in every if one.twin is not None}.values():
         name, value = known.twin or ("", 0.0)
         apart = f"{_difference(known, value - known.value)} {known.difference_unit}"
         yield f"{known.name} lies {apart} below {name}, its maximum"
-    span = [abs(step.objective) for step in optimum.away if math.isfinite(step.objective)]
+    span = [abs(step.objective) for step in optimum.neighbours if math.isfinite(step.objective)]
     if span and max(span) <= _SIGMAS * objective.noise:
         yield "all about it the objective changes by no more than its noise: it is flat here"
 
@@ -245,19 +259,21 @@ def _spread(optimum: Optimum, spread: Spread) -> Iterator[Table | str]:
     failed = f", {spread.failed} of them failed" if spread.failed else ""
     derivatives = " with their derivatives" if spread.derivatives else ""
     yield f"spread by the inputs, {spread.runs} runs{derivatives}{failed}"
-    table = _table("by the inputs", "5 to 95 % of the draws", "error of the fit", "met")
+    rows = []
     for number, row in enumerate(spread.rows):
         scale = spread_scale(optimum, number)
         unit = f" [{unit_name(scale.unit)}]" if unit_name(scale.unit) else ""
         error = "" if row.error is None else significant(scale(row.error), 2)
         met = "" if row.met is None else f"{100.0 * row.met:.3g} %"
         change = " to ".join(significant(scale(end), 3, "+") for end in row.change)
-        table.add_row(f"{row.name}{unit}", change, error, met)
-    yield table
-    table = _table("Sobol indices: first order / total", *(row.name for row in spread.rows))
-    for i, label in enumerate(spread.labels):
-        table.add_row(label, *(f"{row.first[i]:.2f} / {row.total[i]:.2f}" for row in spread.rows))
-    yield table
+        rows.append((f"{row.name}{unit}", change, error, met))
+    yield Table(("by the inputs", "5 to 95 % of the draws", "error of the fit", "met"), rows)
+    heads = ("Sobol indices: first order / total", *(row.name for row in spread.rows))
+    indices = [
+        (label, *(f"{row.first[i]:.2f} / {row.total[i]:.2f}" for row in spread.rows))
+        for i, label in enumerate(spread.labels)
+    ]
+    yield Table(heads, indices)
     widths = {row.name: row.change[1] - row.change[0] for row in spread.rows}
     vague = [one.name for one in spread.rows if (one.error or 0.0) > _VAGUE * widths[one.name]]
     if vague:
@@ -281,7 +297,7 @@ def _front(front: Front) -> Iterator[Table | str]:
         return
     yield f"the front of {both}, {front.runs} further runs"
     heads = front.first.heading(), front.second.heading(), front.price_heading()
-    table = _table(*front.keys, *heads)
+    rows = []
     firsts, seconds = (
         column([one.chosen(value) for value in values], one.scale.unit)
         for one, values in (
@@ -292,7 +308,7 @@ def _front(front: Front) -> Iterator[Table | str]:
     for point, first, second in zip(front.points, firsts, seconds, strict=True):
         price = front.price(point, chosen=True)
         shown = "" if price is None else significant(price, 3)
-        table.add_row(*(variable(value) for value in point.values), first, second, shown)
-    yield table
-    if front.spent:
+        rows.append((*(variable(value) for value in point.values), first, second, shown))
+    yield Table((*front.keys, *heads), rows, words=())
+    if front.exhausted:
         yield "a search of the front has had its runs before it was done: raise optimise.most_runs"

@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 
 from castfem.model.shipped_cases import load
+from castfem.studies.mould_fit.ideal_taper import strand_sizes
 from castfem.studies.optimisation import Evaluation
-from castfem.studies.optimisation.ideal_taper import strand_sizes
 from castfem.studies.optimisation.problem import DesignProblem
 
 WIDE, DIAGONAL = 125.0, 2.0**0.5 * 115.0 + 10.0  # mm

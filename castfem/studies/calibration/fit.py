@@ -25,14 +25,15 @@ from castfem.base.types import Array
 from castfem.model.load import value_of
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.results.places import quantities_at
+from castfem.studies.calibration.measured import Measured, residuals
+from castfem.studies.calibration.probe_data import is_of_probe, thermocouples, value_at
 from castfem.studies.mould_fit.thermocouples import CopperTemperatures
 from castfem.studies.optimisation.evaluator import Evaluator, variant
-from castfem.studies.optimisation.measured import Measured, residuals
-from castfem.studies.optimisation.probe_data import is_of_probe, thermocouples, value_at
+from castfem.studies.sweep.workers import nothing
 
 if TYPE_CHECKING:
     from castfem.model import Case
-    from castfem.studies.optimisation.evaluator import Watcher
+    from castfem.studies.optimisation.evaluator import Ended
 
 CSV_NAME, JSON_NAME, CASE_NAME = "calibration.csv", "calibration.json", "calibrated.toml"
 _STEP = 0.01  # of a key's range, for the derivatives
@@ -199,16 +200,16 @@ def calibrate(
     measured: list[Measured],
     keys: Sequence[Free],
     evaluator: Evaluator,
-    watcher: Watcher | None = None,
+    ended: Ended = nothing,
 ) -> Calibration:
     """Fit keys of a case to measured values.
 
     Args:
         case: The case; its own values are where the fit begins, if they are plain quantities.
-        measured: From `castfem.studies.optimisation.measured`.
+        measured: From `castfem.studies.calibration.measured`.
         keys: To be fitted, with their bounds.
         evaluator: Of `followed(case, measured)`; runs it.
-        watcher: Follows the runs.
+        ended: Called with each run that is made, and how it has ended.
 
     Raises:
         InputError: A key or a value cannot be used.
@@ -218,7 +219,7 @@ def calibrate(
 
     def many(values: Sequence[Mapping[str, str]]) -> list[Array]:
         cases = [variant(evaluator.case, one) for one in values]
-        found = evaluator.evaluate(cases, values, watcher)
+        found = evaluator.evaluate(cases, values, ended)
         for one, case_, run in zip(values, cases, found, strict=True):
             if run.failed or run.folder is None:
                 raise RunFailure(f"the run with {_text(one)} failed: {run.message}")

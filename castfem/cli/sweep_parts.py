@@ -1,15 +1,46 @@
-"""A script for SLURM that does a sweep in parts. Nothing is submitted."""
+"""A sweep in parts, for processes that know nothing of each other, and a script for SLURM."""
 
 from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from castfem.base.atomic_files import write_text
 from castfem.base.errors import InputError
 
 MOST = 20  # parts, where the user has not said how many
+Row = TypeVar("Row")
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """Every n-th row, from the i-th on: rows beside each other often cost alike."""
+
+    number: int  #: which share, from 1 on
+    count: int  #: number of shares
+
+    @classmethod
+    def read(cls, text: str) -> Share:
+        """Read `3/20`.
+
+        Raises:
+            InputError: It is not written so, or there is no such share.
+        """
+        number, _, count = text.partition("/")
+        try:
+            share = cls(int(number), int(count))
+        except ValueError:
+            raise InputError(f"--part {text}: write it as 3/20, the third of 20 parts") from None
+        if not 1 <= share.number <= share.count:
+            raise InputError(f"--part {text}: the parts are 1/{share.count} to {count}/{count}")
+        return share
+
+    def of(self, rows: Sequence[Row]) -> Sequence[Row]:
+        """Return the rows of this share; none where there are more shares than rows."""
+        return rows[self.number - 1 :: self.count]
 
 
 def write_script(

@@ -9,19 +9,19 @@ fitted to the diagonal.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from castfem.base.types import Array
-from castfem.model.build_mould import build_mould
 from castfem.runs.output.history import HISTORY_NAME, read_history
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from castfem.studies.optimisation.problem import DesignProblem
+    from castfem.physics.mould.mould import Mould
 
 _POINTS = 25  # along the mould
 _SIZES = {
@@ -31,31 +31,31 @@ _SIZES = {
 _NEAR = 0.05  # of a size at the meniscus: the web at the mid-face of a beam blank is no height
 
 
-def fitted_tapers(problem: DesignProblem, start: Array, tapers: list[int], folder: Path) -> Array:
-    """Return where a search begins (n,), its tapers fitted to an idealised strand.
+def fitted_tapers(
+    mould_of: Callable[[Array], Mould], start: Array, tapers: Mapping[int, str], folder: Path
+) -> Array:
+    """Return variables of a mould (n,), its tapers fitted to an idealised strand.
 
     Args:
-        problem: With the tapers.
-        start: Shares of the ranges (n,), those of other variables stay.
-        tapers: Numbers of the variables to be fitted.
+        mould_of: Builds the mould with such variables, shares of their ranges.
+        start: Where they begin (n,); those of no taper stay.
+        tapers: Number and key of each variable that is fitted.
         folder: Of the run in the idealised mould.
     """
     from scipy.optimize import lsq_linear
 
     history = read_history(folder / HISTORY_NAME)
     position = history["position"].to_numpy()
-    length = problem.case.mould.length if problem.case.mould is not None else 0.0
+    length = mould_of(start).length
     places = np.linspace(0.0, min(length, position[-1]), _POINTS)
 
     def walls(shares: Array) -> dict[str, Array]:
-        case = problem.case.with_(problem.changes(problem.request(shares)))
-        assert case.mould is not None
-        mould = build_mould(case.mould, case.section)
+        mould = mould_of(shares)
         sizes = [mould.dimensions(float(z)) for z in places]
         return {name: np.array([one[name] for one in sizes]) for name in sizes[0]}
 
     strand = strand_sizes(history, places, {name: size[0] for name, size in walls(start).items()})
-    names = _fitted_to(list(strand), [problem.variables[i].key for i in tapers])
+    names = _fitted_to(list(strand), list(tapers.values()))
     if not names:
         return start
 
@@ -65,7 +65,7 @@ def fitted_tapers(problem: DesignProblem, start: Array, tapers: list[int], folde
         return np.concatenate([wall[n] - wall[n][0] - strand[n] + strand[n][0] for n in names])
 
     # Sizes are all but linear in the tapers: two differences and a solve, twice.
-    found = np.array(start, dtype=float)
+    found, numbers = np.array(start, dtype=float), list(tapers)
     for _ in range(2):
         base = off(found)
         slopes = []
@@ -73,9 +73,9 @@ def fitted_tapers(problem: DesignProblem, start: Array, tapers: list[int], folde
             moved = found.copy()
             moved[i] += 0.25 if moved[i] < 0.5 else -0.25
             slopes.append((off(moved) - base) / (moved[i] - found[i]))
-        limits = (-found[tapers], 1.0 - found[tapers])
+        limits = (-found[numbers], 1.0 - found[numbers])
         step = lsq_linear(1e3 * np.column_stack(slopes), -1e3 * base, limits).x
-        found[tapers] = np.clip(found[tapers] + step, 0.0, 1.0)
+        found[numbers] = np.clip(found[numbers] + step, 0.0, 1.0)
     return found
 
 

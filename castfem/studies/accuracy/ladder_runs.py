@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from castfem.base.atomic_files import folder_refused
 from castfem.base.constants import ROUNDING
-from castfem.base.errors import InputError, RunFailure
+from castfem.base.errors import RunFailure
 from castfem.base.shown_quantity import Quantity
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
@@ -17,24 +16,20 @@ from castfem.studies.accuracy.ladder import Level
 from castfem.studies.accuracy.table import ErrorTable, Ran, gather
 from castfem.studies.sweep.plan import Variant
 from castfem.studies.sweep.record import Record
+from castfem.studies.sweep.record import prepare as prepare_runs
 from castfem.studies.sweep.work import Job
 
 
 @dataclass(frozen=True, slots=True)
 class Ladder:
-    """The runs of a case in their folder.
+    """The runs of a case in their folder."""
 
-    Attributes:
-        levels: All of them.
-        record: Of what is finished.
-        jobs: What is still to be run; a run that was cut short goes on from its checkpoint.
-        at: Places on the way whose errors are asked for, m, besides the exit of the mould.
-    """
-
-    levels: tuple[Level, ...]
-    record: Record
+    levels: tuple[Level, ...]  #: all of them
+    record: Record  #: of what is finished
     jobs: tuple[Job, ...]
+    """What is still to be run; a run that was cut short goes on from its checkpoint."""
     at: tuple[float, ...] = ()
+    """Places on the way whose errors are asked for, m, besides the exit of the mould."""
 
     @property
     def runnable(self) -> tuple[Level, ...]:
@@ -104,18 +99,8 @@ def prepare(
         InputError: The folder holds runs of another case, one is at work there, or it cannot be
             written.
     """
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is a file, a folder is needed; choose another with -o")
-    record = Record(folder)
-    runnable = [level for level in levels if not level.problem]
-    jobs = record.unfinished(
-        [Job(one.name, folder / one.name, one.case, resume=not overwrite) for one in runnable],
-        overwrite=overwrite,
-    )
-    record.expect(Variant(one.name, {"sizes": one.text}, one.case) for one in runnable)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        record.save()
-    except (OSError, RunFailure) as error:
-        raise InputError(folder_refused(folder, error)) from None
+    runnable = [
+        Variant(one.name, {"sizes": one.text}, one.case) for one in levels if not one.problem
+    ]
+    record, jobs = prepare_runs(folder, runnable, resume=not overwrite, overwrite=overwrite)
     return Ladder(tuple(levels), record, jobs, tuple(at))

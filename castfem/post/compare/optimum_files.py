@@ -1,4 +1,4 @@
-"""The table that a mould is made by: inner sizes over the distance from the meniscus."""
+"""Tables of an optimum as files: the sizes that a mould is made by, the front of two results."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from castfem.model.build_mould import build_mould
 
 if TYPE_CHECKING:
     from castfem.model import Case
+    from castfem.studies.optimisation.optimum import Front
 
-MOULD_NAME = "mould.csv"
+MOULD_NAME, FRONT_NAME = "mould.csv", "front.csv"
 _EVERY = 0.05  # m
 
 
@@ -59,4 +60,22 @@ def write_mould_table(folder: Path, case: Case) -> Path:
     head, rows = mould_table(case)
     path = folder / MOULD_NAME
     write_csv(path, [head, *([f"{value:.4f}" for value in row] for row in rows)])
+    return path
+
+
+def write_front(folder: Path, front: Front) -> Path:
+    """Write the points as CSV, a row each, and return its path.
+
+    Raises:
+        RunFailure: It cannot be written.
+    """
+    head = [one.heading(chosen=False) for one in (front.first, front.second)]
+    rows = [[*front.keys, *head, front.price_heading(chosen=False), "run"]]
+    for point in front.points:
+        price = front.price(point)
+        results = front.first.shown(point.first), front.second.shown(point.second)
+        numbers = (f"{value:.9g}" for value in (*point.values, *results))
+        rows.append([*numbers, "" if price is None else f"{price:.6g}", point.run])
+    path = folder / FRONT_NAME
+    write_csv(path, rows)
     return path

@@ -1,0 +1,230 @@
+"""What makes several runs at once: processes, ranks, groups of ranks, an executor of the user.
+
+An executor is anything with `submit(function, *arguments)`, which returns an object with `done`,
+`result` and `cancel`: those of `concurrent.futures`, `mpi4py.futures`, executorlib and submitit.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Collection, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from castfem.base.atomic_files import Closing
+from castfem.studies.sweep.groups import Groups
+from castfem.studies.sweep.processes import ProcessEnded, Processes
+from castfem.studies.sweep.work import Job, Outcome, work
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+LOG_NAME = "sweep.log"
+"""In a folder of runs: what libraries print in processes."""
+_TICK = 0.25  # s between two looks at the progress
+_AGAIN = 2  # how often a run is resumed that was lost with its process
+
+
+class Pending(Protocol):
+    """A call that was submitted."""
+
+    def done(self) -> bool:
+        """Whether it has ended."""
+
+    def result(self) -> Any:
+        """Its value; raises what the call, or the loss of its process, has raised."""
+
+    def cancel(self) -> Any:
+        """Give it up, if it has not begun."""
+
+
+class CallExecutor(Protocol):
+    """Makes calls in parallel."""
+
+    def submit(self, function: Callable[..., Any], /, *arguments: Any) -> Pending:
+        """Make a call at some time."""
+
+
+def nothing(*_: object) -> None:
+    """Take no note of a run."""
+
+
+class Workers(Closing):
+    """Makes runs, one list after the other, by what is given; else in this process.
+
+    Args:
+        noise: File for what libraries print in processes.
+        processes: Largest number of processes, which stay for further runs; 0 for none.
+        comm: Ranks, the others within `serve`; a single one makes its runs itself.
+        ranks: Of each run; they divide those of `comm`.
+        executor: Makes the runs instead; it stays open.
+    """
+
+    def __init__(
+        self,
+        noise: Path,
+        *,
+        processes: int = 0,
+        comm: MPI.Intracomm | None = None,
+        ranks: int = 1,
+        executor: CallExecutor | None = None,
+    ) -> None:
+        self._noise, self._processes, self._ranks = noise, processes, ranks
+        self._comm = comm if comm is not None and comm.size > 1 else None
+        self._executor = executor
+        self._own: Processes | None = None
+        self._groups: Groups | None = None
+
+    def run(
+        self,
+        jobs: Sequence[Job],
+        begun: Callable[[Job], None] = nothing,
+        ended: Callable[[Job, Outcome], None] = nothing,
+        tick: Callable[[], None] = nothing,
+    ) -> None:
+        """Make all runs; an exception, Ctrl-C too, stops those that have not begun.
+
+        Args:
+            jobs: The runs, in this order.
+            begun: Called when one has begun.
+            ended: Called when it has ended.
+            tick: Called a few times a second, but not where this process makes runs itself.
+        """
+        if not jobs:
+            return
+        if self._executor is not None:
+            jobs = [replace(job, folder=job.folder.absolute()) for job in jobs]
+            run_jobs(self._executor, jobs, begun, ended, tick)
+        elif self._comm is not None:
+            self._comm.bcast(self._ranks)
+            if self._ranks == 1:
+                _on_ranks(self._comm, jobs, begun, ended, tick)
+                return
+            if self._groups is None:
+                self._groups = Groups(self._comm, self._ranks)
+            self._groups.run(jobs, begun, ended)
+        elif self._processes:
+            if self._own is None:
+                self._own = Processes(self._processes, self._noise)
+            run_jobs(self._own, jobs, begun, ended, tick)
+        else:
+            for job in jobs:
+                begun(job)
+                ended(job, work(job))
+
+    def close(self) -> None:
+        """End the processes, and let the other ranks go."""
+        if self._own is not None:
+            self._own.shutdown(cancel_futures=True)
+        if self._comm is not None:
+            self._comm.bcast(0)
+        if self._groups is not None:
+            self._groups.close()
+        self._own = self._comm = self._groups = None
+
+
+def serve(comm: MPI.Intracomm) -> None:
+    """Do a share of the runs of the workers of rank 0 until they are closed (on other ranks)."""
+    groups: Groups | None = None
+    while ranks := comm.bcast(0):
+        if ranks == 1:
+            _on_ranks(comm, (), nothing, nothing, nothing)
+            continue
+        if groups is None:
+            groups = Groups(comm, ranks)
+        groups.run()
+    if groups is not None:
+        groups.close()
+
+
+def _on_ranks(
+    comm: MPI.Intracomm,
+    jobs: Sequence[Job],
+    begun: Callable[[Job], None],
+    ended: Callable[[Job, Outcome], None],
+    tick: Callable[[], None],
+) -> None:
+    """Make runs on one rank each (collective): rank 0 gives them to the others.
+
+    A rank that dies takes all others with it, as launchers do.
+    """
+    from mpi4py.futures import MPICommExecutor
+
+    import castfem.runs.loop  # noqa: F401  PETSc is initialised by all ranks together or never
+
+    with MPICommExecutor(comm, root=0) as pool:
+        executor: CallExecutor | None = pool  # type: ignore[assignment]  # its stubs are wrong
+        if executor is not None:
+            run_jobs(executor, jobs, begun, ended, tick)
+
+
+def run_jobs(
+    executor: CallExecutor,
+    jobs: Sequence[Job],
+    begun: Callable[[Job], None],
+    ended: Callable[[Job, Outcome], None],
+    tick: Callable[[], None],
+) -> None:
+    """Make runs by an executor; return when the last has ended. See `Workers.run`.
+
+    A run that is lost with its process is submitted again, to be resumed from its checkpoint, twice
+    at most.
+    """
+    waiting = {executor.submit(work, job): job for job in jobs}
+    started: set[str] = set()
+    lost: Counter[str] = Counter()
+    try:
+        while waiting:
+            _wait(waiting)
+            for call, job in list(waiting.items()):
+                done = call.done()
+                if job.name not in started and (done or _running(call)):
+                    started.add(job.name)
+                    begun(job)
+                if not done:
+                    continue
+                del waiting[call]
+                try:
+                    outcome = call.result()
+                except Exception as error:
+                    lost[job.name] += 1
+                    again = _submitted_again(executor, job) if lost[job.name] <= _AGAIN else None
+                    if again is not None:
+                        waiting[again] = job
+                        continue
+                    outcome = Outcome(_said(error), obstacle="process")
+                ended(job, outcome)
+            tick()
+    finally:
+        for call in waiting:  # an error of ours: those that have not begun need not
+            call.cancel()
+
+
+def _wait(calls: Collection[Pending]) -> None:
+    """Wait until a call has ended, and not for long."""
+    futures = [call for call in calls if isinstance(call, Future)]
+    if len(futures) == len(calls):
+        wait(futures, timeout=_TICK, return_when=FIRST_COMPLETED)
+    elif not any(call.done() for call in calls):
+        time.sleep(_TICK)
+
+
+def _running(call: Pending) -> bool:
+    """Whether a call has begun; what does not say so has begun when it was submitted."""
+    return call.running() if isinstance(call, Future) else True
+
+
+def _submitted_again(executor: CallExecutor, job: Job) -> Pending | None:
+    try:
+        return executor.submit(work, replace(job, resume=True))
+    except Exception:
+        return None  # the executor is broken by what was lost
+
+
+def _said(error: Exception) -> str:
+    """What a lost run is said to have ended by, one line."""
+    text = str(error).strip().partition("\n")[0]
+    return text if isinstance(error, ProcessEnded) else f"{type(error).__name__}: {text}"
