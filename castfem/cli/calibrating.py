@@ -18,7 +18,7 @@ from castfem.cli.options import chosen
 from castfem.model import Case, load_case, shipped_cases
 from castfem.model.load import faults_of_key
 from castfem.model.shown_units import units_of
-from castfem.post.plots.calibration import Compared, draw_calibration
+from castfem.post.plots.optimisation import Compared, calibration_figure
 from castfem.post.plots.style import save
 from castfem.runs.results.numbers import error_shown, shown, unit_shown
 from castfem.runs.results.of_case import faults_of
@@ -126,7 +126,7 @@ def _done(asked: _Question, quiet: bool, units: Sequence[str]) -> int:
         found = calibrate(asked.case, asked.measured, asked.keys, evaluator, view)
     write(target, found)
     with chosen(units), shown_in(units_of(asked.case)):
-        save(draw_calibration(_panels(found)), target / FIGURE_NAME)
+        save(calibration_figure(_panels(found)), target / FIGURE_NAME)
         if not quiet:
             say(parallel.console(), _keys(found), "", *_words(found, target))
     return 0

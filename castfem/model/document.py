@@ -335,7 +335,8 @@ def override(
     entitle(document)
 
 
-_NAMED = 3  # changes in a title
+_NAMED = 3  # changes in a title at most
+_WIDE, _LONG = 110, 48  # characters of a title with further changes, and of one change
 _LESS_NEWS = ("mesh", "thermal", "coupling")  # which change how well it is computed
 _NO_NEWS = (
     "title",
@@ -347,7 +348,10 @@ _NO_NEWS = (
 
 
 def entitle(document: Document) -> None:
-    """Say in the title what was changed, unless that was: it heads tables and pictures."""
+    """Say in the title what was changed, unless that was: it heads tables and pictures.
+
+    The first change is named, others as far as there is room; the rest are counted.
+    """
     title, changes = document.data.get("title"), dict(document.changes)
     keys = sorted(changes, key=lambda key: key.partition(".")[0] in _LESS_NEWS)
     listed = {key: changes[key] for key in keys if key.partition(".")[0] not in _NO_NEWS}
@@ -355,8 +359,12 @@ def entitle(document: Document) -> None:
         return
     parts = [p for p in title.split("; ") if p.partition(" = ")[0] not in listed]
     named = [f"{key} = {shown(value).strip(chr(34))}" for key, value in listed.items()]
-    more = [f"and {len(named) - _NAMED} more"] if len(named) > _NAMED else []
-    document.data["title"] = "; ".join([*parts, *named[:_NAMED], *more])
+    named = [one if len(one) <= _LONG else f"{one[: _LONG - 4]} ..." for one in named]
+    count = 1
+    while count < min(len(named), _NAMED) and len("; ".join([*parts, *named[: count + 1]])) < _WIDE:
+        count += 1
+    more = [f"and {len(named) - count} more"] if len(named) > count else []
+    document.data["title"] = "; ".join([*parts, *named[:count], *more])
 
 
 def put(document: Document, key: str, value: Any, label: str) -> None:

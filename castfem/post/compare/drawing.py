@@ -59,8 +59,8 @@ def draw(folder: Path, runs: Sequence[Run], base: Run) -> list[Path]:
             figure = _draw_figure(definition, panels, pens, base)
             drawn.append(save(figure, folder / f"{definition.quantity}.png"))
         for name, section in draw_sections(runs, words).items():
-            maps = ("inferno",) if name in ("temperature", "shape") else ()
-            drawn.append(save(section, folder / f"section_{name}.png", maps=maps))
+            shaded = name in ("temperature", "shape")
+            drawn.append(save(section, folder / f"section_{name}.png", shaded=shaded))
     return drawn
 
 
@@ -90,7 +90,8 @@ def _draw_figure(
 ) -> Figure:
     """A panel for each place, a curve for each run."""
     order = [curve.run for curve in panels[0].curves]
-    columns = 3 if max(len(words(run.label)) for run in order) < 30 else 2
+    longest = max(len(words(run.label)) for run in order)
+    columns = 3 if longest < 30 else 2 if longest < 50 else 1
     figure, axes = new_panels(
         len(panels),
         _SINGLE if len(panels) == 1 else _SEVERAL,

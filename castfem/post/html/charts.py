@@ -159,7 +159,7 @@ def chart(title: str, label: str, series: Sequence[Series], *, zero: bool) -> Ch
     if not math.isfinite(low):
         low = high = 0.0
     low, high = _span(min(low, 0.0) if zero else low, high)
-    across, up = _marks(left, right), _marks(low, high)
+    across, up = marks(left, right), marks(low, high)
     low, high = min(low, up[0]), max(high, up[-1])
 
     def place_x(value: float) -> float:
@@ -175,8 +175,8 @@ def chart(title: str, label: str, series: Sequence[Series], *, zero: bool) -> Ch
             {"label": s.label, "colour": s.colour, "dash": s.dash, "path": path}
             for s, path in ((s, _path(s, place_x, place_y)) for s in series)
         ),
-        _ticks([v for v in across if left <= v <= right], place_x),
-        _ticks(up, place_y),
+        ticks([v for v in across if left <= v <= right], place_x),
+        ticks(up, place_y),
         {
             "x": [left, right], "y": [low, high],
             "curves": [{"x": _rounded(s.x), "y": _rounded(s.y)} for s in series],
@@ -184,7 +184,7 @@ def chart(title: str, label: str, series: Sequence[Series], *, zero: bool) -> Ch
     )  # fmt: skip
 
 
-def _ticks(values: Sequence[float], place: Callable[[float], float]) -> tuple[Tick, ...]:
+def ticks(values: Sequence[float], place: Callable[[float], float]) -> tuple[Tick, ...]:
     """Marks with as many digits as tell one from the next."""
     texts = next(
         texts
@@ -202,12 +202,12 @@ def _span(low: float, high: float) -> tuple[float, float]:
     return low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0)
 
 
-def _marks(low: float, high: float) -> list[float]:
-    """Round numbers from below `low` to beyond `high`."""
+def marks(low: float, high: float, most: int = _TICKS) -> list[float]:
+    """Round numbers from below `low` to beyond `high`, with at most so many steps."""
     own_matplotlib()
     from matplotlib.ticker import MaxNLocator
 
-    return [float(v) for v in MaxNLocator(_TICKS).tick_values(low, high)]
+    return [float(v) for v in MaxNLocator(most).tick_values(low, high)]
 
 
 def _path(series: Series, place_x: Any, place_y: Any) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.base.types import Array
-from castfem.post.plots.style import look, new_figure
+from castfem.post.plots.style import head, look, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,7 +40,7 @@ def draw(
         _cumulated(total, place, steps, shares, capacities)
         _effort(effort, place, shares, rolls)
         _loads(drives, shares, capacities)
-        total.set_title(title)
+        head(figure, title, 10.5)
         figure.savefig(path, dpi=130)
 
 

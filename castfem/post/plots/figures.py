@@ -145,7 +145,7 @@ class Figure:
         title: What it shows, for captions.
         needs: What the run must have, as in `RunData.has`.
         draw: Draws it; None where there is nothing to show.
-        colours: Colour maps of what is shaded.
+        shaded: Whether it has colours that run smoothly into one another.
         picture: Whether the report takes it as it is; of the others it has the curves.
     """
 
@@ -153,7 +153,7 @@ class Figure:
     title: str
     needs: str
     draw: Callable[[RunData], Picture | None]
-    colours: tuple[str, ...] = ()
+    shaded: bool = False
     picture: bool = False
 
 
@@ -180,7 +180,7 @@ FIGURES = {
     for figure in (
         Figure("temperature", "Temperature of the section", "fields",
                lambda run: section.draw_temperature(run.fields, run.steel, index=run.at_exit),
-               ("inferno",)),
+               shaded=True),
         Figure("states", "State of the steel in the section", "fields",
                lambda run: section.draw_states(run.fields, run.steel, index=run.at_exit)),
         Figure("von_mises", "Von Mises stress in the section", "fields",
@@ -188,8 +188,7 @@ FIGURES = {
         Figure("shape", "Shape of the section", "fields",
                lambda run: deformation.draw_shape(run.fields, run.steel)),
         Figure("stack", "Slices stacked along the strand", "fields",
-               lambda run: draw_stack(run.fields, run.steel),
-               ("inferno", deformation.STRESS_MAP)),
+               lambda run: draw_stack(run.fields, run.steel), shaded=True),
         _along("surface_temperature", "Surface temperature"),
         _along("shell", "Shell: depths of solidus and liquidus"),
         _along("heat", "Heat flux, heat removed"),
@@ -247,7 +246,7 @@ def _drawn(figure: Figure, run: RunData) -> Path | None:
         target = run.folder / FIGURES_NAME / f"{figure.name}.png"
         with saving(target):
             target.parent.mkdir(exist_ok=True)
-        return save(picture, target, maps=figure.colours)
+        return save(picture, target, shaded=figure.shaded)
     except CastfemError:
         raise
     except Exception as error:

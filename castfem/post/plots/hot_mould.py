@@ -10,7 +10,7 @@ import numpy as np
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.types import Array
 from castfem.physics.mould.mould import Mould
-from castfem.post.plots.style import look, new_figure
+from castfem.post.plots.style import head, look, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,8 +39,7 @@ def draw(found: Drawing, wall: HotWall, path: str | os.PathLike[str], title: str
     with look():
         figure = new_figure(12.6, 5.8)
         axes = figure.subplots(1, 3, width_ratios=(5.0, 3.6, 3.6))
-        if title:
-            figure.suptitle(title, fontsize=11.5)
+        head(figure, title)
         _section(axes[0], found)
         _sizes(axes[1], found)
         _faces(axes[2], wall)

@@ -13,7 +13,7 @@ from castfem.base.types import Array
 from castfem.physics.machine.phases import phases
 from castfem.physics.machine.rolls import Rolls
 from castfem.physics.machine.side import Side
-from castfem.post.plots.style import look, new_figure
+from castfem.post.plots.style import head, look, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -86,8 +86,7 @@ def draw(
         ax.set_xlabel("from the mould [m]")
         ax.set_ylabel("height above the meniscus [m]")
         ax.legend(loc="upper right")
-        if title:
-            ax.set_title(title)
+        head(figure, title, 10.5)
         figure.savefig(path, dpi=130)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.types import Array
 from castfem.physics.mould.mould import Mould
-from castfem.post.plots.style import look, new_figure
+from castfem.post.plots.style import head, look, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,8 +35,7 @@ def draw(mould: Mould, path: str | os.PathLike[str], title: str = "") -> None:
     with look():
         figure = new_figure(12.6 if heated else 10.6, 5.8)
         axes = figure.subplots(1, 3 if heated else 2, width_ratios=(5.4, 3.8, 2)[: 2 + heated])
-        if title:
-            figure.suptitle(title, fontsize=11.5)
+        head(figure, title)
         _section(axes[0], mould)
         _wall(axes[1], mould)
         if heated:

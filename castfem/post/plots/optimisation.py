@@ -1,18 +1,21 @@
-"""Figures of an optimum: results along its variables, its front, its inputs, its mould."""
+"""Figures of a search and a fit: results along variables, front, inputs, mould, measurements."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from castfem.base.shown_units import Scale, scale_of
+from castfem.base.result_registry import find
+from castfem.base.shown_units import Scale, plain_unit, scale_of
+from castfem.base.types import Array
 from castfem.model.optimise import bound
-from castfem.post.plots.style import look, new_figure
+from castfem.post.plots.style import head, look, new_figure
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.studies.optimisation.optimum import (
     Front,
@@ -62,7 +65,7 @@ def optimum_figure(optimum: Optimum) -> Figure:
         grid[row][0].set_ylabel(fill(words, _LINE), fontsize=8)
     for column, value in enumerate(optimum.values):
         _draw_column(grid[:, column], optimum, objective, value)
-    figure.suptitle(optimum.title, fontsize=9)
+    head(figure, optimum.title, 9.0)
     handles, labels = grid[-1][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", fontsize=7, ncols=len(handles))
     return figure
@@ -183,4 +186,59 @@ def mould_figure(head: Sequence[str], rows: Sequence[Sequence[float]], run: Path
             axes.legend(fontsize=7, ncols=3, loc="best", frameon=False)
     every[-1].set_xlabel(f"below the meniscus [{length.unit}]")
     every[-1].set_xlim(0.0, length(end))
+    return figure
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """A result where it was measured.
+
+    Attributes:
+        name: Of the result. label: What it is. unit: Of the values.
+        position: (n,), m. measured: (n,). error: (n,), NaN where none is known.
+        before: Of the case as it was (n,). after: As fitted (n,).
+    """
+
+    name: str
+    label: str
+    unit: str
+    position: Array
+    measured: Array
+    error: Array
+    before: Array
+    after: Array
+
+
+@look()
+def calibration_figure(results: Sequence[Compared]) -> Figure:
+    """Return a row a result: over the position, and computed over measured values."""
+    figure = new_figure(9.6, 1.2 + 2.6 * len(results))
+    grid: Any = figure.subplots(len(results), 2, squeeze=False, width_ratios=(1.5, 1.0))
+    for (along, against), one in zip(grid, results, strict=True):
+        error = one.error if np.isfinite(one.error).all() else None
+        unit = f"[{plain_unit(one.unit)}]"
+        dots: dict[str, Any] = {"fmt": "o", "color": "#333333", "ms": 4, "capsize": 3}
+        name = "measured" if error is None else "measured ± standard error"
+        along.errorbar(one.position, one.measured, yerr=error, label=name, **dots)
+        ends = [f(np.r_[one.measured, one.before, one.after]) for f in (np.min, np.max)]
+        room = 0.06 * (ends[1] - ends[0] or abs(ends[0]) or 1.0)
+        ends = [ends[0] - room, ends[1] + room]
+        against.plot(ends, ends, color="0.4", lw=1.0, label="computed = measured")
+        for values, label, style in (
+            (one.before, "computed, before", {"color": _ORANGE, "marker": "s", "mfc": "none"}),
+            (one.after, "computed, fitted", {"color": _BLUE, "marker": "D"}),
+        ):
+            along.plot(one.position, values, ls="none", ms=6, label=label, **style)
+            against.plot(one.measured, values, ls="none", ms=6, **style)
+        along.set_xlabel("position below the meniscus [m]", gid="position")
+        known = find(one.name)
+        along.set_ylabel(f"{known[0].axis_label if known else 'value'} {unit}", gid=one.name)
+        along.set_title(one.label, fontsize=9.5)
+        along.set_xlim(0.0, 1.05 * max(max(each.position) for each in results))
+        against.set(xlim=ends, ylim=ends, box_aspect=1)
+        against.set_xlabel(f"measured {unit}", gid=one.name)
+        against.set_ylabel(f"computed {unit}", gid=one.name)
+    drawn = [axes.get_legend_handles_labels() for axes in grid[0]]
+    handles, labels = ([*one, *other] for one, other in zip(*drawn, strict=True))
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(handles))
     return figure

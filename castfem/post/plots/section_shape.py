@@ -13,7 +13,7 @@ import numpy as np
 
 from castfem.physics.mould.cavity import Sides
 from castfem.physics.mould.perimeter import Places
-from castfem.post.plots.style import look, new_figure
+from castfem.post.plots.style import head, look, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,8 +39,7 @@ def draw(
     with look():
         figure = new_figure(12.6, 4.9)
         left, right, steps = figure.subplots(1, 3, width_ratios=(4.0, 4.0, 3.6))
-        if title:
-            figure.suptitle(title, fontsize=11.5)
+        head(figure, title)
         _outline(left, last.start, sides, f"at the meniscus, x {_TIMES:g}", "#0072b2")
         _outline(right, last.end, sides, f"at the end, x {_TIMES:g}", "#d55e00")
         number = np.arange(1, len(attempts) + 1)

@@ -40,7 +40,7 @@ _INSIDE = {"quarter": 230.0, "half": 130.0}  # from where planes of symmetry are
 _AROUND = 0.01  # of the size of a picture: half an edge
 _HEIGHT = 5.2  # inches of a picture
 _LEFT, _BESIDE, _BELOW, _ABOVE = 0.95, 0.25, 1.15, 0.35  # inches around the pictures
-_EDGE: dict[str, Any] = {"color": "#333333", "linewidth": 0.6}
+_EDGE: dict[str, Any] = {"color": "#333333", "linewidth": 0.9}
 _RING: dict[str, Any] = {"color": "#555555", "linewidth": 0.45, "alpha": 0.55}
 
 

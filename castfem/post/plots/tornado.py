@@ -9,7 +9,7 @@ import numpy as np
 
 from castfem.base.shown_quantity import unit_of_difference
 from castfem.base.shown_units import label_shown, plain_unit
-from castfem.post.plots.style import look, new_figure, save
+from castfem.post.plots.style import head, look, new_figure, save
 from castfem.studies.sensitivity.chosen_units import ShownRow
 from castfem.studies.sensitivity.result import Row, Sensitivity
 
@@ -37,7 +37,7 @@ def draw_tornado(found: Sensitivity, path: Path) -> None:
             _panel(axes, [row for row in found.rows() if row.name == name])
         for axes in grid[len(names) :]:
             axes.set_axis_off()
-        figure.suptitle(found.title, fontsize=9)
+        head(figure, found.title, 9.0)
         save(figure, path)
 
 
