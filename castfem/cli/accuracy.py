@@ -33,13 +33,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Options(Request):
-    """What the user asked for.
+    """What the user asked for."""
 
-    Attributes:
-        to: Error for which sizes are to be proposed, "1%"; "" for none.
-    """
-
-    to: str = ""
+    to: str = ""  #: error for which sizes are to be proposed, "1%"; "" for none
 
 
 def error_of_case(options: Options) -> int:

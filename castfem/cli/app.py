@@ -18,16 +18,7 @@ from castfem import __version__
 from castfem.base.errors import InputError, RunFailure
 from castfem.cli import options, pictures, studies
 from castfem.cli.command import Argument, Group, command
-from castfem.cli.options import (
-    PATH,
-    case_name,
-    file_for,
-    folder,
-    folders,
-    output,
-    overrides,
-    quiet,
-)
+from castfem.cli.options import PATH, case_name, file_for, folder, folders, output, overrides, quiet
 
 _TERMINAL, _LINES = 1.0, 10.0  # s between two looks: at a terminal, and elsewhere
 

@@ -24,17 +24,11 @@ _SAME = ("position", "diameter", "aperture", *_DEFECTS, "radius", "driven", "cap
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """How far the strand of a run is solid.
+    """How far the strand of a run is solid."""
 
-    Attributes:
-        to: Position to which it was followed, m.
-        solid: Where it is solid throughout, m; None where it is not.
-        liquid: Where its liquid core (fs = 0) ends, m; None where it does not.
-    """
-
-    to: float
-    solid: float | None
-    liquid: float | None
+    to: float  #: position to which it was followed, m
+    solid: float | None  #: where it is solid throughout, m; None where it is not
+    liquid: float | None  #: where its liquid core (fs = 0) ends, m; None where it does not
 
     def __str__(self) -> str:
         """In words, but for where it is solid."""

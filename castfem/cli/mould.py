@@ -24,11 +24,7 @@ if TYPE_CHECKING:
     from castfem.studies.mould_fit.coupled import Drawing, Turn
     from castfem.studies.mould_fit.section import Attempt, Outline
 
-_WHERE = {
-    "width": "mid-face, width",
-    "height": "mid-face, height",
-    "diagonal": "corner, diagonal",
-}
+_WHERE = {"width": "mid-face, width", "height": "mid-face, height", "diagonal": "corner, diagonal"}
 _ROWS = 12
 """Steps of the table along the mould."""
 _RESULTS = (

@@ -26,35 +26,20 @@ DEFAULT = "default"
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What the user asked of a command that runs cases.
+    """What the user asked of a command that runs cases."""
 
-    Attributes:
-        name: Case file, folder of a run, or name of a shipped case.
-        folder: Where the command writes; None for the default.
-        overrides: Assignments of --set.
-        processes: How many runs at once; None for one a core.
-        ranks: Of each run, under mpirun.
-        resume: Go on from checkpoints.
-        overwrite: Run anew, also over runs of other cases.
-        figures: Draw the figures.
-        quiet: Print nothing but errors.
-        accuracy: Word for cells, steps and windows; "default" for those of the case.
-        at: Positions, m, whose results are asked for.
-        units: Those of --units.
-    """
-
-    name: str
-    folder: Path | None
-    overrides: tuple[str, ...] = ()
-    processes: int | None = None
-    ranks: int = 1
-    resume: bool = False
-    overwrite: bool = False
-    figures: bool = True
-    quiet: bool = False
-    accuracy: str = DEFAULT
-    at: tuple[float, ...] = ()
-    units: tuple[str, ...] = ()
+    name: str  #: case file, folder of a run, or name of a shipped case
+    folder: Path | None  #: where the command writes; None for the default
+    overrides: tuple[str, ...] = ()  #: assignments of --set
+    processes: int | None = None  #: how many runs at once; None for one a core
+    ranks: int = 1  #: of each run, under mpirun
+    resume: bool = False  #: go on from checkpoints
+    overwrite: bool = False  #: run anew, also over runs of other cases
+    figures: bool = True  #: draw the figures
+    quiet: bool = False  #: print nothing but errors
+    accuracy: str = DEFAULT  #: word for cells, steps and windows; "default" for those of the case
+    at: tuple[float, ...] = ()  #: positions, m, whose results are asked for
+    units: tuple[str, ...] = ()  #: those of --units
 
     def target(self, path: Path, ending: str) -> Path:
         """Where the command writes: by default beside a run of the case, its name with an ending.

@@ -12,15 +12,7 @@ import click
 
 from castfem.base.errors import InputError, RunFailure
 from castfem.cli.command import Argument, command
-from castfem.cli.options import (
-    PATH,
-    above_zero,
-    case_name,
-    file_for,
-    folder,
-    output,
-    overrides,
-)
+from castfem.cli.options import PATH, above_zero, case_name, file_for, folder, output, overrides
 
 _SOFTENINGS = ("positive", "free", "none")  # of `IdentifyOptions`
 

@@ -27,15 +27,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Options(Request):
-    """What the user asked for.
+    """What the user asked for."""
 
-    Attributes:
-        profile: Print where the time went.
-        verbosity: -1 quiet, 0 normal, 1 and more verbose.
-    """
-
-    profile: bool = False
-    verbosity: int = 0
+    profile: bool = False  #: print where the time went
+    verbosity: int = 0  #: -1 quiet, 0 normal, 1 and more verbose
 
 
 def run_case(options: Options) -> None:

@@ -27,15 +27,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Options(Request):
-    """What the user asked for.
+    """What the user asked for."""
 
-    Attributes:
-        of: Results.
-        to: Parameters.
-    """
-
-    of: tuple[str, ...] = ()
-    to: tuple[str, ...] = ()
+    of: tuple[str, ...] = ()  #: results
+    to: tuple[str, ...] = ()  #: parameters
 
 
 def sensitivity_of_case(options: Options) -> None:

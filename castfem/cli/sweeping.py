@@ -34,38 +34,24 @@ _SOONEST = 2.0  # s between two versions of the table
 
 @dataclass(frozen=True, slots=True)
 class Options(Request):
-    """What the user asked for.
+    """What the user asked for."""
 
-    Attributes:
-        assignments: Those of --set, with one or several values each.
-        table: CSV file of runs.
-        part: Which share of the runs to do, `3/20`; "" for all.
-        collect: Run nothing; make the table of what has been run, in parts or elsewhere.
-        script: Write a script that does the sweep in parts, and run nothing.
-    """
-
-    assignments: tuple[str, ...] = ()
-    table: Path | None = None
-    part: str = ""
+    assignments: tuple[str, ...] = ()  #: those of --set, with one or several values each
+    table: Path | None = None  #: CSV file of runs
+    part: str = ""  #: which share of the runs to do, `3/20`; "" for all
+    #: run nothing; make the table of what has been run, in parts or elsewhere
     collect: bool = False
-    script: Path | None = None
+    script: Path | None = None  #: write a script that does the sweep in parts, and run nothing
 
 
 @dataclass(frozen=True, slots=True)
 class _Sweep:
-    """A sweep that is sound: its runs, and those of them that are still to be done here.
+    """A sweep that is sound: its runs, and those of them that are still to be done here."""
 
-    Attributes:
-        record: Of all its runs, those of other parts too.
-        variants: The runs that are looked after here: all, or those of a part.
-        jobs: What is still to be run.
-        whole: Whether that is the whole sweep.
-    """
-
-    record: Record
-    variants: tuple[Variant, ...]
-    jobs: tuple[Job, ...]
-    whole: bool = True
+    record: Record  #: of all its runs, those of other parts too
+    variants: tuple[Variant, ...]  #: the runs that are looked after here: all, or those of a part
+    jobs: tuple[Job, ...]  #: what is still to be run
+    whole: bool = True  #: whether that is the whole sweep
 
 
 def sweep_case(options: Options) -> int:

@@ -29,11 +29,7 @@ _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#
 # can be read.
 _DASHES: tuple[Any, ...] = ("-", (0, (7, 2)), (0, (4, 1.5, 1, 1.5)), (0, (3, 2)), (0, (1, 1.2)))
 _SINGLE, _SEVERAL, _LINE = 3.4, 2.1, 0.22  # inches: height of a panel, of each, of the legend
-_PERCENT = (
-    "contact_share",
-    "contact_sticking",
-    "axial_strain",
-)  # fractions drawn in %
+_PERCENT = ("contact_share", "contact_sticking", "axial_strain")  # fractions drawn in %
 
 
 @dataclass(frozen=True, slots=True)

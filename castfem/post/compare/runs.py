@@ -21,17 +21,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A run that has ended.
+    """A run that has ended."""
 
-    Attributes:
-        folder: Of the run.
-        label: By which it is told from the others.
-        summary: Its results.
-    """
-
-    folder: Path
-    label: str
-    summary: Summary
+    folder: Path  #: of the run
+    label: str  #: by which it is told from the others
+    summary: Summary  #: its results
 
     def history(self) -> pandas.DataFrame | None:
         """Its history, None if it has none with two rows."""

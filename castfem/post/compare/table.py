@@ -35,31 +35,20 @@ _SAME = 1e-6  # relative; positions that differ by less are one
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A quantity of all runs.
+    """A quantity of all runs."""
 
-    Attributes:
-        label: What it is, and where.
-        unit: Of the values.
-        ours: Value of each run, NaN where it has none.
-        theirs: Its reference, NaN where it has none.
-        kinds: Whether that is a value or a bound.
-        gap: Small ones are printed in micrometres, which stand behind them.
-        errors: Of our values, NaN where none is known; empty where none is of any run.
-        name: Of the quantity.
-        at: Where, m below the meniscus; None at the end of the runs.
-        resolutions: How exactly our values are resolved, None where that is not known; empty where
-            it is of no run.
-    """
-
-    label: str
-    unit: str
-    ours: tuple[float, ...]
-    theirs: tuple[float, ...]
-    kinds: tuple[Kind, ...]
-    gap: bool = False
+    label: str  #: what it is, and where
+    unit: str  #: of the values
+    ours: tuple[float, ...]  #: value of each run, NaN where it has none
+    theirs: tuple[float, ...]  #: its reference, NaN where it has none
+    kinds: tuple[Kind, ...]  #: whether that is a value or a bound
+    gap: bool = False  #: small ones are printed in micrometres, which stand behind them
+    #: of our values, NaN where none is known; empty where none is of any run
     errors: tuple[float, ...] = ()
-    name: str = ""
-    at: float | None = None
+    name: str = ""  #: of the quantity
+    at: float | None = None  #: where, m below the meniscus; None at the end of the runs
+    #: how exactly our values are resolved, None where that is not known; empty where it is of no
+    #: run
     resolutions: tuple[float | None, ...] = ()
 
     @property
@@ -138,10 +127,7 @@ def _way(
 
 
 def _line(
-    runs: Sequence[Run],
-    histories: Sequence[pandas.DataFrame | None],
-    name: str,
-    at: float | None,
+    runs: Sequence[Run], histories: Sequence[pandas.DataFrame | None], name: str, at: float | None
 ) -> Line:
     """One quantity, at the end of the runs or on their way."""
     quantity = next(r.summary.quantities[name] for r in runs if name in r.summary.quantities)

@@ -30,21 +30,13 @@ _DIGITS, _MOST_DIGITS = 4, 15  # of the number of a mark
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """One curve.
+    """One curve."""
 
-    Attributes:
-        label: For the legend.
-        colour: Of the line.
-        dash: Its pattern, empty for a full line.
-        x: (n,) position, in the unit it is shown in (m).
-        y: (n,) in the unit of the chart.
-    """
-
-    label: str
-    colour: str
-    dash: str
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
+    label: str  #: for the legend
+    colour: str  #: of the line
+    dash: str  #: its pattern, empty for a full line
+    x: NDArray[np.float64]  #: (n,) position, in the unit it is shown in (m)
+    y: NDArray[np.float64]  #: (n,) in the unit of the chart
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,22 +49,14 @@ class Tick:
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """Curves over the position below the meniscus, ready to be drawn.
+    """Curves over the position below the meniscus, ready to be drawn."""
 
-    Attributes:
-        title: Of the figure.
-        label: Of its vertical axis, with unit.
-        lines: Legend, colour, dash and path (SVG) of each curve.
-        across: Marks of the position, m.
-        up: Marks of the values.
-        data: What the pointer is told: x, and the values of each curve, None where it has none.
-    """
-
-    title: str
-    label: str
-    lines: tuple[dict[str, str], ...]
-    across: tuple[Tick, ...]
-    up: tuple[Tick, ...]
+    title: str  #: of the figure
+    label: str  #: of its vertical axis, with unit
+    lines: tuple[dict[str, str], ...]  #: legend, colour, dash and path (SVG) of each curve
+    across: tuple[Tick, ...]  #: marks of the position, m
+    up: tuple[Tick, ...]  #: marks of the values
+    #: what the pointer is told: x, and the values of each curve, None where it has none
     data: dict[str, Any]
 
 

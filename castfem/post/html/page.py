@@ -46,44 +46,26 @@ _CURVES = 60  # charts of a page at most
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """A run at work, as its page has it.
+    """A run at work, as its page has it."""
 
-    Attributes:
-        label: What it is called; empty where it is the only one.
-        state: How it stands.
-        share: Of its way, 0 to 1; None where that is not known.
-        where: How far it has come.
-        results: Some of its results.
-        left: Time it will still take; empty where that is not known.
-    """
-
-    label: str
-    state: str
-    share: float | None
-    where: str
-    results: str
-    left: str
+    label: str  #: what it is called; empty where it is the only one
+    state: str  #: how it stands
+    share: float | None  #: of its way, 0 to 1; None where that is not known
+    where: str  #: how far it has come
+    results: str  #: some of its results
+    left: str  #: time it will still take; empty where that is not known
 
 
 @dataclass(frozen=True, slots=True)
 class AtWork:
-    """What stands at the head of a page of runs at work.
+    """What stands at the head of a page of runs at work."""
 
-    Attributes:
-        title: Of the page.
-        status: How the runs stand.
-        written: When the page was written.
-        again: After so many seconds a browser reads the page again; 0: it has its final form.
-        runs: How far each has come.
-        messages: The last that were said.
-    """
-
-    title: str
-    status: str
-    written: str
-    again: int
-    runs: tuple[Progress, ...]
-    messages: tuple[str, ...] = ()
+    title: str  #: of the page
+    status: str  #: how the runs stand
+    written: str  #: when the page was written
+    again: int  #: after so many seconds a browser reads the page again; 0: it has its final form
+    runs: tuple[Progress, ...]  #: how far each has come
+    messages: tuple[str, ...] = ()  #: the last that were said
 
 
 def write(folders: Sequence[Path], target: Path, at: Sequence[float] = ()) -> Path:

@@ -34,25 +34,18 @@ _MIRRORS = {"quarter": ((1, 1), (-1, 1), (-1, -1), (1, -1)), "half": ((1, 1), (-
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """The cells of a section, and what they show at some places.
+    """The cells of a section, and what they show at some places."""
 
-    Attributes:
-        box: Width and height of the drawing.
-        mirrors: Signs of x and y of the parts that make the whole section.
-        polygons: Corners of each cell, as SVG has them.
-        axes: Label and marks of the axis along x, and of that along y.
-        places: Positions below the meniscus, in words.
-        start: Which of them is shown first: the mould's exit, of a run that ends there the end.
-        fields: Name, unit, limits, palette and the values of all cells and places (base64 of
-            16-bit numbers, 0 to 65535 between the limits).
-    """
-
-    box: tuple[float, float]
+    box: tuple[float, float]  #: width and height of the drawing
+    #: signs of x and y of the parts that make the whole section
     mirrors: tuple[tuple[int, int], ...]
-    polygons: tuple[str, ...]
+    polygons: tuple[str, ...]  #: corners of each cell, as SVG has them
+    #: label and marks of the axis along x, and of that along y
     axes: tuple[tuple[str, tuple[Tick, ...]], ...]
-    places: tuple[str, ...]
-    start: int
+    places: tuple[str, ...]  #: positions below the meniscus, in words
+    start: int  #: which of them is shown first: the mould's exit, of a run that ends there the end
+    #: name, unit, limits, palette and the values of all cells and places (base64 of 16-bit numbers,
+    #: 0 to 65535 between the limits)
     fields: tuple[dict[str, Any], ...]
 
 

@@ -48,17 +48,11 @@ _DEFECTS = "\ndefect = [", "[[machine.defect]]"  # the same, short and long
 
 @dataclass(frozen=True)
 class RunData:
-    """What the files in the folder of a run hold; read where a figure needs it.
+    """What the files in the folder of a run hold; read where a figure needs it."""
 
-    Attributes:
-        folder: Of the run.
-        summary: Its results; None before they are written.
-        files: Keeps the fields open.
-    """
-
-    folder: Path
-    summary: Summary | None
-    files: ExitStack
+    folder: Path  #: of the run
+    summary: Summary | None  #: its results; None before they are written
+    files: ExitStack  #: keeps the fields open
 
     def has(self, what: str) -> bool:
         """Whether there is a history of two rows ("table"), "fields" of temperature, or "maps"."""
@@ -138,23 +132,14 @@ class RunData:
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A figure of a run.
+    """A figure of a run."""
 
-    Attributes:
-        name: Of its file.
-        title: What it shows, for captions.
-        needs: What the run must have, as in `RunData.has`.
-        draw: Draws it; None where there is nothing to show.
-        shaded: Whether it has colours that run smoothly into one another.
-        picture: Whether the report takes it as it is; of the others it has the curves.
-    """
-
-    name: str
-    title: str
-    needs: str
-    draw: Callable[[RunData], Picture | None]
-    shaded: bool = False
-    picture: bool = False
+    name: str  #: of its file
+    title: str  #: what it shows, for captions
+    needs: str  #: what the run must have, as in `RunData.has`
+    draw: Callable[[RunData], Picture | None]  #: draws it; None where there is nothing to show
+    shaded: bool = False  #: whether it has colours that run smoothly into one another
+    picture: bool = False  #: whether the report takes it as it is; of the others it has the curves
 
 
 def _along(name: str, title: str, picture: bool = False) -> Figure:

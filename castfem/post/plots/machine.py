@@ -35,19 +35,13 @@ _MARK = 0.6  # beyond the intrados, to which a mark goes, m
 
 @dataclass(frozen=True, slots=True)
 class Spray:
-    """A spray seen from the side.
+    """A spray seen from the side."""
 
-    Attributes:
-        start: Where it begins on the face, from the meniscus, m. end: Where it ends, m.
-        stand_off: Of its nozzle from the face, m.
-        inside: Whether it is that of the intrados.
-        defect: Whether its nozzles have another share of their water than they are meant to.
-    """
-
-    start: float
-    end: float
-    stand_off: float
-    inside: bool
+    start: float  #: where it begins on the face, from the meniscus, m
+    end: float  #: where it ends, m
+    stand_off: float  #: of its nozzle from the face, m
+    inside: bool  #: whether it is that of the intrados
+    #: whether its nozzles have another share of their water than they are meant to
     defect: bool = False
 
 

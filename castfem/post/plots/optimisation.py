@@ -191,22 +191,16 @@ def mould_figure(head: Sequence[str], rows: Sequence[Sequence[float]], run: Path
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """A result where it was measured.
+    """A result where it was measured."""
 
-    Attributes:
-        name: Of the result. label: What it is. unit: Of the values.
-        position: (n,), m. measured: (n,). error: (n,), NaN where none is known.
-        before: Of the case as it was (n,). after: As fitted (n,).
-    """
-
-    name: str
-    label: str
-    unit: str
-    position: Array
-    measured: Array
-    error: Array
-    before: Array
-    after: Array
+    name: str  #: of the result
+    label: str  #: what it is
+    unit: str  #: of the values
+    position: Array  #: (n,), m
+    measured: Array  #: (n,)
+    error: Array  #: (n,), NaN where none is known
+    before: Array  #: of the case as it was (n,)
+    after: Array  #: as fitted (n,)
 
 
 @look()

@@ -265,11 +265,7 @@ def shade(
 
 
 def colour_bar(
-    figure: Figure,
-    axes: Axes,
-    shades: ScalarMappable,
-    lies: bool,
-    label: str = "temperature [°C]",
+    figure: Figure, axes: Axes, shades: ScalarMappable, lies: bool, label: str = "temperature [°C]"
 ) -> Colorbar:
     """The scale of the colours, as long as the frame."""
     if not lies:

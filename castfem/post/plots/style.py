@@ -39,18 +39,12 @@ _WHITE = 250  # of 255; what is brighter is the paper
 
 @dataclass(frozen=True, slots=True)
 class Abscissa:
-    """The way of the slice: what the x axis of every history is drawn over.
+    """The way of the slice: what the x axis of every history is drawn over."""
 
-    Attributes:
-        time: (n,) [s].
-        position: (n,) below the meniscus [m].
-        zones: The cooling.
-        defects: Rolls with a defect: position [m], and what is wrong there.
-    """
-
-    time: NDArray[np.float64]
-    position: NDArray[np.float64]
-    zones: tuple[Zone, ...] = ()
+    time: NDArray[np.float64]  #: (n,) [s]
+    position: NDArray[np.float64]  #: (n,) below the meniscus [m]
+    zones: tuple[Zone, ...] = ()  #: the cooling
+    #: rolls with a defect: position [m], and what is wrong there
     defects: tuple[tuple[float, str], ...] = ()
 
     @property

@@ -32,44 +32,31 @@ _COMPARED = ("I1", "I2")  # the other indexes are kin of I2, and worst where it 
 
 @dataclass(frozen=True, slots=True)
 class Maximum:
-    """The largest value of an index on one face, within one stretch of a phase.
+    """The largest value of an index on one face, within one stretch of a phase."""
 
-    Attributes:
-        value: In SI. row, vertex: Of the maps. phase: Bending, straightening ...
-        face: Intrados, extrados ...
-    """
-
-    value: float
-    row: int
+    value: float  #: in SI
+    row: int  #: of the maps
     vertex: int
-    phase: str
-    face: str
+    phase: str  #: bending, straightening ..
+    face: str  #: intrados, extrados ..
 
 
 @dataclass(frozen=True, slots=True)
 class Reheat:
-    """The largest rise of temperature of a place of the surface on its way down.
+    """The largest rise of temperature of a place of the surface on its way down."""
 
-    Attributes:
-        rise: K. vertex: Of the maps. coldest, warmest: Rows between which it rose.
-    """
-
-    rise: float
-    vertex: int
-    coldest: int
+    rise: float  #: K
+    vertex: int  #: of the maps
+    coldest: int  #: rows between which it rose
     warmest: int
 
 
 @dataclass(frozen=True)
 class CrackReport:
-    """What the maps of a run say.
+    """What the maps of a run say."""
 
-    Attributes:
-        maps: The maps. stations: Its rolls.
-    """
-
-    maps: SurfaceMaps
-    stations: Stations
+    maps: SurfaceMaps  #: the maps
+    stations: Stations  #: its rolls
 
     @classmethod
     def of(cls, maps: SurfaceMaps) -> CrackReport:
@@ -205,21 +192,15 @@ def pool_end(summary: Summary, stations: Stations) -> Iterator[tuple[str, str]]:
 
 @dataclass(frozen=True, slots=True)
 class CrackPlaces:
-    """What the maps of a run's surface say.
+    """What the maps of a run's surface say."""
 
-    Attributes:
-        ranking: Index, value with unit, how far below the worst, and where: the worst first.
-        nowhere: In its place, why there is none; empty otherwise.
-        others: The roll that carries most, what reheats, where the pool ends: what, and where.
-        title: Of these others.
-        largest: Largest value of each index, SI.
-    """
-
+    #: index, value with unit, how far below the worst, and where: the worst first
     ranking: Sequence[tuple[str, str, str, str]]
-    nowhere: str
+    nowhere: str  #: in its place, why there is none; empty otherwise
+    #: the roll that carries most, what reheats, where the pool ends: what, and where
     others: Sequence[tuple[str, str]]
-    title: str
-    largest: Mapping[str, float] = field(default_factory=dict)
+    title: str  #: of these others
+    largest: Mapping[str, float] = field(default_factory=dict)  #: largest value of each index, SI
 
     @property
     def worst(self) -> Iterator[str]:

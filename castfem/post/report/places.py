@@ -35,15 +35,10 @@ _NAMES = (
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A place along the strand.
+    """A place along the strand."""
 
-    Attributes:
-        name: What is there; empty of one that was asked for.
-        position: Below the meniscus, m.
-    """
-
-    name: str
-    position: float
+    name: str  #: what is there; empty of one that was asked for
+    position: float  #: below the meniscus, m
 
 
 def places_of(folder: Path, summary: Summary | None, end: float) -> list[Place]:
