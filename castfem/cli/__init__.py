@@ -39,11 +39,7 @@ def _on_all_ranks(words: Sequence[str]) -> bool:
 
 
 def execute(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit status.
-
-    Args:
-        arguments: Without the program's name; by default those of the process.
-    """
+    """Run the command line and return its exit status."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     rank, _ = parallel.rank_and_size()
     first = rank == 0 and parallel.started()[0] == 0
@@ -88,13 +84,7 @@ def _failed(error: Exception, first: bool, words: Sequence[str]) -> int:
 
 
 def report(error: Exception, *, verbose: bool = False, hint: str = "") -> int:
-    """Print an error for the user and return the exit status it stands for.
-
-    Args:
-        error: What was raised.
-        verbose: Print the traceback of an error that was not raised on purpose.
-        hint: How to get the traceback of an error that was not raised on purpose.
-    """
+    """Print an error for the user and return the exit status it stands for."""
     prefix = "castfem: "
     if isinstance(error, InputError):
         count = len(error.problems)

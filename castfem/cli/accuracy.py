@@ -39,15 +39,7 @@ class Options(Request):
 
 
 def error_of_case(options: Options) -> int:
-    """Do the runs, print and write the table, and put the errors beside the results (collective).
-
-    Returns:
-        The exit status.
-
-    Raises:
-        InputError: Something the user wrote cannot be used; nothing has been run.
-        RunFailure: The case itself does not come to its end, or a file cannot be written.
-    """
+    """Do the runs, print and write the table, put the errors beside the results (collective)."""
     return many_runs.on_root(
         lambda ranks: _prepared(options, ranks),
         lambda ladder, comm: _done(ladder, options, comm),
@@ -129,11 +121,7 @@ def _propose(table: ErrorTable, options: Options) -> None:
 
 
 def show_errors(folder: Path) -> None:
-    """Print the errors in a folder of `castfem error`.
-
-    Raises:
-        InputError: They cannot be read.
-    """
+    """Print the errors in a folder of `castfem error`."""
     table = ErrorTable.load(folder / ERROR_NAME)
     print(table.title)
     with shown_in(units_of_run(folder / BASE)):

@@ -223,11 +223,7 @@ def _beside(folders: list[Path]) -> Path:
 
 
 def _make(target: Path, name: str) -> None:
-    """Make a folder, unless it holds other files than castfem's, of which one has this name.
-
-    Raises:
-        InputError: It does, or it cannot be made.
-    """
+    """Make a folder, unless it holds other files than castfem's, of which one has this name."""
     try:
         target.mkdir(parents=True, exist_ok=True)
         if any(target.iterdir()) and not (target / name).is_file():

@@ -50,22 +50,7 @@ def calibrate_case(
     quiet: bool = False,
     units: Sequence[str] = (),
 ) -> int:
-    """Fit, print and write, and return the exit status (collective).
-
-    Args:
-        name: Case file or name of a shipped case.
-        data: CSV file of what was measured.
-        free: Keys with their bounds, as `--free` has them.
-        folder: Where the runs and the result go; None for the default.
-        overrides: Assignments of --set.
-        processes: How many runs at once; None for one a core, 0 in this process.
-        quiet: Print nothing but errors.
-        units: Those of --units.
-
-    Raises:
-        InputError: Something the user wrote cannot be used.
-        RunFailure: A run of the fit failed, or a file cannot be written.
-    """
+    """Fit, print and write, and return the exit status (collective)."""
 
     def prepare(ranks: bool) -> _Question:
         if processes != 0:

@@ -96,8 +96,5 @@ def command(example: str) -> Callable[[Callable[..., Any]], Command]:
 
     The command has the name of the function and its docstring as help. An integer that it returns
     is the exit status.
-
-    Args:
-        example: The words behind `castfem` of a call that the help shows.
     """
     return click.command(cls=Command, epilog=f"\b\nExample: castfem {example}\n{_STATUS}")

@@ -25,19 +25,7 @@ if TYPE_CHECKING:
 
 
 def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None) -> None:
-    """Print the rolls of a case and draw its caster.
-
-    Args:
-        case: The case.
-        picture: File of the picture.
-        origin: What the user called the case, for messages.
-        run: Folder of a run, for the place where the strand is solid, and for how the drives
-            pulled where the resistance comes with a run.
-
-    Raises:
-        InputError: The case has no rolls, the run is none through its machine, or the picture
-            cannot be written.
-    """
+    """Print the rolls of a case and draw its caster."""
     from castfem.cli.machine_run import ended
     from castfem.post.plots.machine import draw
 
@@ -204,18 +192,7 @@ def roll_table(rolls: Rolls, thickness: float) -> Table:
 
 
 def show_drives(case: Case, rolls: Rolls, picture: Path, run: Path | None = None) -> None:
-    """Print how the drives share the resistance; draw it, where it is known before a run.
-
-    Args:
-        case: With [machine.extraction].
-        rolls: Its rolls.
-        picture: File of the caster's picture; that of the drives stands beside it.
-        run: Folder of a run through them, of which a coupled resistance is told.
-
-    Raises:
-        InputError: The picture cannot be written, or the run's history not be read.
-        StrandStopsError: The drives are weaker than the rolls.
-    """
+    """Print how the drives share the resistance; draw it, where it is known before a run."""
     from castfem.cli.machine_run import drives_of
     from castfem.post.plots.extraction import draw as draw_extraction
 

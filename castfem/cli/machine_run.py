@@ -45,15 +45,7 @@ class Ended:
 
 
 def ended(run: Path, case: Case) -> Ended:
-    """Return how far the strand of a run is solid.
-
-    Args:
-        run: Its folder.
-        case: Whose machine it must have run through.
-
-    Raises:
-        InputError: The folder holds no run that has ended, or one through another machine.
-    """
+    """Return how far the strand of a run is solid."""
     summary = Summary.load(run) if run.is_dir() else None
     if summary is None or not (run / CASE_NAME).is_file():
         raise InputError(f"--run {run}: holds no run that has ended")
@@ -105,16 +97,9 @@ def drives_of(run: Path, rolls: Rolls) -> tuple[Array, Array, float, float] | No
     A drive pulls over the pitch below it: what it took is known as the slice comes to the next
     pair that holds the strand.
 
-    Args:
-        run: Its folder.
-        rolls: Its rolls.
-
     Returns:
         Effort (n,) and pull (n,) of the pairs, N, not a number where the run did not come to them,
         what the rolls resist, N, and down to where they do, m; None of a run without it.
-
-    Raises:
-        InputError: Its history cannot be read.
     """
     table = read_history(run / HISTORY_NAME)
     names = ("effort", "drive_force", "roll_resistance")

@@ -40,16 +40,7 @@ _RESULTS = (
 
 
 def draw_mould(case: Case, picture: Path, origin: str) -> None:
-    """Print size and taper of a case's mould and draw it.
-
-    Args:
-        case: The case.
-        picture: File of the picture.
-        origin: What the user called the case, for messages.
-
-    Raises:
-        InputError: The case has no mould, or the picture cannot be written.
-    """
+    """Print size and taper of a case's mould and draw it."""
     from castfem.model.build_mould import build_mould
     from castfem.post.plots.mould import draw
 
@@ -116,19 +107,7 @@ def taper_table(zones: Iterable[Zone], title: str = "") -> Table:
 
 
 def draw_hot_mould(case: Case, picture: Path, origin: str, *, coupled: bool) -> None:
-    """Compute the hot mould of a case; print and draw it, write wall and tube beside the picture.
-
-    Args:
-        case: The case.
-        picture: File of the picture; the wall goes into a CSV file of the same name, the tube into
-            a file for ParaView.
-        origin: What the user called the case, for messages.
-        coupled: Whether strand and tube go round until they agree.
-
-    Raises:
-        InputError: The case has no tube, or a file cannot be written.
-        RunFailure: A run of the strand or a solver fails.
-    """
+    """Compute the hot mould, print and draw it; write wall and tube beside the picture."""
     from mpi4py import MPI
 
     from castfem.model.build_mould import nominal_mould
@@ -254,18 +233,7 @@ def _changed(turn: Turn) -> str:
 
 
 def find_outline(case: Case, picture: Path, origin: str, at: str | None) -> None:
-    """Find the section, print the runs, draw it, and write outline and wall beside the picture.
-
-    Args:
-        case: The case; its section is the wanted one.
-        picture: File of the picture; the files of the outline and the wall begin like it.
-        origin: What the user called the case, for messages.
-        at: Position of the wanted section with its unit; None: the end of the mould.
-
-    Raises:
-        InputError: The case cannot be asked, or a file cannot be written.
-        RunFailure: A run fails, or they do not come closer.
-    """
+    """Find the section, print the runs, draw it, and write outline and wall beside the picture."""
     from mpi4py import MPI
 
     from castfem.model.wall_shape import write_wall
@@ -316,11 +284,7 @@ def outline_table(attempt: Attempt) -> Table:
 
 
 def write_outline(path: Path, outline: Outline, about: str) -> None:
-    """Write an outline as `section.bulge` reads it, whole or not at all.
-
-    Raises:
-        InputError: It cannot be written.
-    """
+    """Write an outline as `section.bulge` reads it, whole or not at all."""
     rows = zip(outline.ways, outline.offset, strict=True)
     lines = [f"# {about}", "way [mm], value [mm]"]
     lines += [f"{1e3 * way:.9g}, {1e3 * offset:.9g}" for way, offset in rows]

@@ -61,12 +61,7 @@ class RunLines:
 
 
 def optimise_case(options: Request) -> int:
-    """Search, and return the exit status: 2 where nothing meets the constraints (collective).
-
-    Raises:
-        InputError: Something the user wrote cannot be used.
-        RunFailure: A file cannot be written.
-    """
+    """Search, and return the exit status: 2 where nothing meets the constraints (collective)."""
     return many_runs.on_root(
         lambda ranks: _prepared(options, ranks),
         lambda prepared, _: _done(*prepared, options),
@@ -85,11 +80,7 @@ def _done(study: Study, target: Path, options: Request) -> int:
 
 
 def _prepared(options: Request, ranks: bool) -> tuple[Study, Path]:
-    """Read the case and look at its folder.
-
-    Raises:
-        InputError: As `optimise_case`.
-    """
+    """Read the case and look at its folder."""
     many_runs.check_processes(options.processes, ranks, options.ranks)
     path = shipped_cases.find(options.name)
     case = load_case(path, options.overrides)

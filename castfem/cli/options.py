@@ -42,23 +42,14 @@ class Request:
     units: tuple[str, ...] = ()  #: those of --units
 
     def target(self, path: Path, ending: str) -> Path:
-        """Where the command writes: by default beside a run of the case, its name with an ending.
-
-        Args:
-            path: Of the case.
-            ending: What the name has behind that of the run.
-        """
+        """Where the command writes: by default the folder of a run of the case, with an ending."""
         from castfem.model import shipped_cases
 
         alone = shipped_cases.default_folder(self.name, path)
         return self.folder or alone.with_name(f"{alone.name}{ending}")
 
     def sizes(self, path: Path) -> list[str]:
-        """The assignments that stand for the accuracy that is asked for.
-
-        Raises:
-            InputError: There is no such accuracy, or the case is not sound.
-        """
+        """The assignments that stand for the accuracy that is asked for."""
         if self.accuracy == DEFAULT:
             return []
         from castfem.model import load_case
@@ -67,24 +58,13 @@ class Request:
         return assignments(load_case(path, self.overrides), self.accuracy)
 
     def case(self, path: Path) -> Case:
-        """The case with the keys and the accuracy that are asked for.
-
-        Raises:
-            InputError: It is not sound, or there is no such accuracy.
-        """
+        """The case with the keys and the accuracy that are asked for."""
         from castfem.model import load_case
 
         return load_case(path, (*self.overrides, *self.sizes(path)))
 
     def check_reached(self, length: float) -> None:
-        """Refuse places that no run comes to.
-
-        Args:
-            length: To which they go, m.
-
-        Raises:
-            InputError: One lies beyond it, or above the meniscus.
-        """
+        """Refuse places that no run comes to: it goes down to `length`, m."""
         from castfem.base.shown_units import place_said
         from castfem.base.tolerances import ROUNDING
 
@@ -181,11 +161,7 @@ def file_for(output: Path | None, name: str) -> Path:
 
 @contextmanager
 def chosen(units: Sequence[str]) -> Iterator[None]:
-    """Show numbers in the units that were asked for with --units, if any were.
-
-    Raises:
-        InputError: They cannot be read.
-    """
+    """Show numbers in the units that were asked for with --units, if any were."""
     if not units:
         yield
         return
@@ -197,26 +173,13 @@ def chosen(units: Sequence[str]) -> Iterator[None]:
 
 
 def sound_units(units: tuple[str, ...]) -> tuple[str, ...]:
-    """Return what was given with --units, for a command that needs it only when its runs are done.
-
-    Raises:
-        InputError: It cannot be read.
-    """
+    """Return what was given with --units, checked before the runs begin."""
     with chosen(units):
         return units
 
 
 def above_zero(option: str, text: str, unit: str) -> float:
-    """Return what an option gives, in SI.
-
-    Args:
-        option: As it is written, such as --every.
-        text: Its quantity, with unit.
-        unit: What it is measured in, such as s.
-
-    Raises:
-        InputError: It is no such quantity, or not above 0.
-    """
+    """Return what an option gives, in SI."""
     from castfem.base.units import parse
 
     try:
@@ -230,11 +193,7 @@ def above_zero(option: str, text: str, unit: str) -> float:
 
 @contextmanager
 def read_from(path: Path) -> Iterator[None]:
-    """Return a block in which what cannot be built of a case is said of its file.
-
-    Raises:
-        InputError: What cannot be built.
-    """
+    """Return a block in which what cannot be built of a case is said of its file."""
     try:
         yield
     except CaseError as error:

@@ -26,16 +26,7 @@ _FAR = 3.0  # times a published flux, or this part of it: another unit was meant
 
 
 def heat_lines(case: Case, steel: Steel, mesh: SectionMesh) -> list[str]:
-    """Return what the given fluxes of a sound case take without a gap, a line for each law.
-
-    Args:
-        case: The case.
-        steel: Its steel.
-        mesh: Of its section.
-
-    Raises:
-        InputError: A flux is scaled to a measured total and takes no heat.
-    """
+    """Return what the given fluxes of a sound case take without a gap, a line for each law."""
     machine, start, lines = build_machine(case), 0.0, list[str]()
     fixed = {one.where for one in fixed_heat(case)}
     for zone in case.cooling:
@@ -107,13 +98,7 @@ def _published(machine: Machine, between: tuple[float, float]) -> dict[str, floa
 
 
 def water_flows(case: Case, supply: Supply, mesh: SectionMesh) -> list[tuple[str, float]]:
-    """Return name and flow, m3/s, of all zones and circuits with sprays, each at its largest.
-
-    Args:
-        case: A sound case.
-        supply: Of water.
-        mesh: Of its section.
-    """
+    """Return name and flow, m3/s, of all zones and circuits with sprays, each at its largest."""
     found: list[tuple[str, float]] = []
     start = 0.0
     for zone in case.cooling:

@@ -34,12 +34,7 @@ class Options(Request):
 
 
 def run_case(options: Options) -> None:
-    """Run a case on all ranks.
-
-    Raises:
-        InputError: Something the user wrote cannot be used; the same on all ranks.
-        CastfemError: The run failed; on all ranks.
-    """
+    """Run a case on all ranks."""
     comm = parallel.communicator()
     rank = parallel.rank_of(comm)
     log.setup(options.verbosity, rank)
@@ -81,11 +76,7 @@ def _validated(comm: MPI.Intracomm | None, options: Options) -> tuple[AnyCase, P
 
 
 def _scaled(path: Path, options: Options) -> list[str]:
-    """Return the assignments that stand for the accuracy that is asked for.
-
-    Raises:
-        InputError: There is no such accuracy, the case is not sound, or its run is taken up again.
-    """
+    """Return the assignments that stand for the accuracy that is asked for."""
     resumed = options.resume and (path.parent / RUN_NAME).is_file()
     if options.accuracy != DEFAULT and resumed:
         raise InputError("--resume goes on with the sizes of the run: leave out --accuracy")
@@ -93,11 +84,7 @@ def _scaled(path: Path, options: Options) -> list[str]:
 
 
 def _place(options: Options) -> tuple[Path, Path]:
-    """Return the case file and the folder to write into.
-
-    Raises:
-        InputError: There is no such case, or it is not told where its run shall go.
-    """
+    """Return the case file and the folder to write into."""
     given = Path(options.name)
     home = given if given.is_dir() else given.parent
     is_run = (home / RUN_NAME).is_file() and (given == home or given.name == CASE_NAME)

@@ -34,12 +34,7 @@ class Options(Request):
 
 
 def sensitivity_of_case(options: Options) -> None:
-    """Run, differentiate, print, write and draw (collective).
-
-    Raises:
-        InputError: Something the user wrote cannot be used.
-        RunFailure: The run fails, or a file cannot be written.
-    """
+    """Run, differentiate, print, write and draw (collective)."""
     from castfem.studies.sensitivity.run import sensitivity
 
     comm = parallel.communicator()

@@ -55,12 +55,7 @@ class _Sweep:
 
 
 def sweep_case(options: Options) -> int:
-    """Do a sweep and return the exit status: 2 if a run failed, else 0 (collective).
-
-    Raises:
-        InputError: Something the user wrote cannot be used; nothing has been run.
-        RunFailure: The record of the sweep cannot be written.
-    """
+    """Do a sweep and return the exit status: 2 if a run failed, else 0 (collective)."""
     if options.script is not None or options.collect:
         return _alone(options) if parallel.rank_and_size()[0] == 0 else 0
     return many_runs.on_root(
@@ -71,11 +66,7 @@ def sweep_case(options: Options) -> int:
 
 
 def _planned(options: Options) -> tuple[tuple[Variant, ...], Path]:
-    """Plan the sweep; return its runs and its folder.
-
-    Raises:
-        InputError: As `sweep_case`.
-    """
+    """Plan the sweep; return its runs and its folder."""
     path = shipped_cases.find(options.name)
     variants = plan(options.case(path), options.assignments, options.table)
     target = options.target(path, "_sweep")
@@ -87,11 +78,7 @@ def _planned(options: Options) -> tuple[tuple[Variant, ...], Path]:
 
 
 def _prepared(options: Options, ranks: bool) -> _Sweep:
-    """Plan the sweep and look at its folder.
-
-    Raises:
-        InputError: As `sweep_case`.
-    """
+    """Plan the sweep and look at its folder."""
     many_runs.check_processes(options.processes, ranks, options.ranks)
     everything, target = _planned(options)
     share = Share.read(options.part) if options.part else Share(1, 1)
@@ -119,11 +106,7 @@ def _draw(folder: Path) -> None:
 
 
 def _alone(options: Options) -> int:
-    """Make the table of what has been run, or the script; return the exit status.
-
-    Raises:
-        InputError: As `sweep_case`.
-    """
+    """Make the table of what has been run, or the script; return the exit status."""
     variants, target = _planned(options)
     if options.script is not None:
         from castfem.studies.sweep.slurm import write_script

@@ -77,11 +77,7 @@ def alone(folder: Path) -> Run | None:
 
 
 def _run(folder: Path, label: str = "") -> Run:
-    """Read one run.
-
-    Raises:
-        InputError: There is none, or it has not ended.
-    """
+    """Read one run."""
     if not folder.is_dir():
         raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
     status = RunRecord.load(folder).status
@@ -96,11 +92,7 @@ def _run(folder: Path, label: str = "") -> Run:
 
 
 def _sweep(folder: Path) -> list[Run]:
-    """Read the finished runs of a sweep, labelled by what was varied.
-
-    Raises:
-        InputError: There is none.
-    """
+    """Read the finished runs of a sweep, labelled by what was varied."""
     found = []
     for name, entry in Record(folder).entries.items():
         if entry.physics:

@@ -114,10 +114,6 @@ class Section:
 def draw_sections(runs: Sequence[Run], words: Callable[[str], str]) -> dict[str, Figure]:
     """Draws temperature, states, stress and shape of runs that all have a section.
 
-    Args:
-        runs: In the order in which they are shown.
-        words: Makes the title of a section from the label of its run.
-
     Returns:
         The figures by name; none for a strip, or what not all runs have.
     """

@@ -128,14 +128,7 @@ def _series(curve: Curve, label: str, colour: str, dash: str, points: int) -> Se
 
 
 def chart(title: str, label: str, series: Sequence[Series], *, zero: bool) -> Chart:
-    """Lay curves out on one pair of axes.
-
-    Args:
-        title: Of the figure.
-        label: Of its vertical axis.
-        series: At least one, with a finite value each.
-        zero: The vertical axis begins at zero if nothing lies below.
-    """
+    """Lay curves out on one pair of axes."""
     x = np.concatenate([one.x for one in series])
     y = np.concatenate([one.y[np.isfinite(one.y)] for one in series])
     left, right = _span(float(x.min()), float(x.max()))

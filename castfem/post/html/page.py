@@ -107,11 +107,7 @@ def rendered(runs: Sequence[Run], at_work: AtWork | None = None, at: Sequence[fl
 
 
 def _runs(folders: Sequence[Path]) -> list[Run]:
-    """One run or several.
-
-    Raises:
-        InputError: A folder holds no run that has ended.
-    """
+    """One run or several."""
     found = alone(folders[0]) if len(folders) == 1 else None
     return [found] if found is not None else read_runs(folders)
 
@@ -166,11 +162,7 @@ def _content(runs: Sequence[Run], at_work: AtWork | None, at: Sequence[float]) -
 
 
 def _there(runs: Sequence[Run], position: float) -> list[Line]:
-    """The numbers at a position, m, which at least one of the runs has passed.
-
-    Raises:
-        InputError: None has.
-    """
+    """The numbers at a position, m, which at least one of the runs has passed."""
     found = [line for line in lines(runs, runs[0], at=(position,)) if line.unit != SHARE]
     if not found:
         raise InputError(f"{runs[0].folder}: the run has not been at {place_said(position)}")
@@ -203,13 +195,7 @@ def _contents(found: Mapping[str, Any]) -> list[dict[str, str]]:
 
 
 def _part(run: Run, drawn_section: Section | None, count: int) -> dict[str, Any]:
-    """What the page says of one run.
-
-    Args:
-        run: The run.
-        drawn_section: Its section.
-        count: Of runs among which the size of the page is divided.
-    """
+    """What the page says of one run."""
     record = RunRecord.load(run.folder)
     summary = run.summary
     cracks = crack_places(run.folder, summary)

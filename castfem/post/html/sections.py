@@ -52,9 +52,6 @@ class Section:
 def sections(folders: Sequence[Path]) -> list[Section | None]:
     """The sections of runs that share a page, all in one scale of colours a field.
 
-    Args:
-        folders: Of the runs. The more, the fewer places each has, and the fewer cells.
-
     Returns:
         One for each run; None of one that has no fields, or too many cells for a page.
     """

@@ -117,10 +117,6 @@ def _pieces(
 def draw_caster(maps: SurfaceMaps, rolls: Rolls | None = None) -> Figure | None:
     """The strand between its rolls: its temperature and, with mechanics, I1.
 
-    Args:
-        maps: Of the run.
-        rolls: With their defects, which the maps do not have; None where there are none.
-
     Returns:
         None of a strand without rolls, or before the second step.
     """

@@ -24,14 +24,7 @@ _LEFT = "#c6d4e1"
 def draw(
     rolls: Rolls, known: KnownResistance, path: str | os.PathLike[str], title: str = ""
 ) -> None:
-    """Draw resistance and effort over position, and the load of each drive (Figs 144-145, 174).
-
-    Args:
-        rolls: The pairs.
-        known: What they resist, and how the drives share it.
-        path: Picture; its ending gives the format (png, pdf, svg).
-        title: Above the picture.
-    """
+    """Draw resistance and effort over position, and the load of each drive (Figs 144-145, 174)."""
     place = np.array([pair.position for pair in rolls.pairs])
     steps, shares, capacities = known.steps, known.shares, known.capacities
     with look():

@@ -201,16 +201,6 @@ def draw_figures(folder: Path | str) -> list[Path]:
 
     Columns, fields and probes that a run does not have are left out; so is a figure of which
     nothing is left. One that cannot be drawn costs a warning, not the others.
-
-    Args:
-        folder: Of a run, which may still be at work.
-
-    Returns:
-        The files written.
-
-    Raises:
-        InputError: A file is damaged.
-        RunFailure: They cannot be written.
     """
     path, drawn = Path(folder), []
     with ExitStack() as files, look(), shown_in(units_of_run(path)):

@@ -80,13 +80,7 @@ class Panel:
 
 
 def drawn(panels: Sequence[Panel], height: float, abscissa: Abscissa) -> Figure | None:
-    """Panels below one another; None without any.
-
-    Args:
-        panels: The panels.
-        height: Of each, in.
-        abscissa: Of all.
-    """
+    """Panels below one another; None without any."""
     if not panels:
         return None
     figure, axes = new_panels(len(panels), height)

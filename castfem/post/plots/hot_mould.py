@@ -28,14 +28,7 @@ so much larger, too."""
 
 
 def draw(found: Drawing, wall: HotWall, path: str | os.PathLike[str], title: str = "") -> None:
-    """Draw a mould cold and at work to a picture file.
-
-    Args:
-        found: Both moulds.
-        wall: Temperatures of its faces.
-        path: Picture; its ending gives the format (png, pdf, svg).
-        title: Above the picture.
-    """
+    """Draw a mould cold and at work to a picture file."""
     with look():
         figure = new_figure(12.6, 5.8)
         axes = figure.subplots(1, 3, width_ratios=(5.0, 3.6, 3.6))

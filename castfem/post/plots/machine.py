@@ -55,17 +55,7 @@ def draw(
     sprays: Sequence[Spray] = (),
     title: str = "",
 ) -> None:
-    """Draw a machine to a picture file.
-
-    Args:
-        rolls: Its rolls.
-        thickness: Of the section, m.
-        path: Picture; its ending gives the format (png, pdf, svg).
-        mould_end: From the meniscus, m; None without a mould.
-        marks: Positions that are marked, m, and with what words.
-        sprays: On its wide faces.
-        title: Above the picture.
-    """
+    """Draw a machine to a picture file; thickness, end of the mould and marks are in m."""
     side = Side(rolls, thickness, max((place for place, _ in marks), default=0.0))
     with look():
         span = np.ptp(side.extrados, axis=0) + 1.0

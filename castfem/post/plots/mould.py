@@ -24,13 +24,7 @@ _SHOWN = 0.12
 
 
 def draw(mould: Mould, path: str | os.PathLike[str], title: str = "") -> None:
-    """Draw a mould to a picture file.
-
-    Args:
-        mould: The mould.
-        path: Picture; its ending gives the format (png, pdf, svg).
-        title: Above the picture.
-    """
+    """Draw a mould to a picture file."""
     heated = mould.wall_temperature is not None and len(mould.wall_temperature.values) > 1
     with look():
         figure = new_figure(12.6 if heated else 10.6, 5.8)

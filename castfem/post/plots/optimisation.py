@@ -122,12 +122,7 @@ def front_figure(front: Front) -> Figure:
 
 @look()
 def indices_figure(spread: Spread, scales: Sequence[Scale] = ()) -> Figure:
-    """Return the Sobol indices: a panel for each row of a spread, two bars for each input.
-
-    Args:
-        spread: The spread.
-        scales: From the units of the rows to the chosen ones; left out: as they are.
-    """
+    """Return the Sobol indices: a panel for each row of a spread, two bars for each input."""
     figure = new_figure(2.0 + 3.0 * len(spread.rows), 1.4 + 0.32 * len(spread.labels))
     grid: Any = figure.subplots(1, len(spread.rows), squeeze=False, sharey=True)[0]
     places = np.arange(len(spread.labels))
@@ -149,13 +144,7 @@ def indices_figure(spread: Spread, scales: Sequence[Scale] = ()) -> Figure:
 
 @look()
 def mould_figure(head: Sequence[str], rows: Sequence[Sequence[float]], run: Path) -> Figure:
-    """Return a panel for a mould, and one for each group of columns that a run's history has.
-
-    Args:
-        head: Headings of the mould's table.
-        rows: Its rows, distance from the meniscus first, mm.
-        run: Folder of the run.
-    """
+    """Return a panel for a mould, and one for each group of columns that a run's history has."""
     history = read_history(run / HISTORY_NAME)
     panels = {
         label: {name: words for name, words in columns.items() if name in history}

@@ -27,14 +27,7 @@ _TIMES = 20.0
 def draw(
     attempts: Sequence[Attempt], sides: Sides, path: str | os.PathLike[str], title: str = ""
 ) -> None:
-    """Draw the found section, and how it was come by, to a picture file.
-
-    Args:
-        attempts: The runs.
-        sides: Of the wanted rectangle.
-        path: Picture; its ending gives the format (png, pdf, svg).
-        title: Above the picture.
-    """
+    """Draw the found section, and how it was come by, to a picture file."""
     last = attempts[-1]
     with look():
         figure = new_figure(12.6, 4.9)

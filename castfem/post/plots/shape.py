@@ -72,11 +72,7 @@ class Outline:
         return found
 
     def outward(self, points: Array) -> tuple[Indices, Array]:
-        """The nodes of the surface (n,) and unit normals out of the steel (n, 2) at them.
-
-        Args:
-            points: (m, 2) or (m, 3) of all nodes; a normal is the mean over the pieces that meet.
-        """
+        """The nodes of the surface (n,) and unit normals out of the steel (n, 2) at them."""
         along = points[self.surface[:, 1], :2] - points[self.surface[:, 0], :2]
         sums = np.zeros((len(points), 2))
         for end in (0, 1):
@@ -156,16 +152,7 @@ def displacement(fields: Fields, index: int = -1) -> Array:
 
 
 def magnification(moved: Array, points: Array, share: float = _SHARE) -> float:
-    """A round factor, 1, 2, 5, 10 ..., that makes displacements plain to see.
-
-    Args:
-        moved: (..., 2) displacements [m] of the surface.
-        points: (n, 2) or (n, 3) of the section [m].
-        share: Of the shorter side, by which nothing may seem to move more.
-
-    Returns:
-        The largest such factor.
-    """
+    """The largest round factor, 1, 2, 5, 10 ..., that moves nothing by more than a share of the side."""
     largest = float(np.linalg.norm(moved, axis=-1).max(initial=0.0))
     room = share * float(np.ptp(points[:, :2], axis=0).min())
     if largest <= 0.0 or not np.isfinite(largest) or room <= largest:

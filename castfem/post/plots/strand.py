@@ -170,10 +170,6 @@ class View:
 def draw_stack(fields: Fields, steel: Steel | None) -> Figure | None:
     """The strand from outside and, if less than the whole is modelled, from its core.
 
-    Args:
-        fields: Of the run.
-        steel: Isotherms to draw; what is solid.
-
     Returns:
         None for a strip, or before the second time was written.
     """

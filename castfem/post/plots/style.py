@@ -124,12 +124,6 @@ def new_panels(
 
     Margins are fixed: no layout has to be sought, which takes as long as all the drawing, and the
     same position lies at the same place in all figures.
-
-    Args:
-        count: Of the panels.
-        height: Of each [inch].
-        above: Room for a title [inch].
-        below: Room for a legend [inch].
     """
     between = _BETWEEN * (count - 1)
     total = count * height + between + _TOP + above + _BOTTOM + below

@@ -25,14 +25,7 @@ _REMARKS = (REMELTED, "largest gap on the way", "largest bulge between rolls")
 def conclusions(
     folder: Path, summary: Summary, base: tuple[str, Path, Summary] | None = None
 ) -> list[tuple[str, str]]:
-    """Return what a run comes to: of what, and the sentence.
-
-    Args:
-        folder: Of the run.
-        summary: Of the run, with the results that its history tells (`runs.results.derived`).
-        base: Label, folder and results of the run it is measured by, such as that of the machine in
-            order; None for none.
-    """
+    """Return what a run comes to: of what, and the sentence."""
     found = [*_shell(summary), *_pool(summary), *_unbending(folder)]
     found += list(_worst(folder, summary, base))
     remarks = {one.what: one for one in remarks_of(folder, summary)}

@@ -211,12 +211,7 @@ class CrackPlaces:
 
 
 def crack_places(folder: Path, summary: Summary | None) -> CrackPlaces | None:
-    """What the maps of a run say; None without maps.
-
-    Args:
-        folder: Of the run.
-        summary: Of the run; None while there is none.
-    """
+    """What the maps of a run say; None without maps."""
     if not any((folder / name).is_file() for name in (MAPS_NAME, ROWS_NAME)):
         return None
     report = CrackReport.of(SurfaceMaps(folder))
@@ -239,11 +234,7 @@ def _why_nowhere(report: CrackReport) -> str:
 
 
 def defects_of(folder: Path) -> str:
-    """What is wrong with the machine of a run's case, in words; "" for nothing.
-
-    Args:
-        folder: Of the run, with its case.
-    """
+    """What is wrong with the machine of a run's case, in words; "" for nothing."""
     case = case_with(folder, "defect")
     found = None if case is None or case.machine is None else case.machine.defect
     return "; ".join(str(one).rstrip(",") for one in found or ())

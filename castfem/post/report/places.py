@@ -42,13 +42,7 @@ class Place:
 
 
 def places_of(folder: Path, summary: Summary | None, end: float) -> list[Place]:
-    """Return the places of a run that are worth a column: zone ends, bending, straightening, end.
-
-    Args:
-        folder: Of the run.
-        summary: Of it; None of one that has not ended.
-        end: Where it ended, m.
-    """
+    """Return the places worth a column: ends of zones, bending, straightening, run (`end`, m)."""
     found: list[Place] = []
     if summary is not None:
         found += [Place(zone.name, zone.end) for zone in summary.zones if zone.whole]

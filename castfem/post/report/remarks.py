@@ -87,13 +87,7 @@ def remarks_of(folder: Path, summary: Summary | None) -> list[Remark]:
 def remarks(
     table: pandas.DataFrame, summary: Summary | None, fields: Fields | None = None
 ) -> list[Remark]:
-    """What is worth a look in a run.
-
-    Args:
-        table: Of `castfem.runs.output.history.read_history`.
-        summary: Tells where the mould ends; None of a run that has not finished.
-        fields: Tell of hot spots between the probes.
-    """
+    """What is worth a look in a run."""
     if len(table) < 2 or not has_values(table, "position"):
         return []
     position = table["position"].to_numpy()

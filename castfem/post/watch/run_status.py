@@ -57,11 +57,7 @@ class RunStatus:
     messages: tuple[str, ...] = ()  #: the last of its log, those of its progress left out
 
     def has_ended(self, wait: bool = False) -> bool:
-        """Whether nothing more is to be seen of the run.
-
-        Args:
-            wait: One that was killed or interrupted is expected to be taken up again.
-        """
+        """Whether nothing more is to be seen of the run."""
         return self.state in (FINISHED, FAILED) if wait else self.state != RUNNING
 
     @property
@@ -72,12 +68,7 @@ class RunStatus:
 
 
 class Watcher:
-    """Reads the status of a run again and again; nothing is written, nothing asked of the run.
-
-    Args:
-        folder: Of the run.
-        clock: Seconds that only grow.
-    """
+    """Reads the status of a run again and again; nothing is written, nothing asked of the run."""
 
     def __init__(self, folder: Path, clock: Callable[[], float] = time.monotonic) -> None:
         self.folder, self._clock = folder, clock

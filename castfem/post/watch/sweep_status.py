@@ -68,13 +68,7 @@ class SweepStatus:
 
 
 class SweepWatcher:
-    """Reads the status of the runs of a sweep again and again.
-
-    Args:
-        folder: Of the sweep.
-        clock: Seconds that only grow.
-        patience: How long no run may be at work, before nothing more is waited for, s.
-    """
+    """Reads the status of the runs of a sweep again and again."""
 
     def __init__(
         self, folder: Path, clock: Callable[[], float] = time.monotonic, patience: float = PATIENCE

@@ -88,11 +88,7 @@ def watch(folder: Path, viewing: Viewing) -> bool:
 
 
 def _until_begun(folder: Path, viewing: Viewing) -> None:
-    """Wait for a run or a sweep in a folder, if that is wanted.
-
-    Raises:
-        InputError: There is none, and none is waited for.
-    """
+    """Wait for a run or a sweep in a folder, if that is wanted."""
     told = False
     while not any((folder / name).is_file() for name in (SWEEP_NAME, RUN_NAME)):
         if folder.exists() and not folder.is_dir():
