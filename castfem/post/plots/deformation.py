@@ -161,7 +161,7 @@ def _draw_solidus(axes: Axes, mesh: Triangulation, kelvin: Array, steel: Steel) 
 
 
 def draw_outlines(axes: Axes, distortion: Distortion, factor: float, colour: str) -> list[Line2D]:
-    """Draws the outline at the meniscus and now, and the mould's wall [mm]; returns their legend."""
+    """Draws the outline at the meniscus and now, and the wall [mm]; returns their legend."""
     from matplotlib.lines import Line2D
 
     here: dict[str, Any] = {"color": _UNMOVED, "linewidth": 0.8, "linestyle": (0, (5, 3))}

@@ -152,7 +152,7 @@ def displacement(fields: Fields, index: int = -1) -> Array:
 
 
 def magnification(moved: Array, points: Array, share: float = _SHARE) -> float:
-    """The largest round factor, 1, 2, 5, 10 ..., that moves nothing by more than a share of the side."""
+    """The largest factor 1, 2, 5, 10 ... that moves nothing by more than a share of a side."""
     largest = float(np.linalg.norm(moved, axis=-1).max(initial=0.0))
     room = share * float(np.ptp(points[:, :2], axis=0).min())
     if largest <= 0.0 or not np.isfinite(largest) or room <= largest:
