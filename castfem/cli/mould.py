@@ -73,36 +73,27 @@ def mould_rows(mould: Mould) -> list[tuple[str, str]]:
         low, high = min(values), max(values)
         span = f"{low:g}" if low == high else f"{low:g} to {high:g}"
         rows.append(("wall", f"{span} degC"))
-    if mould.expansion is None:
-        rows.append(("condition", "sizes and taper are those of the working mould"))
-    else:
-        warm = mould.expansion.factor(0.0), mould.expansion.factor(mould.length)
-        rows.append(
-            (
-                "condition",
-                f"given cold at {mould.expansion.cold - ZERO_CELSIUS:g} degC; expanded by "
-                f"{1e3 * (warm[0] - 1.0):.2f} per mille at the meniscus, "
-                f"{1e3 * (warm[1] - 1.0):.2f} at the exit",
-            )
-        )
+    text = "sizes and taper are those of the working mould"
+    if mould.expansion is not None:
+        top, exit_ = (1e3 * (mould.expansion.factor(z) - 1.0) for z in (0.0, mould.length))
+        text = f"given cold at {mould.expansion.cold - ZERO_CELSIUS:g} degC; expanded by "
+        text += f"{top:.2f} per mille at the meniscus, {exit_:.2f} at the exit"
+    rows.append(("condition", text))
     return rows
 
 
 def taper_table(zones: Iterable[Zone], title: str = "") -> Table:
     """Return the table of the tapers: dimension, zone, its size at both ends, taper in %/m."""
     head = ("dimension", "from [mm]", "to [mm]", "inlet [mm]", "outlet [mm]", "taper [%/m]")
-    rows = []
-    for zone in zones:
-        rows.append(
-            (
-                _WHERE.get(zone.dimension, zone.dimension),
-                f"{1e3 * zone.start:g}",
-                f"{1e3 * zone.end:g}",
-                f"{1e3 * zone.inlet:.3f}",
-                f"{1e3 * zone.outlet:.3f}",
-                f"{100.0 * zone.taper + 0.0:+.3f}",
-            )
+    rows = [
+        (
+            _WHERE.get(zone.dimension, zone.dimension),
+            *(f"{1e3 * one:g}" for one in (zone.start, zone.end)),
+            *(f"{1e3 * one:.3f}" for one in (zone.inlet, zone.outlet)),
+            f"{100.0 * zone.taper + 0.0:+.3f}",
         )
+        for zone in zones
+    ]
     return Table(head, rows, title)
 
 
@@ -113,7 +104,7 @@ def draw_hot_mould(case: Case, picture: Path, origin: str, *, coupled: bool) -> 
     from castfem.model.build_mould import nominal_mould
     from castfem.model.wall_shape import write_wall
     from castfem.physics.mould.hot.vtk_file import write_tube
-    from castfem.post.plots.hot_mould import draw
+    from castfem.post.plots.mould import draw_hot
     from castfem.studies.mould_fit.coupled import MOST, hot_mould_of, table_of
     from castfem.studies.mould_fit.coupled import drawing as drawn
 
@@ -144,7 +135,7 @@ def draw_hot_mould(case: Case, picture: Path, origin: str, *, coupled: bool) -> 
         print(f'\nwall in {target}: to run in it, mould.displacement = {{ file = "{target}" }}')
     print(f"\ntube in {solid}, for ParaView: temperature, displacement, von_mises")
     with drawing(picture):
-        draw(found, wall, picture, case.title)
+        draw_hot(found, wall, picture, case.title)
 
 
 def hot_rows(wall: HotWall) -> list[tuple[str, str]]:
@@ -237,7 +228,7 @@ def find_outline(case: Case, picture: Path, origin: str, at: str | None) -> None
     from mpi4py import MPI
 
     from castfem.model.wall_shape import write_wall
-    from castfem.post.plots.section_shape import draw
+    from castfem.post.plots.mould import draw_section
     from castfem.studies.mould_fit.section import find_section, natural_wall, sides_of_section
 
     check_picture(picture)
@@ -268,7 +259,7 @@ def find_outline(case: Case, picture: Path, origin: str, at: str | None) -> None
     print(f'\noutline in {outline}: section.bulge = {{ file = "{outline}" }}')
     print(f'wall that follows it in {wall}: mould.displacement = {{ file = "{wall}" }}')
     with drawing(picture):
-        draw(attempts, sides, picture, case.title)
+        draw_section(attempts, sides, picture, case.title)
 
 
 def outline_table(attempt: Attempt) -> Table:
