@@ -18,7 +18,7 @@ from castfem.cli.options import chosen
 from castfem.model import Case, load_case, shipped_cases
 from castfem.model.load import faults_of_key
 from castfem.model.shown_units import units_of
-from castfem.post.plots.optimisation import Compared, calibration_figure
+from castfem.post.plots.studies import Compared, calibration_figure
 from castfem.post.plots.style import save
 from castfem.runs.results.numbers import error_shown, shown, unit_shown
 from castfem.runs.results.of_case import faults_of

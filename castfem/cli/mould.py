@@ -173,7 +173,12 @@ def size_table(found: Drawing, wall: HotWall) -> Table:
     import numpy as np
 
     mould = found.cold
-    names = [name for name in mould.dimensions(0.0) if name != "height" or _unequal(found)]
+    ends = [found.hot.dimensions(z) for z in (0.0, found.hot.length)]
+    names = [
+        name
+        for name in mould.dimensions(0.0)
+        if name != "height" or any(abs(size["width"] - size["height"]) > 1e-7 for size in ends)
+    ]
     head = ["position [mm]"]
     head += [f"{name} {state} [mm]" for name in names for state in ("cold", "hot")]
     columns = {"hot face": wall.hot[:, 0]}
@@ -191,12 +196,6 @@ def size_table(found: Drawing, wall: HotWall) -> Table:
         ]
         rows.append([f"{1e3 * z:.4g}", *sizes, *(f"{value:.0f}" for value in faces)])
     return Table(head, rows)
-
-
-def _unequal(found: Drawing) -> bool:
-    """Return whether width and height are not the same somewhere."""
-    ends = (found.hot.dimensions(z) for z in (0.0, found.hot.length))
-    return any(abs(size["width"] - size["height"]) > 1e-7 for size in ends)
 
 
 def turn_table(turns: Sequence[Turn]) -> Table:

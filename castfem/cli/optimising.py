@@ -134,7 +134,7 @@ def _report(study: Study, optimum: Optimum, target: Path, options: Request) -> i
 
 def _drawn(study: Study, optimum: Optimum, target: Path) -> list[str]:
     """Draw the answer, and return the names of the files."""
-    from castfem.post.plots import optimisation as figures
+    from castfem.post.plots import studies as figures
     from castfem.post.plots.style import save
 
     drawn = {figures.OPTIMUM_NAME: figures.optimum_figure(optimum)}

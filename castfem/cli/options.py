@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -74,6 +74,23 @@ class Request:
                 f"--at {', '.join(beyond)}: the run goes from the meniscus to "
                 f"{place_said(length)}; give a place within, or a longer casting.length"
             )
+
+
+Asked = TypeVar("Asked", bound=Request)
+_ATTRIBUTES = {"case": "name", "output": "folder", "jobs": "processes"}
+
+
+def asked(
+    kind: type[Asked], at: Sequence[str] = (), units: tuple[str, ...] = (), **given: Any
+) -> Asked:
+    """What the words on a command line ask for; places and units are checked before it runs."""
+    places: tuple[float, ...] = ()
+    if at:
+        from castfem.runs.results.places import read_positions
+
+        places = tuple(read_positions(at))
+    found = {_ATTRIBUTES.get(name, name): value for name, value in given.items()}
+    return kind(at=places, units=sound_units(units), **found)
 
 
 class _Path(click.Path):
@@ -198,3 +215,14 @@ def read_from(path: Path) -> Iterator[None]:
         yield
     except CaseError as error:
         raise error.of(path) from error
+
+
+def case_and_target(
+    case: str, output: Path | None, overrides: Sequence[str], ending: str
+) -> tuple[Case, Path]:
+    """Return a case, and where its picture goes: by default its name with an ending."""
+    from castfem.model import load_case
+    from castfem.model.shipped_cases import find
+
+    path = find(case)
+    return load_case(path, overrides), file_for(output, f"{path.stem}_{ending}.png")

@@ -34,8 +34,10 @@ def heat_lines(case: Case, steel: Steel, mesh: SectionMesh) -> list[str]:
         if start >= case.casting.length:
             break
         for law in zone.surface:
-            given = _given(law) if isinstance(law, ScaledLaw) else None
+            given = law.curve if isinstance(law, ScaledLaw) else None
             if not isinstance(law, ScaledLaw) or given is None or end <= start:
+                continue
+            if isinstance(given, Table) and given.over == "temperature":
                 continue
             extent = Extent(start, end, mesh.perimeter(law_groups(case.section, law)))
             around = Surroundings(steel, machine, extent=extent, clock=case.casting.clock)
@@ -49,12 +51,6 @@ def heat_lines(case: Case, steel: Steel, mesh: SectionMesh) -> list[str]:
                 lines.append(f"  {TOLD}; {mend(case)}")
         start = end
     return lines
-
-
-def _given(law: ScaledLaw) -> str | float | Table | None:
-    """The flux that a law is given over the way; None where it has none, or one by temperature."""
-    found = law.curve
-    return None if isinstance(found, Table) and found.over == "temperature" else found
 
 
 def _on(law: ScaledLaw) -> str:

@@ -45,7 +45,10 @@ def run_case(options: Options) -> None:
                 with read_from(_place(options)[0]):
                     _run_case(case, target, comm, options)
             except Exception as error:
-                _log_to_file(error)
+                # in run.log, with the traceback if it was not raised on purpose
+                known = isinstance(error, CastfemError)
+                text = str(error) if known else "".join(traceback.format_exception(error))
+                log.logger.error("%s", text, extra=log.FILE_ONLY)
                 raise
     finally:
         log.close()
@@ -60,7 +63,10 @@ def _validated(comm: MPI.Intracomm | None, options: Options) -> tuple[AnyCase, P
     problems: list[str] = []
     try:
         path, target = _place(options)
-        case, _, problems = problems_of(path, options.overrides, _scaled(path, options))
+        resumed = options.resume and (path.parent / RUN_NAME).is_file()
+        if options.accuracy != DEFAULT and resumed:
+            raise InputError("--resume goes on with the sizes of the run: leave out --accuracy")
+        case, _, problems = problems_of(path, options.overrides, options.sizes(path))
     except InputError as error:
         problems = list(error.problems)
     found = parallel.agree(comm, tuple(problems))
@@ -73,14 +79,6 @@ def _validated(comm: MPI.Intracomm | None, options: Options) -> tuple[AnyCase, P
     if found or case is None:
         raise InputError(found)
     return case, target
-
-
-def _scaled(path: Path, options: Options) -> list[str]:
-    """Return the assignments that stand for the accuracy that is asked for."""
-    resumed = options.resume and (path.parent / RUN_NAME).is_file()
-    if options.accuracy != DEFAULT and resumed:
-        raise InputError("--resume goes on with the sizes of the run: leave out --accuracy")
-    return options.sizes(path)
 
 
 def _place(options: Options) -> tuple[Path, Path]:
@@ -150,10 +148,3 @@ def _show(target: Path, quiet: bool, *, figures: bool) -> None:
         for line in error_lines({"": target}):
             print(line)
         print(f"results in {target}")
-
-
-def _log_to_file(error: Exception) -> None:
-    """Leave the error in run.log, with the traceback if it was not raised on purpose."""
-    known = isinstance(error, CastfemError)
-    text = str(error) if known else "".join(traceback.format_exception(error))
-    log.logger.error("%s", text, extra=log.FILE_ONLY)

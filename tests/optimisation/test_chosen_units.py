@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from castfem.base.shown_units import ShownUnits, shown_in
-from castfem.post.plots import optimisation as figures
+from castfem.post.plots import studies as figures
 from castfem.studies.optimisation.optimum import (
     ConstraintStatus,
     Front,

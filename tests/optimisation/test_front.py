@@ -12,7 +12,7 @@ from known_results import HEAT, SPEED, STRESS, Given, solve
 from small_case import small
 
 from castfem.base.errors import InputError
-from castfem.post.plots.optimisation import front_figure
+from castfem.post.plots.studies import front_figure
 from castfem.post.plots.style import save
 from castfem.studies.optimisation import Evaluation, RunRequest, Study
 from castfem.studies.optimisation.front import write_front

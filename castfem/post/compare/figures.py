@@ -179,30 +179,26 @@ def _ordered(grouped: dict[str, list[Panel]]) -> list[tuple[Definition, list[Pan
     return found
 
 
+def _alike(one: Panel, other: Panel) -> bool:
+    """Whether the same runs have curves that cannot be told apart."""
+    if [id(c.run) for c in one.curves] != [id(c.run) for c in other.curves]:
+        return False
+    for mine, theirs in zip(one.curves, other.curves, strict=True):
+        finite = theirs.values[np.isfinite(theirs.values)]
+        unseen = 2e-3 * float(np.ptp(finite)) if len(finite) else 0.0
+        if not np.allclose(mine.values, theirs.values, rtol=0.0, atol=unseen, equal_nan=True):
+            return False
+    return True
+
+
 def _different(panels: list[Panel]) -> list[Panel]:
     """Drop panels whose curves are those of one before, as on the faces of a square section."""
     kept: list[Panel] = []
     for panel in panels:
-        if panel.unit in (p.unit for p in kept) and any(_same(panel, other) for other in kept):
+        if panel.unit in (p.unit for p in kept) and any(_alike(panel, other) for other in kept):
             continue
         kept.append(panel)
     return kept
-
-
-def _same(one: Panel, other: Panel) -> bool:
-    if [id(c.run) for c in one.curves] != [id(c.run) for c in other.curves]:
-        return False
-    pairs = zip(one.curves, other.curves, strict=True)
-    return all(
-        np.allclose(a.values, b.values, rtol=0.0, atol=_invisible(b.values), equal_nan=True)
-        for a, b in pairs
-    )
-
-
-def _invisible(values: np.ndarray) -> float:
-    """A difference that cannot be seen."""
-    finite = values[np.isfinite(values)]
-    return 2e-3 * float(np.ptp(finite)) if len(finite) else 0.0
 
 
 def _derive(table: pandas.DataFrame, base: pandas.DataFrame | None) -> None:

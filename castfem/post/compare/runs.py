@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -136,8 +136,4 @@ def base_of(runs: Sequence[Run], named: str | None) -> Run:
     for run in runs:
         if named == run.label or Path(named).resolve() == run.folder.resolve():
             return run
-    raise InputError(f"--base {named}: none of the runs ({_listed(run.label for run in runs)})")
-
-
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(names)
+    raise InputError(f"--base {named}: none of the runs ({', '.join(run.label for run in runs)})")

@@ -6,9 +6,9 @@ import math
 import textwrap
 from collections.abc import Mapping, Sequence
 
+from castfem.base.shown_quantity import Quantity, to_si
 from castfem.base.shown_units import Scale, place_said, plain_unit, scale_of
 from castfem.base.table import FAILED, Table
-from castfem.post.report.error_table import main_names, quantity_of
 from castfem.runs.results.headline import headline, plain_label
 from castfem.runs.results.numbers import error_shown, resolution_in, shown, unit_shown
 from castfem.studies.accuracy.table import Entry, ErrorTable, Part
@@ -178,3 +178,13 @@ def without_error(table: ErrorTable) -> list[str]:
         for run in table.runs
         if run.message
     ]
+
+
+def main_names(entries: Mapping[str, Entry]) -> list[str]:
+    """Return the headline numbers that have an error."""
+    return headline([{n: quantity_of(e) for n, e in entries.items()}])
+
+
+def quantity_of(entry: Entry) -> Quantity:
+    """Return a number as results have it, without its error."""
+    return Quantity(to_si(entry.value, entry.unit), entry.unit, entry.label)

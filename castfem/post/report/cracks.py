@@ -146,7 +146,9 @@ class CrackReport:
             ranked = self.maxima(one.name)[:_RANKS] if one.name in self.indexes() else []
             for rank, found in enumerate(ranked):
                 less = f"{100.0 * (found.value / ranked[0].value - 1.0):.0f} %" if rank else "worst"
-                value = f"{_rounded(from_si(found.value, one.shown))} {one.shown}"
+                size = from_si(found.value, one.shown)
+                number = f"{size:.3g}" if abs(size) >= _SMALL else small_rate(size, ".3g")
+                value = f"{number} {one.shown}"
                 yield one.name if not rank else "", value, less, self.words(found)
 
 
@@ -161,11 +163,6 @@ def _peak(values: Array, places: Array) -> tuple[int, int]:
     columns = np.flatnonzero(equal[row])
     x, y = places[columns].T
     return row, int(columns[np.lexsort((y, x))[-1]])
-
-
-def _rounded(value: float) -> str:
-    """A number to three digits; a small one in parts of 1e-5, as rates of strain are told."""
-    return f"{value:.3g}" if abs(value) >= _SMALL else small_rate(value, ".3g")
 
 
 def pool_end(summary: Summary, stations: Stations) -> Iterator[tuple[str, str]]:
@@ -216,21 +213,19 @@ def crack_places(folder: Path, summary: Summary | None) -> CrackPlaces | None:
         return None
     report = CrackReport.of(SurfaceMaps(folder))
     ranking = list(report.ranking())
-    nowhere = _why_nowhere(report) if report.indexes() and not ranking else ""
+    low, high = (f"{end - ZERO_CELSIUS:.4g}" for end in report.maps.heading.band)
+    nowhere = ""
+    if report.indexes() and not ranking and report.maps[IN_BAND].any():
+        nowhere = "nowhere so far: no index is above 0 (low ductility is between "
+        nowhere += f"{low} and {high} degC)"
+    elif report.indexes() and not ranking:
+        nowhere = f"nowhere so far: the surface was never between {low} and {high} degC, "
+        nowhere += "where ductility is low"
     rolls = [*heaviest_roll(folder, report.stations), *report.reheats()]
     pool = [] if summary is None else list(pool_end(summary, report.stations))
     title = "Rolls, reheat, end of the pool" if pool else "Rolls and reheat"
     largest = {name: float(report.maps[name].max()) for name in report.indexes()}
     return CrackPlaces(ranking, nowhere, [*rolls, *pool], title, largest)
-
-
-def _why_nowhere(report: CrackReport) -> str:
-    """Why no index is above 0: the surface is out of the band, or is not pulled within it."""
-    low, high = report.maps.heading.band
-    band = f"{low - ZERO_CELSIUS:.4g} and {high - ZERO_CELSIUS:.4g} degC"
-    if not report.maps[IN_BAND].any():
-        return f"nowhere so far: the surface was never between {band}, where ductility is low"
-    return f"nowhere so far: no index is above 0 (low ductility is between {band})"
 
 
 def defects_of(folder: Path) -> str:
