@@ -127,7 +127,7 @@ def _content(runs: Sequence[Run], at_work: AtWork | None, at: Sequence[float]) -
     along = plain_unit(scale_of("m", "position").unit)
     in_mm = scale_of("mm", "position").unit == "mm"
     place = f'Number(x.toPrecision(4)) + " {along}"'
-    words = {name: str(drawn.__dict__[name]) for name in ("WIDTH", "LEFT", "RIGHT")}
+    words = {name: str(getattr(drawn, name)) for name in ("WIDTH", "LEFT", "RIGHT")}
     words["PLACE"] = '(1000 * x).toFixed(0) + " mm"' if in_mm else place
     script = _text("report.js")
     for name, value in words.items():

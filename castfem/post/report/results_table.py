@@ -63,9 +63,9 @@ def result_rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ..
     ends = [n for n in ENDS if n in found and math.isfinite(found[n].value)]  # of the pool
     for name in dict.fromkeys((*ends, *found)):
         quantity, twin = found[name], found.get(name.replace(_NARROW, _WIDE))
-        alike = twin is not None and cells(name, quantity) == cells(name, twin)
-        if alike and name.endswith(_NARROW) and name not in referred:  # as faces of a square
-            continue
+        alone = name.endswith(_NARROW) and name not in referred
+        if alone and twin is not None and cells(name, quantity) == cells(name, twin):
+            continue  # as on the other faces of a square
         label = quantity.label
         mine = [c for c in summary.references if c.reference.quantity == name and not c.missing]
         if all(c.reference.at is not None for c in mine):
