@@ -129,12 +129,15 @@ def _drawing(
     polygons = (" ".join(f"{x:.1f},{y:.1f}" for x, y in flat[cell]) for cell in corners)
     shown, axes = scale_of("mm"), []
     for name, sign, at, reach in zip("xy", (1.0, -1.0), middle, half, strict=True):
-        ends = [shown(1e3 * end) for end in (at - reach, at + reach)]
-        numbers = marks(*ends, most=max(2, int(2.0 * reach * scale / _BETWEEN)))
-        inside = [v for v in numbers if ends[0] - _LITTLE <= v <= ends[1] + _LITTLE]
-        each = sign * 2.0 * reach * scale / (ends[1] - ends[0])
-        zero = 0.5 * (ends[0] + ends[1])
-        places = ticks(inside, lambda v, each=each, zero=zero: each * (v - zero))
+        left, right = (float(shown(1e3 * end)) for end in (at - reach, at + reach))
+        numbers = marks(left, right, max(2, int(2.0 * reach * scale / _BETWEEN)))
+        inside = [v for v in numbers if left - _LITTLE <= v <= right + _LITTLE]
+        each, zero = sign * 2.0 * reach * scale / (right - left), 0.5 * (left + right)
+
+        def place(value: float, each: float = each, zero: float = zero) -> float:
+            return each * (value - zero)
+
+        places = ticks(inside, place)
         axes.append((f"{name} [{plain_unit(shown.unit)}]", places))
     return (width, height), tuple(polygons), tuple(axes)
 

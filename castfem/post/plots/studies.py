@@ -220,7 +220,7 @@ def calibration_figure(results: Sequence[Compared]) -> Figure:
         known = find(one.name)
         along.set_ylabel(f"{known[0].axis_label if known else 'value'} {unit}", gid=one.name)
         along.set_title(one.label, fontsize=9.5)
-        along.set_xlim(0.0, 1.05 * max(max(each.position) for each in results))
+        along.set_xlim(0.0, 1.05 * max(float(each.position.max()) for each in results))
         against.set(xlim=ends, ylim=ends, box_aspect=1)
         against.set_xlabel(f"measured {unit}", gid=one.name)
         against.set_ylabel(f"computed {unit}", gid=one.name)
