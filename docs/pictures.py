@@ -20,12 +20,12 @@ from castfem.model.build_mould import build_mould
 from castfem.model.tensile import TensileCase
 from castfem.physics.constitutive.curves import Austenite
 from castfem.physics.constitutive.uniaxial import pull
-from castfem.post.plots.extraction import draw as draw_extraction
 from castfem.post.plots.figures import draw_figures
 from castfem.post.plots.machine import draw as draw_machine
+from castfem.post.plots.machine import draw_drives
 from castfem.post.plots.mould import draw as draw_mould
+from castfem.post.plots.studies import draw_tornado
 from castfem.post.plots.style import new_figure
-from castfem.post.plots.tornado import draw_tornado
 from castfem.runs import loop
 from castfem.runs.tensile.tensile_test import TensileTest
 from castfem.studies.identification.fit import identify
@@ -107,7 +107,7 @@ def extraction() -> None:
     assert known is not None
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "extraction.png"
-        draw_extraction(rolls, known, path)
+        draw_drives(rolls, known, path)
         shrink(Image.open(path).convert("RGB"), "extraction")
 
 

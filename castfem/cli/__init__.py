@@ -39,11 +39,7 @@ def _on_all_ranks(words: Sequence[str]) -> bool:
 
 
 def execute(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit status.
-
-    Args:
-        arguments: Without the program's name; by default those of the process.
-    """
+    """Run the command line and return its exit status."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     rank, _ = parallel.rank_and_size()
     first = rank == 0 and parallel.started()[0] == 0
@@ -84,18 +80,16 @@ def _failed(error: Exception, first: bool, words: Sequence[str]) -> int:
     if not first:
         return _status(error)
     hint = HINT if words[:1] == ["run"] else ""  # no other command takes -v
-    return report(error, verbose=_verbose(words), hint=hint)
+    # -v, -vv and -qv
+    verbose = any(word == "--verbose" or re.fullmatch("-q?v+", word) for word in words)
+    return report(error, verbose=verbose, hint=hint)
 
 
 def report(error: Exception, *, verbose: bool = False, hint: str = "") -> int:
-    """Print an error for the user and return the exit status it stands for.
-
-    Args:
-        error: What was raised.
-        verbose: Print the traceback of an error that was not raised on purpose.
-        hint: How to get the traceback of an error that was not raised on purpose.
-    """
+    """Print an error for the user and return the exit status it stands for."""
     prefix = "castfem: "
+    named = error.name if isinstance(error, ImportError) else None
+    missing = (named or "").split(".")[0] in _ENVIRONMENT
     if isinstance(error, InputError):
         count = len(error.problems)
         if count > 1:
@@ -103,7 +97,7 @@ def report(error: Exception, *, verbose: bool = False, hint: str = "") -> int:
             prefix = "  "
         for line in error.problems:
             print(f"{prefix}{line}", file=sys.stderr)
-    elif isinstance(error, CastfemError) or _is_missing(error):
+    elif isinstance(error, CastfemError) or missing:
         print(f"{prefix}{error}", file=sys.stderr)
     elif isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
         print(
@@ -120,11 +114,6 @@ def report(error: Exception, *, verbose: bool = False, hint: str = "") -> int:
         )
     sys.stderr.flush()
     return _status(error)
-
-
-def _is_missing(error: Exception) -> bool:
-    """Whether a part of the environment is missing, or does not load."""
-    return isinstance(error, ImportError) and (error.name or "").split(".")[0] in _ENVIRONMENT
 
 
 def _unexpected(error: Exception) -> str:
@@ -151,11 +140,6 @@ _ENVIRONMENT = ("dolfinx", "ufl", "basix", "ffcx", "petsc4py", "mpi4py", "h5py",
 
 def _status(error: Exception) -> int:
     return error.exit_status if isinstance(error, CastfemError) else CastfemError.exit_status
-
-
-def _verbose(words: Sequence[str]) -> bool:
-    """Return whether -v stands on the command line (-vv and -qv count, too)."""
-    return any(word == "--verbose" or re.fullmatch("-q?v+", word) for word in words)
 
 
 def _interrupted(first: bool, words: Sequence[str]) -> int:

@@ -13,8 +13,7 @@ from castfem.base.table import say
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import Request, chosen, read_from
 from castfem.model import load_case, shipped_cases
-from castfem.post.compare.study_tables import error_tables, without_error
-from castfem.post.report.error_table import main_names, quantity_of
+from castfem.post.compare.study_tables import error_tables, main_names, quantity_of, without_error
 from castfem.runs.output.folder import ERROR_ENDING, ERROR_NAME
 from castfem.runs.output.run_record import RUN_NAME
 from castfem.runs.results.headline import plain_label
@@ -40,15 +39,7 @@ class Options(Request):
 
 
 def error_of_case(options: Options) -> int:
-    """Do the runs, print and write the table, and put the errors beside the results (collective).
-
-    Returns:
-        The exit status.
-
-    Raises:
-        InputError: Something the user wrote cannot be used; nothing has been run.
-        RunFailure: The case itself does not come to its end, or a file cannot be written.
-    """
+    """Do the runs, print and write the table, put the errors beside the results (collective)."""
     return many_runs.on_root(
         lambda ranks: _prepared(options, ranks),
         lambda ladder, comm: _done(ladder, options, comm),
@@ -59,7 +50,9 @@ def _prepared(options: Options, ranks: bool) -> Ladder:
     many_runs.check_processes(options.processes, ranks)
     if options.to:
         read_share(options.to)
-    folder = _folder(options)
+    alone = _alone(options)
+    named = alone.resolve() if alone.name in ("", "..") else alone
+    folder = options.folder or named.with_name(named.name + ERROR_ENDING)
     check_folder(folder)
     path = shipped_cases.find(options.name)
     case = load_case(path, options.overrides)
@@ -76,12 +69,6 @@ def _alone(options: Options) -> Path:
     if given.exists() and (home / RUN_NAME).is_file():
         return home
     return shipped_cases.default_folder(options.name, shipped_cases.find(options.name))
-
-
-def _folder(options: Options) -> Path:
-    alone = _alone(options)
-    named = alone.resolve() if alone.name in ("", "..") else alone
-    return options.folder or named.with_name(named.name + ERROR_ENDING)
 
 
 def _done(ladder: Ladder, options: Options, comm: MPI.Intracomm | None) -> int:
@@ -106,7 +93,8 @@ def _done(ladder: Ladder, options: Options, comm: MPI.Intracomm | None) -> int:
     written = [p for p in dict.fromkeys((target / BASE, _alone(options))) if attach(table, p)]
     if not options.quiet:
         with chosen(options.units), shown_in(units_of_run(target / BASE)):
-            _print(table, path, written)
+            print_table(table)
+            print(f"errors in {path}, and beside the results in {', '.join(map(str, written))}")
     if options.to:
         _propose(table, options)
     return 0
@@ -129,11 +117,7 @@ def _propose(table: ErrorTable, options: Options) -> None:
 
 
 def show_errors(folder: Path) -> None:
-    """Print the errors in a folder of `castfem error`.
-
-    Raises:
-        InputError: They cannot be read.
-    """
+    """Print the errors in a folder of `castfem error`."""
     table = ErrorTable.load(folder / ERROR_NAME)
     print(table.title)
     with shown_in(units_of_run(folder / BASE)):
@@ -146,8 +130,3 @@ def print_table(table: ErrorTable) -> None:
         say(parallel.console(), one, "")
     for line in without_error(table):
         print(line, file=sys.stderr)
-
-
-def _print(table: ErrorTable, path: Path, written: list[Path]) -> None:
-    print_table(table)
-    print(f"errors in {path}, and beside the results in {', '.join(map(str, written))}")

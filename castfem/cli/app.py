@@ -18,16 +18,7 @@ from castfem import __version__
 from castfem.base.errors import InputError, RunFailure
 from castfem.cli import options, pictures, studies
 from castfem.cli.command import Argument, Group, command
-from castfem.cli.options import (
-    PATH,
-    case_name,
-    file_for,
-    folder,
-    folders,
-    output,
-    overrides,
-    quiet,
-)
+from castfem.cli.options import PATH, case_name, file_for, folder, folders, output, overrides, quiet
 
 _TERMINAL, _LINES = 1.0, 10.0  # s between two looks: at a terminal, and elsewhere
 
@@ -42,14 +33,13 @@ _TERMINAL, _LINES = 1.0, 10.0  # s between two looks: at a terminal, and elsewhe
 @click.option("--profile/--no-profile", help="Print where the time went.")
 @quiet
 @click.option("--verbose", "-v", count=True, help="Say more; tracebacks of faults.")
-def run(case: str, output: Path | None, quiet: bool, verbose: int, **given: Any) -> None:
+def run(quiet: bool, verbose: int, **given: Any) -> None:
     """Run a case. Under mpirun it runs on all ranks."""
     from castfem.cli.running import Options, run_case
 
     if given["resume"] and given["overwrite"]:
         raise InputError("--resume and --overwrite exclude each other")
-    verbosity = -1 if quiet else verbose
-    run_case(Options(name=case, folder=output, verbosity=verbosity, **given))
+    run_case(options.asked(Options, verbosity=-1 if quiet else verbose, **given))
 
 
 @command("check my_billet.toml")
@@ -203,8 +193,8 @@ def compare(
     from castfem.cli import parallel
     from castfem.cli.options import chosen
     from castfem.post.compare import drawing, table
-    from castfem.post.compare.remarks import remarks
     from castfem.post.compare.runs import base_of, read_runs
+    from castfem.post.compare.table import remarks
     from castfem.runs.results.places import read_positions
     from castfem.runs.results.run_case import error_lines, units_of_run
 
@@ -231,11 +221,7 @@ def _beside(folders: list[Path]) -> Path:
 
 
 def _make(target: Path, name: str) -> None:
-    """Make a folder, unless it holds other files than castfem's, of which one has this name.
-
-    Raises:
-        InputError: It does, or it cannot be made.
-    """
+    """Make a folder, unless it holds other files than castfem's, of which one has this name."""
     try:
         target.mkdir(parents=True, exist_ok=True)
         if any(target.iterdir()) and not (target / name).is_file():

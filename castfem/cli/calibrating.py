@@ -19,7 +19,7 @@ from castfem.cli.run_progress import View
 from castfem.model import Case, load_case, shipped_cases
 from castfem.model.load import faults_of_key
 from castfem.model.shown_units import units_of
-from castfem.post.plots.calibration import Compared, draw_calibration
+from castfem.post.plots.studies import Compared, calibration_figure
 from castfem.post.plots.style import save
 from castfem.runs.results.needs import faults_of
 from castfem.runs.results.numbers import error_shown, shown, unit_shown
@@ -50,22 +50,7 @@ def calibrate_case(
     quiet: bool = False,
     units: Sequence[str] = (),
 ) -> int:
-    """Fit, print and write, and return the exit status (collective).
-
-    Args:
-        name: Case file or name of a shipped case.
-        data: CSV file of what was measured.
-        free: Keys with their bounds, as `--free` has them.
-        folder: Where the runs and the result go; None for the default.
-        overrides: Assignments of --set.
-        processes: How many runs at once; None for one a core, 0 in this process.
-        quiet: Print nothing but errors.
-        units: Those of --units.
-
-    Raises:
-        InputError: Something the user wrote cannot be used.
-        RunFailure: A run of the fit failed, or a file cannot be written.
-    """
+    """Fit, print and write, and return the exit status (collective)."""
 
     def prepare(ranks: bool) -> _Question:
         if processes != 0:
@@ -126,7 +111,7 @@ def _done(asked: _Question, quiet: bool, units: Sequence[str]) -> int:
         found = calibrate(asked.case, asked.measured, asked.keys, evaluator, view.ended)
     write(target, found)
     with chosen(units), shown_in(units_of(asked.case)):
-        save(draw_calibration(_panels(found)), target / FIGURE_NAME)
+        save(calibration_figure(_panels(found)), target / FIGURE_NAME)
         if not quiet:
             say(parallel.console(), _keys(found), "", *_words(found, target))
     return 0

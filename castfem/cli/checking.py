@@ -166,16 +166,7 @@ def _try_law(reading: Reading, case: TensileCase) -> None:
 
 
 def check_case(name: str, path: Path, overrides: Iterable[str]) -> str:
-    """Check a case of either kind with all that belongs to it; return a few lines on it.
-
-    Args:
-        name: As the user calls it.
-        path: Its file.
-        overrides: Assignments of --set.
-
-    Raises:
-        InputError: All problems.
-    """
+    """Check a case of either kind with all that belongs to it; return a few lines on it."""
     log.setup()
     try:
         case, steel, problems = problems_of(path, overrides)

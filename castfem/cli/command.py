@@ -12,7 +12,14 @@ import click
 
 from castfem.base.units import nearest
 
-_STATUS = "Exit status: 0 if all went well, 1 for bad input, 2 for a run that could not go on."
+EXIT = {
+    0: "all went well",
+    1: "the input cannot be used; nothing was run",
+    2: "a run failed, a search found no answer, a file or a part of castfem is missing",
+    130: "interrupted: Ctrl-C, SIGTERM or SIGHUP; what was done is on disk",
+}
+"""Each exit status and its meaning."""
+_STATUS = "Exit status: 0 if all went well, 1 for bad input, 2 for a failure, 130 if interrupted."
 
 
 class Argument(click.Argument):
@@ -64,6 +71,13 @@ class Group(click.Group):
         with formatter.section("Commands"):
             formatter.write_dl([(name, one.help or "") for name, one in self.commands.items()])
 
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the exit status of all commands, and where their examples are."""
+        with formatter.section("Exit status"):
+            formatter.write_dl([(str(status), meaning) for status, meaning in EXIT.items()])
+        formatter.write_paragraph()
+        formatter.write_text("castfem COMMAND --help shows an example of the command.")
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command and return what it returns.
 
@@ -82,8 +96,5 @@ def command(example: str) -> Callable[[Callable[..., Any]], Command]:
 
     The command has the name of the function and its docstring as help. An integer that it returns
     is the exit status.
-
-    Args:
-        example: The words behind `castfem` of a call that the help shows.
     """
     return click.command(cls=Command, epilog=f"\b\nExample: castfem {example}\n{_STATUS}")

@@ -47,11 +47,7 @@ compdef _castfem_keys castfem
 
 
 def script(shell: str) -> str:
-    """The part of a shell, to be put where the shell finds it.
-
-    Raises:
-        InputError: There is none for this shell.
-    """
+    """The part of a shell, to be put where the shell finds it."""
     if shell not in _SCRIPTS:
         raise InputError(f"{shell}: no such shell; there are {', '.join(_SCRIPTS)}")
     from castfem.cli.app import app

@@ -18,11 +18,7 @@ if TYPE_CHECKING:
 
 
 def build_mesh(case: Case) -> SectionMesh:
-    """Return the mesh of a case.
-
-    Raises:
-        CaseError: The mesh cannot be built, or would have bad cells.
-    """
+    """Return the mesh of a case."""
     from castfem.meshes import build
 
     with meshing():
@@ -30,11 +26,7 @@ def build_mesh(case: Case) -> SectionMesh:
 
 
 def draw_mesh(case: Case, picture: Path) -> None:
-    """Build the mesh of a case, print its counts and quality, and draw it.
-
-    Raises:
-        CaseError: The mesh cannot be built, or would have bad cells.
-    """
+    """Build the mesh of a case, print its counts and quality, and draw it."""
     from castfem.meshes.draw import draw
 
     check_picture(picture)
@@ -62,16 +54,7 @@ def mesh_rows(mesh: SectionMesh) -> list[tuple[str, str]]:
 
 
 def draw_material(name: str, composition: Iterable[str], picture: Path) -> None:
-    """Describe a steel and plot its properties.
-
-    Args:
-        name: A shipped set, or a steel file.
-        composition: Assignments "C=0.42", weight percent.
-        picture: File of the plot.
-
-    Raises:
-        InputError: No such steel, or a composition that cannot be read.
-    """
+    """Describe a steel and plot its properties."""
     amounts = _composition(composition)
     check_picture(picture)
     from castfem.physics.materials import describe_steel, load_steel
@@ -84,11 +67,7 @@ def draw_material(name: str, composition: Iterable[str], picture: Path) -> None:
 
 
 def check_picture(picture: Path) -> None:
-    """Refuse a picture whose ending names no format, before anything is computed for it.
-
-    Raises:
-        InputError: Naming the formats.
-    """
+    """Refuse a picture whose ending names no format, before anything is computed for it."""
     formats = (".png", ".pdf", ".svg")
     if picture.suffix.lower() not in formats:
         raise InputError(
@@ -99,11 +78,7 @@ def check_picture(picture: Path) -> None:
 
 @contextmanager
 def drawing(picture: Path) -> Iterator[None]:
-    """Say where the picture is, or why it cannot be there.
-
-    Raises:
-        InputError: It cannot be written, or its ending names no format.
-    """
+    """Say where the picture is, or why it cannot be there."""
     check_picture(picture)
     try:
         yield

@@ -1,8 +1,9 @@
-"""`castfem machine`: rolls, what they do to the strand, water, drives, and pictures of them."""
+"""`castfem machine`: rolls, what they do to the strand, water, drives, and how a run met them."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,35 +11,28 @@ import numpy as np
 
 from castfem.base.errors import InputError
 from castfem.base.table import Table, pairs, say
+from castfem.base.constants import ROUNDING
 from castfem.base.types import Array
+from castfem.base.units import factor_and_zero
 from castfem.cli import parallel
 from castfem.cli.drawing import check_picture, drawing
-from castfem.model import Case
+from castfem.model import Case, load_case
 from castfem.model.build_machine import capacities, known_resistance
 from castfem.model.machine import thickness_of
+from castfem.model.shipped_cases import CASE_NAME
+from castfem.physics.machine.rolls import Pair, Rolls
+from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.summary import Summary
 
 if TYPE_CHECKING:
     from castfem.model.secondary import Secondary
-    from castfem.physics.machine.line import Bent
     from castfem.physics.machine.rolls import Rolls
     from castfem.post.plots.machine import Spray
 
 
 def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None) -> None:
-    """Print the rolls of a case and draw its caster.
-
-    Args:
-        case: The case.
-        picture: File of the picture.
-        origin: What the user called the case, for messages.
-        run: Folder of a run, for the place where the strand is solid, and for how the drives
-            pulled where the resistance comes with a run.
-
-    Raises:
-        InputError: The case has no rolls, the run is none through its machine, or the picture
-            cannot be written.
-    """
-    from castfem.cli.machine_run import ended
+    """Print the rolls of a case and draw its caster."""
+    from castfem.cli.machine import ended
     from castfem.post.plots.machine import draw
 
     check_picture(picture)
@@ -54,7 +48,9 @@ def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None
     say(out, pairs(machine_rows(rolls, thickness)))
     if found is not None:
         solid = found.solid
-        where = found if solid is None else f"at {solid:.4g} m, {_near(rolls, solid)}"
+        above = 0 if solid is None else sum(pair.position <= solid for pair in rolls.pairs)
+        near = f"below roll {above}" if above else "above the first roll"
+        where = found if solid is None else f"at {solid:.4g} m, {near}"
         say(out, f"solid throughout: {where} ({run})")
     say(out, "", roll_table(rolls, thickness))
     if case.secondary is not None and case.secondary.circuit:
@@ -135,12 +131,6 @@ def circuit_table(case: Case, table: Secondary, rolls: Rolls, thickness: float) 
     return Table(head, rows, words=(0, 1))
 
 
-def _near(rolls: Rolls, position: float) -> str:
-    """The roll above a position."""
-    above = [i for i, pair in enumerate(rolls.pairs, 1) if pair.position <= position]
-    return f"below roll {above[-1]}" if above else "above the first roll"
-
-
 def machine_rows(rolls: Rolls, thickness: float) -> list[tuple[str, str]]:
     """Return label and value of what characterises a machine."""
     from castfem.physics.machine.phases import off_stretches, phases
@@ -164,14 +154,9 @@ def machine_rows(rolls: Rolls, thickness: float) -> list[tuple[str, str]]:
         rows.append((off.name, text + f"{off.first + 1} to {off.last + 1} bend the strand as well"))
     end = pairs[-1].position
     rows.append(("inclination", f"{math.degrees(line.inclination(end)):.5g} degrees at the end"))
-    rows.append(("liquid's height", _head(line, end)))
+    height = f"{line.height(end):.4g} m at the last roll, {end:.4g} m along the strand"
+    rows.append(("liquid's height", height))
     return rows
-
-
-def _head(line: Bent, end: float) -> str:
-    """Height of the liquid at the last roll."""
-    height = line.height(end)
-    return f"{height:.4g} m at the last roll, {end:.4g} m along the strand"
 
 
 def roll_table(rolls: Rolls, thickness: float) -> Table:
@@ -204,20 +189,9 @@ def roll_table(rolls: Rolls, thickness: float) -> Table:
 
 
 def show_drives(case: Case, rolls: Rolls, picture: Path, run: Path | None = None) -> None:
-    """Print how the drives share the resistance; draw it, where it is known before a run.
-
-    Args:
-        case: With [machine.extraction].
-        rolls: Its rolls.
-        picture: File of the caster's picture; that of the drives stands beside it.
-        run: Folder of a run through them, of which a coupled resistance is told.
-
-    Raises:
-        InputError: The picture cannot be written, or the run's history not be read.
-        StrandStopsError: The drives are weaker than the rolls.
-    """
-    from castfem.cli.machine_run import drives_of
-    from castfem.post.plots.extraction import draw as draw_extraction
+    """Print how the drives share the resistance; draw it, where it is known before a run."""
+    from castfem.cli.machine import drives_of
+    from castfem.post.plots.machine import draw_drives
 
     assert case.machine is not None and case.machine.extraction is not None
     known = known_resistance(case.machine.extraction, case.machine)
@@ -233,7 +207,7 @@ def show_drives(case: Case, rolls: Rolls, picture: Path, run: Path | None = None
     effort, drive, total = known.shares.effort, known.shares.drive, float(known.steps.sum())
     say(out, "", drive_table(rolls, known.capacities, effort, drive, total))
     with drawing(beside := picture.with_stem(f"{picture.stem}_extraction")):
-        draw_extraction(rolls, known, beside, case.title)
+        draw_drives(rolls, known, beside, case.title)
 
 
 def drive_table(
@@ -264,3 +238,109 @@ def drive_table(
         at = int(np.nanargmax(effort))
         notes.append(f"largest effort in the strand: {1e-3 * effort[at]:.4g} kN, at roll {at + 1}")
     return Table(head, rows, words=(), notes=notes)
+
+
+_DEFECTS = ("offset", "locked", "lost")
+_SAME = ("position", "diameter", "aperture", *_DEFECTS, "radius", "driven", "capacity")
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """How far the strand of a run is solid."""
+
+    to: float  #: position to which it was followed, m
+    solid: float | None  #: where it is solid throughout, m; None where it is not
+    liquid: float | None  #: where its liquid core (fs = 0) ends, m; None where it does not
+
+    def __str__(self) -> str:
+        """In words, but for where it is solid."""
+        core = "liquid to there" if self.liquid is None else f"liquid to {self.liquid:.4g} m"
+        return f"not down to {self.to:.4g} m, where the run ends; {core} (fs = 0)"
+
+    @property
+    def marks(self) -> tuple[tuple[float, str], ...]:
+        """Positions, m, and what is there, for the picture."""
+        if self.solid is not None:
+            return ((self.solid, f"solid at {self.solid:.4g} m"),)
+        core = () if self.liquid is None else ((self.liquid, f"liquid to {self.liquid:.4g} m"),)
+        return (*core, (self.to, f"not solid at {self.to:.4g} m"))
+
+
+def ended(run: Path, case: Case) -> Ended:
+    """Return how far the strand of a run is solid."""
+    summary = Summary.load(run) if run.is_dir() else None
+    if summary is None or not (run / CASE_NAME).is_file():
+        raise InputError(f"--run {run}: holds no run that has ended")
+    table = load_case(run / CASE_NAME).machine
+    theirs, ours = (None if one is None else one.pairs() for one in (table, case.machine))
+    if ours is not None and (what := _other(ours, theirs)):
+        raise InputError(
+            f"--run {run}: is a run through another machine: {what}; give a run of this case"
+        )
+    solid, liquid = (
+        None if one is None or math.isnan(one.value) else one.value
+        for one in map(summary.quantities.get, ("metallurgical_length", "liquid_end"))
+    )
+    reached = summary.quantities.get("position")
+    return Ended(case.casting.length if reached is None else reached.value, solid, liquid)
+
+
+def _other(ours: Rolls, theirs: Rolls | None) -> str:
+    """In what the machine of a run is another one, in words; empty of the same."""
+    if theirs is None:
+        return "it has no rolls"
+    counts = len(theirs.pairs), len(ours.pairs)
+    if counts[0] != counts[1]:
+        return f"it has {counts[0]} pairs of rolls, the case {counts[1]}"
+    if theirs.face != ours.face:
+        return f"its radii are those of the {theirs.face}, in the case of the {ours.face}"
+    for key in _SAME:
+        for i, (one, other) in enumerate(zip(theirs.pairs, ours.pairs, strict=True), 1):
+            if _same(one, other, key):
+                continue
+            if key in _DEFECTS:
+                now, then = (pair.defect or "in order" for pair in (other, one))
+                return f"roll {i} is {then}, in the case {now}"
+            return f"roll {i} has another {key}"
+    return ""
+
+
+def _same(one: Pair, other: Pair, key: str) -> bool:
+    """Whether two pairs have the same, but for how it was written down."""
+    a, b = getattr(one, key), getattr(other, key)
+    if a is None or b is None or math.isinf(a) or math.isinf(b):
+        return bool(a == b)
+    return math.isclose(a, b, rel_tol=ROUNDING, abs_tol=ROUNDING)
+
+
+def drives_of(run: Path, rolls: Rolls) -> tuple[Array, Array, float, float] | None:
+    """Return what came to each pair and what it pulled, as the slice of a run met them.
+
+    A drive pulls over the pitch below it: what it took is known as the slice comes to the next
+    pair that holds the strand.
+
+    Returns:
+        Effort (n,) and pull (n,) of the pairs, N, not a number where the run did not come to them,
+        what the rolls resist, N, and down to where they do, m; None of a run without it.
+    """
+    table = read_history(run / HISTORY_NAME)
+    names = ("effort", "drive_force", "roll_resistance")
+    if not set(names) <= set(table.columns):
+        return None
+    units = table.attrs["units"]
+    position, effort, drives, resistance = (
+        table[name].to_numpy() / factor_and_zero(si, units[name])[0]
+        for name, si in (("position", "m"), *((name, "N") for name in names))
+    )
+    there = list(rolls.there)
+    places = np.array([rolls.pairs[i].position for i in there])
+    ends = np.append(places, 2.0 * places[-1] - places[-2])
+    beyond = position[-1] * (1.0 + ROUNDING)
+
+    def at(values: Array, where: Array) -> Array:
+        return np.where(where <= beyond, np.interp(where, position, values), math.nan)
+
+    found = np.full((2, len(rolls.pairs)), math.nan)
+    found[0, there] = at(effort, places)
+    found[1, there] = np.diff(at(drives, ends))
+    return found[0], found[1], float(resistance[-1]), float(position[-1])

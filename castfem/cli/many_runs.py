@@ -108,17 +108,7 @@ def run_all(
 
 
 def evaluator(case: Case, folder: Path, processes: int | None, ranks: int = 1) -> Evaluator:
-    """Return what does runs for a search: ranks under a launcher, else processes.
-
-    Args:
-        case: The case.
-        folder: Where the runs go.
-        processes: How many at once without a launcher; None for one a core, 0 in this process.
-        ranks: Of each run, under a launcher.
-
-    Raises:
-        InputError: The folder is none, or holds something else.
-    """
+    """Return what does runs for a search: ranks under a launcher, else processes."""
     from castfem.studies.optimisation.evaluator import Evaluator
 
     check_folder(folder)
@@ -129,17 +119,7 @@ def evaluator(case: Case, folder: Path, processes: int | None, ranks: int = 1) -
 
 
 def check_processes(processes: int | None, ranks: bool, of_each: int = 1) -> None:
-    """Refuse a number of processes that cannot be, or of ranks.
-
-    Args:
-        processes: How many at once, None where that is not given.
-        ranks: Whether a launcher has started several.
-        of_each: How many of them each run is to have.
-
-    Raises:
-        InputError: There are none, or the ranks of a launcher do the work, or they cannot be
-            split into such groups.
-    """
+    """Refuse a number of processes that cannot be, or of ranks."""
     if ranks and processes is not None:
         raise InputError("-j is for one machine; under mpirun the ranks do the work")
     if processes is not None and processes < 1:

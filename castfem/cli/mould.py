@@ -24,11 +24,7 @@ if TYPE_CHECKING:
     from castfem.studies.mould_fit.coupled import Drawing, Turn
     from castfem.studies.mould_fit.section import Attempt, Outline
 
-_WHERE = {
-    "width": "mid-face, width",
-    "height": "mid-face, height",
-    "diagonal": "corner, diagonal",
-}
+_WHERE = {"width": "mid-face, width", "height": "mid-face, height", "diagonal": "corner, diagonal"}
 _ROWS = 12
 """Steps of the table along the mould."""
 _RESULTS = (
@@ -44,16 +40,7 @@ _RESULTS = (
 
 
 def draw_mould(case: Case, picture: Path, origin: str) -> None:
-    """Print size and taper of a case's mould and draw it.
-
-    Args:
-        case: The case.
-        picture: File of the picture.
-        origin: What the user called the case, for messages.
-
-    Raises:
-        InputError: The case has no mould, or the picture cannot be written.
-    """
+    """Print size and taper of a case's mould and draw it."""
     from castfem.model.build_mould import build_mould
     from castfem.post.plots.mould import draw
 
@@ -86,59 +73,38 @@ def mould_rows(mould: Mould) -> list[tuple[str, str]]:
         low, high = min(values), max(values)
         span = f"{low:g}" if low == high else f"{low:g} to {high:g}"
         rows.append(("wall", f"{span} degC"))
-    if mould.expansion is None:
-        rows.append(("condition", "sizes and taper are those of the working mould"))
-    else:
-        warm = mould.expansion.factor(0.0), mould.expansion.factor(mould.length)
-        rows.append(
-            (
-                "condition",
-                f"given cold at {mould.expansion.cold - ZERO_CELSIUS:g} degC; expanded by "
-                f"{1e3 * (warm[0] - 1.0):.2f} per mille at the meniscus, "
-                f"{1e3 * (warm[1] - 1.0):.2f} at the exit",
-            )
-        )
+    text = "sizes and taper are those of the working mould"
+    if mould.expansion is not None:
+        top, exit_ = (1e3 * (mould.expansion.factor(z) - 1.0) for z in (0.0, mould.length))
+        text = f"given cold at {mould.expansion.cold - ZERO_CELSIUS:g} degC; expanded by "
+        text += f"{top:.2f} per mille at the meniscus, {exit_:.2f} at the exit"
+    rows.append(("condition", text))
     return rows
 
 
 def taper_table(zones: Iterable[Zone], title: str = "") -> Table:
     """Return the table of the tapers: dimension, zone, its size at both ends, taper in %/m."""
     head = ("dimension", "from [mm]", "to [mm]", "inlet [mm]", "outlet [mm]", "taper [%/m]")
-    rows = []
-    for zone in zones:
-        rows.append(
-            (
-                _WHERE.get(zone.dimension, zone.dimension),
-                f"{1e3 * zone.start:g}",
-                f"{1e3 * zone.end:g}",
-                f"{1e3 * zone.inlet:.3f}",
-                f"{1e3 * zone.outlet:.3f}",
-                f"{100.0 * zone.taper + 0.0:+.3f}",
-            )
+    rows = [
+        (
+            _WHERE.get(zone.dimension, zone.dimension),
+            *(f"{1e3 * one:g}" for one in (zone.start, zone.end)),
+            *(f"{1e3 * one:.3f}" for one in (zone.inlet, zone.outlet)),
+            f"{100.0 * zone.taper + 0.0:+.3f}",
         )
+        for zone in zones
+    ]
     return Table(head, rows, title)
 
 
 def draw_hot_mould(case: Case, picture: Path, origin: str, *, coupled: bool) -> None:
-    """Compute the hot mould of a case; print and draw it, write wall and tube beside the picture.
-
-    Args:
-        case: The case.
-        picture: File of the picture; the wall goes into a CSV file of the same name, the tube into
-            a file for ParaView.
-        origin: What the user called the case, for messages.
-        coupled: Whether strand and tube go round until they agree.
-
-    Raises:
-        InputError: The case has no tube, or a file cannot be written.
-        RunFailure: A run of the strand or a solver fails.
-    """
+    """Compute the hot mould, print and draw it; write wall and tube beside the picture."""
     from mpi4py import MPI
 
     from castfem.model.build_mould import nominal_mould
     from castfem.model.wall_shape import write_wall
     from castfem.physics.mould.hot.vtk_file import write_tube
-    from castfem.post.plots.hot_mould import draw
+    from castfem.post.plots.mould import draw_hot
     from castfem.studies.mould_fit.coupled import MOST, hot_mould_of, table_of
     from castfem.studies.mould_fit.coupled import drawing as drawn
 
@@ -169,7 +135,7 @@ def draw_hot_mould(case: Case, picture: Path, origin: str, *, coupled: bool) -> 
         print(f'\nwall in {target}: to run in it, mould.displacement = {{ file = "{target}" }}')
     print(f"\ntube in {solid}, for ParaView: temperature, displacement, von_mises")
     with drawing(picture):
-        draw(found, wall, picture, case.title)
+        draw_hot(found, wall, picture, case.title)
 
 
 def hot_rows(wall: HotWall) -> list[tuple[str, str]]:
@@ -207,7 +173,12 @@ def size_table(found: Drawing, wall: HotWall) -> Table:
     import numpy as np
 
     mould = found.cold
-    names = [name for name in mould.dimensions(0.0) if name != "height" or _unequal(found)]
+    ends = [found.hot.dimensions(z) for z in (0.0, found.hot.length)]
+    names = [
+        name
+        for name in mould.dimensions(0.0)
+        if name != "height" or any(abs(size["width"] - size["height"]) > 1e-7 for size in ends)
+    ]
     head = ["position [mm]"]
     head += [f"{name} {state} [mm]" for name in names for state in ("cold", "hot")]
     columns = {"hot face": wall.hot[:, 0]}
@@ -225,12 +196,6 @@ def size_table(found: Drawing, wall: HotWall) -> Table:
         ]
         rows.append([f"{1e3 * z:.4g}", *sizes, *(f"{value:.0f}" for value in faces)])
     return Table(head, rows)
-
-
-def _unequal(found: Drawing) -> bool:
-    """Return whether width and height are not the same somewhere."""
-    ends = (found.hot.dimensions(z) for z in (0.0, found.hot.length))
-    return any(abs(size["width"] - size["height"]) > 1e-7 for size in ends)
 
 
 def turn_table(turns: Sequence[Turn]) -> Table:
@@ -258,22 +223,11 @@ def _changed(turn: Turn) -> str:
 
 
 def find_outline(case: Case, picture: Path, origin: str, at: str | None) -> None:
-    """Find the section, print the runs, draw it, and write outline and wall beside the picture.
-
-    Args:
-        case: The case; its section is the wanted one.
-        picture: File of the picture; the files of the outline and the wall begin like it.
-        origin: What the user called the case, for messages.
-        at: Position of the wanted section with its unit; None: the end of the mould.
-
-    Raises:
-        InputError: The case cannot be asked, or a file cannot be written.
-        RunFailure: A run fails, or they do not come closer.
-    """
+    """Find the section, print the runs, draw it, and write outline and wall beside the picture."""
     from mpi4py import MPI
 
     from castfem.model.wall_shape import write_wall
-    from castfem.post.plots.section_shape import draw
+    from castfem.post.plots.mould import draw_section
     from castfem.studies.mould_fit.section import find_section, natural_wall, sides_of_section
 
     check_picture(picture)
@@ -304,7 +258,7 @@ def find_outline(case: Case, picture: Path, origin: str, at: str | None) -> None
     print(f'\noutline in {outline}: section.bulge = {{ file = "{outline}" }}')
     print(f'wall that follows it in {wall}: mould.displacement = {{ file = "{wall}" }}')
     with drawing(picture):
-        draw(attempts, sides, picture, case.title)
+        draw_section(attempts, sides, picture, case.title)
 
 
 def outline_table(attempt: Attempt) -> Table:
@@ -320,11 +274,7 @@ def outline_table(attempt: Attempt) -> Table:
 
 
 def write_outline(path: Path, outline: Outline, about: str) -> None:
-    """Write an outline as `section.bulge` reads it, whole or not at all.
-
-    Raises:
-        InputError: It cannot be written.
-    """
+    """Write an outline as `section.bulge` reads it, whole or not at all."""
     rows = zip(outline.ways, outline.offset, strict=True)
     lines = [f"# {about}", "way [mm], value [mm]"]
     lines += [f"{1e3 * way:.9g}, {1e3 * offset:.9g}" for way, offset in rows]

@@ -58,12 +58,7 @@ class RunLines:
 
 
 def optimise_case(options: Request) -> int:
-    """Search, and return the exit status: 2 where nothing meets the constraints (collective).
-
-    Raises:
-        InputError: Something the user wrote cannot be used.
-        RunFailure: A file cannot be written.
-    """
+    """Search, and return the exit status: 2 where nothing meets the constraints (collective)."""
     return many_runs.on_root(
         lambda ranks: _prepared(options, ranks),
         lambda prepared, _: _done(*prepared, options),
@@ -81,11 +76,7 @@ def _done(study: Study, target: Path, options: Request) -> int:
 
 
 def _prepared(options: Request, ranks: bool) -> tuple[Study, Path]:
-    """Read the case and look at its folder.
-
-    Raises:
-        InputError: As `optimise_case`.
-    """
+    """Read the case and look at its folder."""
     many_runs.check_processes(options.processes, ranks, options.ranks)
     path = shipped_cases.find(options.name)
     case = load_case(path, options.overrides)
@@ -137,7 +128,7 @@ def _report(study: Study, optimum: Optimum, target: Path, options: Request) -> i
 
 def _drawn(study: Study, optimum: Optimum, target: Path) -> list[str]:
     """Draw the answer, and return the names of the files."""
-    from castfem.post.plots import optimisation as figures
+    from castfem.post.plots import studies as figures
     from castfem.post.plots.style import save
 
     drawn = {figures.OPTIMUM_NAME: figures.optimum_figure(optimum)}

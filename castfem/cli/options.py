@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -26,54 +26,30 @@ DEFAULT = "default"
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What the user asked of a command that runs cases.
+    """What the user asked of a command that runs cases."""
 
-    Attributes:
-        name: Case file, folder of a run, or name of a shipped case.
-        folder: Where the command writes; None for the default.
-        overrides: Assignments of --set.
-        processes: How many runs at once; None for one a core.
-        ranks: Of each run, under mpirun.
-        resume: Go on from checkpoints.
-        overwrite: Run anew, also over runs of other cases.
-        figures: Draw the figures.
-        quiet: Print nothing but errors.
-        accuracy: Word for cells, steps and windows; "default" for those of the case.
-        at: Positions, m, whose results are asked for.
-        units: Those of --units.
-    """
-
-    name: str
-    folder: Path | None
-    overrides: tuple[str, ...] = ()
-    processes: int | None = None
-    ranks: int = 1
-    resume: bool = False
-    overwrite: bool = False
-    figures: bool = True
-    quiet: bool = False
-    accuracy: str = DEFAULT
-    at: tuple[float, ...] = ()
-    units: tuple[str, ...] = ()
+    name: str  #: case file, folder of a run, or name of a shipped case
+    folder: Path | None  #: where the command writes; None for the default
+    overrides: tuple[str, ...] = ()  #: assignments of --set
+    processes: int | None = None  #: how many runs at once; None for one a core
+    ranks: int = 1  #: of each run, under mpirun
+    resume: bool = False  #: go on from checkpoints
+    overwrite: bool = False  #: run anew, also over runs of other cases
+    figures: bool = True  #: draw the figures
+    quiet: bool = False  #: print nothing but errors
+    accuracy: str = DEFAULT  #: word for cells, steps and windows; "default" for those of the case
+    at: tuple[float, ...] = ()  #: positions, m, whose results are asked for
+    units: tuple[str, ...] = ()  #: those of --units
 
     def target(self, path: Path, ending: str) -> Path:
-        """Where the command writes: by default beside a run of the case, its name with an ending.
-
-        Args:
-            path: Of the case.
-            ending: What the name has behind that of the run.
-        """
+        """Where the command writes: by default the folder of a run of the case, with an ending."""
         from castfem.model import shipped_cases
 
         alone = shipped_cases.default_folder(self.name, path)
         return self.folder or alone.with_name(f"{alone.name}{ending}")
 
     def sizes(self, path: Path) -> list[str]:
-        """The assignments that stand for the accuracy that is asked for.
-
-        Raises:
-            InputError: There is no such accuracy, or the case is not sound.
-        """
+        """The assignments that stand for the accuracy that is asked for."""
         if self.accuracy == DEFAULT:
             return []
         from castfem.model import load_case
@@ -82,24 +58,13 @@ class Request:
         return assignments(load_case(path, self.overrides), self.accuracy)
 
     def case(self, path: Path) -> Case:
-        """The case with the keys and the accuracy that are asked for.
-
-        Raises:
-            InputError: It is not sound, or there is no such accuracy.
-        """
+        """The case with the keys and the accuracy that are asked for."""
         from castfem.model import load_case
 
         return load_case(path, (*self.overrides, *self.sizes(path)))
 
     def check_reached(self, length: float) -> None:
-        """Refuse places that no run comes to.
-
-        Args:
-            length: To which they go, m.
-
-        Raises:
-            InputError: One lies beyond it, or above the meniscus.
-        """
+        """Refuse places that no run comes to: it goes down to `length`, m."""
         from castfem.base.constants import ROUNDING
         from castfem.base.shown_units import place_said
 
@@ -109,6 +74,23 @@ class Request:
                 f"--at {', '.join(beyond)}: the run goes from the meniscus to "
                 f"{place_said(length)}; give a place within, or a longer casting.length"
             )
+
+
+Asked = TypeVar("Asked", bound=Request)
+_ATTRIBUTES = {"case": "name", "output": "folder", "jobs": "processes"}
+
+
+def asked(
+    kind: type[Asked], at: Sequence[str] = (), units: tuple[str, ...] = (), **given: Any
+) -> Asked:
+    """What the words on a command line ask for; places and units are checked before it runs."""
+    places: tuple[float, ...] = ()
+    if at:
+        from castfem.runs.results.places import read_positions
+
+        places = tuple(read_positions(at))
+    found = {_ATTRIBUTES.get(name, name): value for name, value in given.items()}
+    return kind(at=places, units=sound_units(units), **found)
 
 
 class _Path(click.Path):
@@ -196,11 +178,7 @@ def file_for(output: Path | None, name: str) -> Path:
 
 @contextmanager
 def chosen(units: Sequence[str]) -> Iterator[None]:
-    """Show numbers in the units that were asked for with --units, if any were.
-
-    Raises:
-        InputError: They cannot be read.
-    """
+    """Show numbers in the units that were asked for with --units, if any were."""
     if not units:
         yield
         return
@@ -212,26 +190,13 @@ def chosen(units: Sequence[str]) -> Iterator[None]:
 
 
 def sound_units(units: tuple[str, ...]) -> tuple[str, ...]:
-    """Return what was given with --units, for a command that needs it only when its runs are done.
-
-    Raises:
-        InputError: It cannot be read.
-    """
+    """Return what was given with --units, checked before the runs begin."""
     with chosen(units):
         return units
 
 
 def above_zero(option: str, text: str, unit: str) -> float:
-    """Return what an option gives, in SI.
-
-    Args:
-        option: As it is written, such as --every.
-        text: Its quantity, with unit.
-        unit: What it is measured in, such as s.
-
-    Raises:
-        InputError: It is no such quantity, or not above 0.
-    """
+    """Return what an option gives, in SI."""
     from castfem.base.units import parse
 
     try:
@@ -245,12 +210,19 @@ def above_zero(option: str, text: str, unit: str) -> float:
 
 @contextmanager
 def read_from(path: Path) -> Iterator[None]:
-    """Return a block in which what cannot be built of a case is said of its file.
-
-    Raises:
-        InputError: What cannot be built.
-    """
+    """Return a block in which what cannot be built of a case is said of its file."""
     try:
         yield
     except CaseError as error:
         raise error.of(path) from error
+
+
+def case_and_target(
+    case: str, output: Path | None, overrides: Sequence[str], ending: str
+) -> tuple[Case, Path]:
+    """Return a case, and where its picture goes: by default its name with an ending."""
+    from castfem.model import load_case
+    from castfem.model.shipped_cases import find
+
+    path = find(case)
+    return load_case(path, overrides), file_for(output, f"{path.stem}_{ending}.png")

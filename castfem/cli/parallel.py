@@ -50,11 +50,7 @@ def rank_and_size() -> tuple[int, int]:
 
 
 def check_launcher() -> None:
-    """Refuse processes that a launcher has started as ranks, and that MPI does not connect.
-
-    Raises:
-        InputError: Each would do the whole work, and all in the same folder.
-    """
+    """Refuse processes that a launcher has started as ranks, and that MPI does not connect."""
     _, size = rank_and_size()
     _, tasks = started()
     if tasks > size:

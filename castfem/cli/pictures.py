@@ -15,6 +15,7 @@ from castfem.cli.command import Argument, command
 from castfem.cli.options import (
     PATH,
     above_zero,
+    case_and_target,
     case_name,
     file_for,
     folder,
@@ -33,12 +34,10 @@ def mesh(case: str, output: Path | None, overrides: tuple[str, ...]) -> None:
     """Draw the mesh of a case and print its counts and quality."""
     from castfem.cli.drawing import draw_mesh
     from castfem.cli.options import read_from
-    from castfem.model import load_case
     from castfem.model.shipped_cases import find
 
-    path = find(case)
-    with read_from(path):
-        draw_mesh(load_case(path, overrides), file_for(output, f"{path.stem}_mesh.png"))
+    with read_from(find(case)):
+        draw_mesh(*case_and_target(case, output, overrides, "mesh"))
 
 
 @command("mould billet125/hot --hot")
@@ -55,18 +54,13 @@ def mould(
     case: str, output: Path | None, hot: bool, coupled: bool, overrides: tuple[str, ...]
 ) -> None:
     """Print size and taper of a case's mould, and draw it; --hot, --coupled: cold and at work."""
-    from castfem.cli.mould import draw_mould
-    from castfem.model import load_case
-    from castfem.model.shipped_cases import find
+    from castfem.cli.mould import draw_hot_mould, draw_mould
 
-    path = find(case)
     if hot or coupled:
-        from castfem.cli.mould import draw_hot_mould
-
-        target = file_for(output, f"{path.stem}_hot.png")
-        draw_hot_mould(load_case(path, overrides), target, case, coupled=coupled)
+        loaded, target = case_and_target(case, output, overrides, "hot")
+        draw_hot_mould(loaded, target, case, coupled=coupled)
         return
-    draw_mould(load_case(path, overrides), file_for(output, f"{path.stem}_mould.png"), case)
+    draw_mould(*case_and_target(case, output, overrides, "mould"), case)
 
 
 @command("section billet125/idealised")
@@ -77,12 +71,8 @@ def mould(
 def section(case: str, output: Path | None, at: str | None, overrides: tuple[str, ...]) -> None:
     """Find the outline at the meniscus whose strand has the case's section further down."""
     from castfem.cli.mould import find_outline
-    from castfem.model import load_case
-    from castfem.model.shipped_cases import find
 
-    path = find(case)
-    target = file_for(output, f"{path.stem}_section.png")
-    find_outline(load_case(path, overrides), target, case, at)
+    find_outline(*case_and_target(case, output, overrides, "section"), case, at)
 
 
 @command("machine slab1200/reference")
@@ -93,12 +83,8 @@ def section(case: str, output: Path | None, at: str | None, overrides: tuple[str
 def machine(case: str, output: Path | None, run: Path | None, overrides: tuple[str, ...]) -> None:
     """Print the rolls of a case, and draw its caster."""
     from castfem.cli.machine import draw_machine
-    from castfem.model import load_case
-    from castfem.model.shipped_cases import find
 
-    path = find(case)
-    target = file_for(output, f"{path.stem}_machine.png")
-    draw_machine(load_case(path, overrides), target, case, run)
+    draw_machine(*case_and_target(case, output, overrides, "machine"), case, run)
 
 
 @command("material carbon_042")

@@ -26,16 +26,7 @@ _FAR = 3.0  # times a published flux, or this part of it: another unit was meant
 
 
 def heat_lines(case: Case, steel: Steel, mesh: SectionMesh) -> list[str]:
-    """Return what the given fluxes of a sound case take without a gap, a line for each law.
-
-    Args:
-        case: The case.
-        steel: Its steel.
-        mesh: Of its section.
-
-    Raises:
-        InputError: A flux is scaled to a measured total and takes no heat.
-    """
+    """Return what the given fluxes of a sound case take without a gap, a line for each law."""
     machine, start, lines = build_machine(case), 0.0, list[str]()
     fixed = {one.where for one in fixed_heat(case)}
     for zone in case.cooling:
@@ -43,8 +34,10 @@ def heat_lines(case: Case, steel: Steel, mesh: SectionMesh) -> list[str]:
         if start >= case.casting.length:
             break
         for law in zone.surface:
-            given = _given(law) if isinstance(law, ScaledLaw) else None
+            given = law.curve if isinstance(law, ScaledLaw) else None
             if not isinstance(law, ScaledLaw) or given is None or end <= start:
+                continue
+            if isinstance(given, Table) and given.over == "temperature":
                 continue
             extent = Extent(start, end, mesh.perimeter(law_groups(case.section, law)))
             around = Surroundings(steel, machine, extent=extent, clock=case.casting.clock)
@@ -58,12 +51,6 @@ def heat_lines(case: Case, steel: Steel, mesh: SectionMesh) -> list[str]:
                 lines.append(f"  {EVEN_FLUX}; {fix(case)}")
         start = end
     return lines
-
-
-def _given(law: ScaledLaw) -> str | float | Table | None:
-    """The flux that a law is given over the way; None where it has none, or one by temperature."""
-    found = law.curve
-    return None if isinstance(found, Table) and found.over == "temperature" else found
 
 
 def _on(law: ScaledLaw) -> str:
@@ -107,13 +94,7 @@ def _published(machine: Machine, between: tuple[float, float]) -> dict[str, floa
 
 
 def water_flows(case: Case, supply: Supply, mesh: SectionMesh) -> list[tuple[str, float]]:
-    """Return name and flow, m3/s, of all zones and circuits with sprays, each at its largest.
-
-    Args:
-        case: A sound case.
-        supply: Of water.
-        mesh: Of its section.
-    """
+    """Return name and flow, m3/s, of all zones and circuits with sprays, each at its largest."""
     found: list[tuple[str, float]] = []
     start = 0.0
     for zone in case.cooling:

@@ -15,21 +15,24 @@ import click
 
 from castfem.base.atomic_files import write_text
 from castfem.cli.app import app
+from castfem.cli.command import EXIT
 
 _HEAD = """\
 # Commands
 
 What each command takes; `castfem COMMAND -h` prints the same. This page is written by
 `python -m castfem.cli.reference_page docs/commands.md`. A case is a file, or the name of a shipped
-one (`castfem cases`). Exit status: 0 if all went well, 1 for bad input, 2 for a run that could not
-go on.
+one (`castfem cases`).
 Equation numbers are those of [Pascon2003](references.md).
 """
+_TABLE = "\n| exit status | |\n|---|---|\n"
 
 
 def markdown_page() -> str:
     """The page."""
-    return _HEAD + "".join(_section(name, command) for name, command in app.commands.items())
+    rows = "".join(f"| {status} | {meaning} |\n" for status, meaning in EXIT.items())
+    sections = (_section(name, command) for name, command in app.commands.items())
+    return "".join([_HEAD, _TABLE, rows, *sections])
 
 
 def _section(name: str, command: click.Command) -> str:
@@ -38,6 +41,7 @@ def _section(name: str, command: click.Command) -> str:
     called = " ".join(["castfem", name, *map(_value, arguments)])
     rows = "".join(_row(p) for p in command.params if getattr(p, "help", None))
     head = f"\n## castfem {name}\n\n`{called}`\n\n{(command.help or '').strip()}\n"
+    head += f"\n```sh\n{(command.epilog or '').splitlines()[1].removeprefix('Example: ')}\n```\n"
     return head + (f"\n| | |\n|---|---|\n{rows}" if rows else "")
 
 

@@ -27,24 +27,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Options(Request):
-    """What the user asked for.
+    """What the user asked for."""
 
-    Attributes:
-        profile: Print where the time went.
-        verbosity: -1 quiet, 0 normal, 1 and more verbose.
-    """
-
-    profile: bool = False
-    verbosity: int = 0
+    profile: bool = False  #: print where the time went
+    verbosity: int = 0  #: -1 quiet, 0 normal, 1 and more verbose
 
 
 def run_case(options: Options) -> None:
-    """Run a case on all ranks.
-
-    Raises:
-        InputError: Something the user wrote cannot be used; the same on all ranks.
-        CastfemError: The run failed; on all ranks.
-    """
+    """Run a case on all ranks."""
     comm = parallel.communicator()
     rank = parallel.rank_of(comm)
     log.setup(options.verbosity, rank)
@@ -55,7 +45,10 @@ def run_case(options: Options) -> None:
                 with read_from(_place(options)[0]):
                     _run_case(case, target, comm, options)
             except Exception as error:
-                _log_to_file(error)
+                # in run.log, with the traceback if it was not raised on purpose
+                known = isinstance(error, CastfemError)
+                text = str(error) if known else "".join(traceback.format_exception(error))
+                log.logger.error("%s", text, extra=log.FILE_ONLY)
                 raise
     finally:
         log.close()
@@ -70,7 +63,10 @@ def _validated(comm: MPI.Intracomm | None, options: Options) -> tuple[AnyCase, P
     problems: list[str] = []
     try:
         path, target = _place(options)
-        case, _, problems = problems_of(path, options.overrides, _scaled(path, options))
+        resumed = options.resume and (path.parent / RUN_NAME).is_file()
+        if options.accuracy != DEFAULT and resumed:
+            raise InputError("--resume goes on with the sizes of the run: leave out --accuracy")
+        case, _, problems = problems_of(path, options.overrides, options.sizes(path))
     except InputError as error:
         problems = list(error.problems)
     found = parallel.agree(comm, tuple(problems))
@@ -85,24 +81,8 @@ def _validated(comm: MPI.Intracomm | None, options: Options) -> tuple[AnyCase, P
     return case, target
 
 
-def _scaled(path: Path, options: Options) -> list[str]:
-    """Return the assignments that stand for the accuracy that is asked for.
-
-    Raises:
-        InputError: There is no such accuracy, the case is not sound, or its run is taken up again.
-    """
-    resumed = options.resume and (path.parent / RUN_NAME).is_file()
-    if options.accuracy != DEFAULT and resumed:
-        raise InputError("--resume goes on with the sizes of the run: leave out --accuracy")
-    return options.sizes(path)
-
-
 def _place(options: Options) -> tuple[Path, Path]:
-    """Return the case file and the folder to write into.
-
-    Raises:
-        InputError: There is no such case, or it is not told where its run shall go.
-    """
+    """Return the case file and the folder to write into."""
     given = Path(options.name)
     home = given if given.is_dir() else given.parent
     is_run = (home / RUN_NAME).is_file() and (given == home or given.name == CASE_NAME)
@@ -168,10 +148,3 @@ def _show(target: Path, quiet: bool, *, figures: bool) -> None:
         for line in error_lines({"": target}):
             print(line)
         print(f"results in {target}")
-
-
-def _log_to_file(error: Exception) -> None:
-    """Leave the error in run.log, with the traceback if it was not raised on purpose."""
-    known = isinstance(error, CastfemError)
-    text = str(error) if known else "".join(traceback.format_exception(error))
-    log.logger.error("%s", text, extra=log.FILE_ONLY)

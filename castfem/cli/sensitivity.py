@@ -27,24 +27,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Options(Request):
-    """What the user asked for.
+    """What the user asked for."""
 
-    Attributes:
-        of: Results.
-        to: Parameters.
-    """
-
-    of: tuple[str, ...] = ()
-    to: tuple[str, ...] = ()
+    of: tuple[str, ...] = ()  #: results
+    to: tuple[str, ...] = ()  #: parameters
 
 
 def sensitivity_of_case(options: Options) -> None:
-    """Run, differentiate, print, write and draw (collective).
-
-    Raises:
-        InputError: Something the user wrote cannot be used.
-        RunFailure: The run fails, or a file cannot be written.
-    """
+    """Run, differentiate, print, write and draw (collective)."""
     from castfem.studies.sensitivity.run import sensitivity
 
     comm = parallel.communicator()
@@ -73,7 +63,7 @@ def sensitivity_of_case(options: Options) -> None:
 
 def _tell(found: Sensitivity, case: Case, target: Path, options: Options) -> None:
     """Draw and print."""
-    from castfem.post.plots.tornado import FIGURE_NAME, draw_tornado
+    from castfem.post.plots.studies import FIGURE_NAME, draw_tornado
     from castfem.studies.sensitivity.result import CSV_NAME, JSON_NAME
 
     written = [CSV_NAME, JSON_NAME]

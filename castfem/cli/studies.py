@@ -1,6 +1,6 @@
 """Commands that study a case by runs: sweep, error, optimise, calibrate, sensitivity.
 
-What a command only hands on to its `Options` is in `given`, by the names of their attributes.
+What a command only hands on to its `Options` is in `given` (`castfem.cli.options.asked`).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import click
 from castfem.base.errors import InputError
 from castfem.cli import completion, options
 from castfem.cli.command import command
-from castfem.cli.options import PATH, case_name, jobs, output, overrides, quiet, sound_units
+from castfem.cli.options import PATH, asked, case_name, jobs, output, overrides, quiet
 
 
 @command('sweep billet125/thermal --set casting.speed="3 m/min","4 m/min"')
@@ -46,42 +46,28 @@ from castfem.cli.options import PATH, case_name, jobs, output, overrides, quiet,
 @click.option("--collect", is_flag=True, help="Run nothing: the table of what has been run.")
 @options.ranks
 @click.option(
-    "--slurm", metavar="FILE", type=PATH, help="Write a SLURM script for the parts; run nothing."
+    "script",
+    "--slurm",
+    metavar="FILE",
+    type=PATH,
+    help="Write a SLURM script for the parts; run nothing.",
 )
 @options.at
 @options.accuracy
 @options.units
 @quiet
-def sweep(
-    case: str,
-    output: Path | None,
-    jobs: int | None,
-    slurm: Path | None,
-    at: tuple[str, ...],
-    units: tuple[str, ...],
-    **given: Any,
-) -> int:
+def sweep(**given: Any) -> int:
     """Run a case with several values, in parallel. What is finished is not run again."""
     from castfem.cli.sweeping import Options, sweep_case
-    from castfem.runs.results.places import read_positions
 
     if given["resume"] and given["overwrite"]:
         raise InputError("--resume and --overwrite exclude each other")
-    if given["collect"] and (given["part"] or given["overwrite"] or slurm is not None):
+    alone = given["part"] or given["overwrite"] or given["script"] is not None
+    if given["collect"] and alone:
         raise InputError("--collect runs nothing: leave out --part, --overwrite and --slurm")
-    if slurm is not None and given["overwrite"]:
+    if given["script"] is not None and given["overwrite"]:
         raise InputError("--slurm and --overwrite exclude each other: parts are taken up again")
-    return sweep_case(
-        Options(
-            name=case,
-            folder=output,
-            processes=jobs,
-            script=slurm,
-            at=tuple(read_positions(at)),
-            units=sound_units(units),
-            **given,
-        )
-    )
+    return sweep_case(asked(Options, **given))
 
 
 @command("error billet125/thermal --to 1%")
@@ -100,28 +86,11 @@ def sweep(
 @options.at
 @options.units
 @quiet
-def error(
-    case: str,
-    output: Path | None,
-    jobs: int | None,
-    at: tuple[str, ...],
-    units: tuple[str, ...],
-    **given: Any,
-) -> int:
+def error(**given: Any) -> int:
     """Run a case on other meshes, with other steps and windows: the error of each number."""
     from castfem.cli.accuracy import Options, error_of_case
-    from castfem.runs.results.places import read_positions
 
-    return error_of_case(
-        Options(
-            name=case,
-            folder=output,
-            processes=jobs,
-            at=tuple(read_positions(at)),
-            units=sound_units(units),
-            **given,
-        )
-    )
+    return error_of_case(asked(Options, **given))
 
 
 @command("optimise billet125/optimum_single")
@@ -133,15 +102,11 @@ def error(
 @click.option("--figures/--no-figures", default=True, help="Draw the answer.")
 @options.units
 @quiet
-def optimise(
-    case: str, output: Path | None, jobs: int | None, units: tuple[str, ...], **given: Any
-) -> int:
+def optimise(**given: Any) -> int:
     """Find the best values of a case's keys, by its table [optimise]. The same command goes on."""
     from castfem.cli.optimising import optimise_case
 
-    return optimise_case(
-        options.Request(name=case, folder=output, processes=jobs, units=sound_units(units), **given)
-    )
+    return optimise_case(asked(options.Request, **given))
 
 
 @command('calibrate CASE --to DATA.csv --free casting.speed="2..4 m/min"')
@@ -166,21 +131,12 @@ def optimise(
 @jobs
 @options.units
 @quiet
-def calibrate(
-    case: str,
-    to: Path,
-    free: tuple[str, ...],
-    output: Path | None,
-    overrides: tuple[str, ...],
-    jobs: int | None,
-    units: tuple[str, ...],
-    quiet: bool,
-) -> int:
+def calibrate(case: str, to: Path, free: tuple[str, ...], output: Path | None, **given: Any) -> int:
     """Fit keys of a case to measured temperatures, shells or heat, within bounds."""
     from castfem.cli.calibrating import calibrate_case
 
-    words = sound_units(units)
-    return calibrate_case(case, to, free, output, overrides, jobs, quiet=quiet, units=words)
+    options.sound_units(given["units"])
+    return calibrate_case(case, to, free, output, processes=given.pop("jobs"), **given)
 
 
 @command("sensitivity billet125/thermal --to casting.speed,casting.superheat")
@@ -202,8 +158,8 @@ def calibrate(
 @click.option("--figures/--no-figures", default=True, help="Draw the figure.")
 @options.units
 @quiet
-def sensitivity(case: str, output: Path | None, units: tuple[str, ...], **given: Any) -> None:
+def sensitivity(**given: Any) -> None:
     """Run a case once, with the derivatives of its results by some of its keys."""
     from castfem.cli.sensitivity import Options, sensitivity_of_case
 
-    sensitivity_of_case(Options(name=case, folder=output, units=sound_units(units), **given))
+    sensitivity_of_case(asked(Options, **given))

@@ -38,8 +38,8 @@ class Options(Request):
     assignments: tuple[str, ...] = ()  #: those of --set, with one or several values each
     table: Path | None = None  #: CSV file of runs
     part: str = ""  #: which share of the runs to do, `3/20`; "" for all
+    #: run nothing; make the table of what has been run, in parts or elsewhere
     collect: bool = False
-    """Run nothing; make the table of what has been run, in parts or elsewhere."""
     script: Path | None = None  #: write a script that does the sweep in parts, and run nothing
 
 
@@ -59,12 +59,7 @@ class _Sweep:
 
 
 def sweep_case(options: Options) -> int:
-    """Do a sweep and return the exit status: 2 if a run failed, else 0 (collective).
-
-    Raises:
-        InputError: Something the user wrote cannot be used; nothing has been run.
-        RunFailure: The record of the sweep cannot be written.
-    """
+    """Do a sweep and return the exit status: 2 if a run failed, else 0 (collective)."""
     if options.script is not None or options.collect:
         return _alone(options) if parallel.rank_and_size()[0] == 0 else 0
     return many_runs.on_root(
@@ -74,11 +69,7 @@ def sweep_case(options: Options) -> int:
 
 
 def _planned(options: Options) -> tuple[tuple[Variant, ...], Path]:
-    """Plan the sweep; return its runs and its folder.
-
-    Raises:
-        InputError: As `sweep_case`.
-    """
+    """Plan the sweep; return its runs and its folder."""
     path = shipped_cases.find(options.name)
     variants = plan(options.case(path), options.assignments, options.table)
     target = options.target(path, "_sweep")
@@ -90,11 +81,7 @@ def _planned(options: Options) -> tuple[tuple[Variant, ...], Path]:
 
 
 def _prepared(options: Options, ranks: bool) -> _Sweep:
-    """Plan the sweep and look at its folder.
-
-    Raises:
-        InputError: As `sweep_case`.
-    """
+    """Plan the sweep and look at its folder."""
     many_runs.check_processes(options.processes, ranks, options.ranks)
     everything, target = _planned(options)
     share = Share.read(options.part) if options.part else Share(1, 1)
@@ -115,11 +102,7 @@ def _draw(folder: Path) -> None:
 
 
 def _alone(options: Options) -> int:
-    """Make the table of what has been run, or the script; return the exit status.
-
-    Raises:
-        InputError: As `sweep_case`.
-    """
+    """Make the table of what has been run, or the script; return the exit status."""
     variants, target = _planned(options)
     if options.script is not None:
         words = [options.name, "-o", str(target)]

@@ -334,13 +334,18 @@ def override(
     entitle(document)
 
 
+_NAMED = 3  # changes in a title at most
+_WIDE, _LONG = 110, 48  # characters of a title with further changes, and of one change
 _LESS_NEWS = ("mesh", "thermal", "coupling")  # which change how well it is computed
 # Keys, and what is below them, that change no result.
 _NO_NEWS = ("title", "output", "reference", "verification", "optimise")
 
 
 def entitle(document: Document) -> None:
-    """Say in the title what was changed, unless that was: it heads tables and pictures."""
+    """Say in the title what was changed, unless that was: it heads tables and pictures.
+
+    The first change is named, others as far as there is room; the rest are counted.
+    """
     title, changes = document.data.get("title"), dict(document.changes)
     keys = sorted(changes, key=lambda key: key.partition(".")[0] in _LESS_NEWS)
     listed = {key: changes[key] for key in keys if key.partition(".")[0] not in _NO_NEWS}
@@ -348,8 +353,12 @@ def entitle(document: Document) -> None:
         return
     parts = [p for p in title.split("; ") if p.partition(" = ")[0] not in listed]
     named = [f"{key} = {shown(value).strip(chr(34))}" for key, value in listed.items()]
-    more = [f"and {len(named) - 3} more"] if len(named) > 3 else []
-    document.data["title"] = "; ".join([*parts, *named[:3], *more])
+    named = [one if len(one) <= _LONG else f"{one[: _LONG - 4]} ..." for one in named]
+    count = 1
+    while count < min(len(named), _NAMED) and len("; ".join([*parts, *named[: count + 1]])) < _WIDE:
+        count += 1
+    more = [f"and {len(named) - count} more"] if len(named) > count else []
+    document.data["title"] = "; ".join([*parts, *named[:count], *more])
 
 
 def put(document: Document, key: str, value: Any, label: str) -> None:

@@ -154,6 +154,9 @@ def test_help_tells_the_commands(castfem):
     assert outcome.status == 0
     for name in ("run", "check", "cases", "init", "show", "mesh", "material", "schema"):
         assert name in outcome.out
+    shown = dict(re.findall(r"^  (\d+) +(.*)$", outcome.out.partition("Exit status:")[2], re.M))
+    assert list(shown) == ["0", "1", "2", "130"]
+    assert shown["1"].startswith("the input") and shown["130"].startswith("interrupted")
 
 
 def test_without_words_the_help_is_printed(castfem):
@@ -181,7 +184,7 @@ def test_the_example_of_a_command_is_understood(castfem, name):
     command = app.commands[name]
     context = command.make_context(name, words)
     assert set(context.params) == {one.name for one in command.params}
-    assert "Exit status: 0 if" in shown
+    assert shown.count("Exit status: 0 if") == 1 and "130 if interrupted" in shown
 
 
 def test_unexpected_error_asks_for_a_report(castfem, monkeypatch):

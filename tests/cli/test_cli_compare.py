@@ -17,9 +17,8 @@ import castfem as package
 from castfem.base.shown_quantity import Quantity
 from castfem.post.compare import drawing
 from castfem.post.compare.figures import figures, parts
-from castfem.post.compare.remarks import remarks
 from castfem.post.compare.runs import Run
-from castfem.post.compare.table import SHARE, csv_table, lines, table_of
+from castfem.post.compare.table import SHARE, csv_table, lines, remarks, table_of
 from castfem.runs.output.history import History, read_history
 from castfem.runs.output.summary import Comparison, Reference, Summary, Zone
 

@@ -108,6 +108,22 @@ def test_the_section_shows_the_fields(folder: Path) -> None:
     assert shown == pytest.approx(mean, abs=0.05)
 
 
+def test_the_section_has_axes(folder: Path, page: str) -> None:
+    (found,) = sections([folder])
+    assert found is not None
+    with Fields(folder) as fields:
+        width, height = 2e3 * np.abs(fields.points[:, :2]).max(axis=0)
+    for (label, marks), size, side, sign in zip(
+        found.axes, found.box, (width, height), (1.0, -1.0), strict=True
+    ):
+        assert label in ("x [mm]", "y [mm]") and len(marks) > 2
+        places = [float(mark.text) / side * size for mark in marks]
+        assert [mark.place for mark in marks] == pytest.approx([sign * p for p in places], abs=0.1)
+    (axes,) = (e for e in parsed(page).iter(f"{NAMESPACE}g") if e.get("class") == "axes")
+    texts = [e.text for e in axes.iter(f"{NAMESPACE}text")]
+    assert texts[-2:] == ["x [mm]", "y [mm]"] and "0" in texts
+
+
 def test_sections_of_several_runs_have_one_scale_of_colours(folder: Path, tmp_path: Path) -> None:
     other = tmp_path / "hotter"
     shutil.copytree(folder, other)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import tomllib
@@ -406,5 +407,8 @@ def test_the_title_says_what_was_changed(write, sound):
     assert case.physics_hash() == case.with_(title="mine").physics_hash()
     many = [f"mesh.{k}_size=9 mm" for k in ("surface", "corner", "face", "core")]
     assert load_case(write(), many).title.endswith("; mesh.face_size = 9 mm; and 1 more")
+    long = [f"thermal.solver.{'x' * 50}{i}=5" for i in range(10)]
+    title = load_case(write(), long).title
+    assert len(title) < 130 and re.search(r"; and \d+ more$", title)
     title = load_case(write(), [*many, "casting.speed=3 m/min"]).title
     assert title.startswith(f"{plain}; casting.speed = 3 m/min; mesh.surface_size")

@@ -9,7 +9,7 @@ import pytest
 
 from castfem.model import load_case
 from castfem.model.build_mould import build_mould
-from castfem.post.plots.hot_mould import _closed, _radius
+from castfem.post.plots.mould import closed, radius_at
 
 PNG = b"\x89PNG\r\n\x1a\n"
 TUBE = """
@@ -33,7 +33,7 @@ def test_the_outline_that_is_drawn_is_that_of_the_mould():
     case = load_case(Path(__file__).parents[2] / "cases" / "billet125" / "hot.toml")
     cavity = build_mould(case.mould, case.section)
     angle = np.linspace(-0.7, 0.7, 301)
-    radius = _radius(_closed(cavity, 0.3), angle)
+    radius = radius_at(closed(cavity, 0.3, 400), angle)
     half = 0.5 * cavity.dimensions(0.3)["width"]
     assert np.abs(radius * np.cos(angle) - half).max() < 1e-6
 

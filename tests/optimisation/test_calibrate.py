@@ -131,6 +131,14 @@ def test_a_case_finds_the_coefficient_of_its_twin(
     assert json.loads((twin / "fit" / "calibration.json").read_text())["keys"] == [found]
     labels = [one.axes[0].get_ylabel().rpartition(" ")[2] for one in drawn]
     assert labels == ["[°C]", "[°F]"]
+    (along, against), (legend,) = drawn[0].axes, drawn[0].legends
+    assert [text.get_text() for text in legend.get_texts()] == [
+        "computed, before", "computed, fitted", "measured", "computed = measured",
+    ]  # fmt: skip
+    same, before, after = (line.get_xydata() for line in against.lines)
+    assert (same[:, 0] == same[:, 1]).all()
+    assert np.abs(np.diff(after)).max() < 1.0 < np.abs(np.diff(before)).max()
+    assert along.get_title() == "surface, mid-face" and against.get_xlabel() == "measured [°C]"
     assert float(drawn[1].axes[0].yaxis.get_major_formatter()(1000.0)) == pytest.approx(1832.0)
 
 

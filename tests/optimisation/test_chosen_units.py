@@ -11,7 +11,7 @@ from rich.console import Console
 from castfem.base.shown_units import ShownUnits, shown_in
 from castfem.base.table import say
 from castfem.post.compare.optimum_tables import report
-from castfem.post.plots import optimisation as figures
+from castfem.post.plots import studies as figures
 from castfem.studies.optimisation.optimum import (
     ConstraintStatus,
     Front,

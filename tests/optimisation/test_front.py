@@ -14,7 +14,7 @@ from small_case import small
 from castfem.base.errors import InputError
 from castfem.post.compare.optimum_files import write_front
 from castfem.post.compare.optimum_tables import report
-from castfem.post.plots.optimisation import front_figure
+from castfem.post.plots.studies import front_figure
 from castfem.post.plots.style import save
 from castfem.studies.optimisation import Evaluation, RunRequest, Study
 from castfem.studies.optimisation.optimum import Front

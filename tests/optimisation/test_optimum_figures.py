@@ -13,7 +13,7 @@ from matplotlib.colors import to_hex
 from small_case import small
 
 from castfem.base.shown_units import Scale, ShownUnits, shown_in
-from castfem.post.plots.optimisation import indices_figure, mould_figure, optimum_figure
+from castfem.post.plots.studies import indices_figure, mould_figure, optimum_figure
 from castfem.post.plots.style import save
 from castfem.studies.optimisation import Study
 from castfem.studies.optimisation.optimum import Spread, SpreadRow

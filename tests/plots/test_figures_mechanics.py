@@ -11,6 +11,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
+from PIL import Image
 from strained_run import moved_points, write_strained
 from synthetic_run import COLUMNS, HALF, LIQUIDUS, SOLIDUS, rectangle, temperature
 
@@ -30,7 +31,7 @@ from castfem.post.plots.figures import draw_figures
 from castfem.post.plots.section import Steel
 from castfem.post.plots.shape import Outline, WallLine, displacement, magnification, von_mises
 from castfem.post.plots.strand import Stack, View, draw_stack
-from castfem.post.plots.style import Abscissa, look, render
+from castfem.post.plots.style import Abscissa, head, look, new_figure, render, save
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.folder import FIGURES, MECHANICS_FIGURES, OutputFolder
 from castfem.runs.output.layout import components
@@ -54,7 +55,8 @@ def test_show_draws_all_figures_and_castfem_removes_them_again(tmp_path):
         image = matplotlib.image.imread(path)
         assert min(image.shape[:2]) > 400
         assert image[..., :3].std() > 0.02
-        assert path.stat().st_size < 200_000
+        # the stack has all colours of two scales, without bands
+        assert path.stat().st_size < (600_000 if path.stem == "stack" else 200_000)
     OutputFolder(run).begin("x = 1\n")
     assert not (run / "figures").exists()
 
@@ -257,6 +259,29 @@ def test_pictures_of_the_stack_have_one_scale(strained_run):
         assert scales == pytest.approx([scales[0]] * 4)
         tops = [axes.get_window_extent().height / np.ptp(axes.get_ylim()) for axes in pictures]
         assert tops == pytest.approx(scales)
+
+
+def test_colours_of_the_stack_run_into_one_another(strained_run, tmp_path):
+    """A palette would leave bands: of a scale each pixel along it has a colour of its own."""
+    with Fields(strained_run) as fields, look():
+        figure = draw_stack(fields, STEEL)
+        scale = next(axes for axes in figure.axes if "temperature" in axes.get_xlabel())
+        (x0, x1), (y0, y1) = scale.get_position().intervalx, scale.get_position().intervaly
+        image = np.asarray(Image.open(save(figure, tmp_path / "stack.png", shaded=True)))
+    height, width, depth = image.shape
+    line = image[round(height * (1.0 - 0.5 * (y0 + y1))), round(width * x0) : round(width * x1)]
+    assert depth == 3 and len(np.unique(line, axis=0)) > 200
+
+
+def test_a_title_goes_on_in_further_lines(tmp_path):
+    with look():
+        figure = new_figure(5.0, 3.0)
+        figure.subplots()
+        head(figure, "; ".join(f"casting.speed = {i} m/min" for i in range(10)), 9.0)
+        render(figure)
+        box = figure._suptitle.get_window_extent()
+    assert figure.get_suptitle().count("\n") > 1
+    assert box.x0 > 0.0 and box.x1 < figure.bbox.x1
 
 
 def test_rows_of_the_stack_lie_straight_between_its_slices(strained_run):

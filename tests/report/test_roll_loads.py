@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from castfem.model.shipped_cases import CASE_NAME, load
-from castfem.post.compare.remarks import remarks
 from castfem.post.compare.runs import Run
+from castfem.post.compare.table import remarks
 from castfem.post.report.remarks import remarks_of
 from castfem.runs.output.history import HISTORY_NAME
 from castfem.runs.output.summary import Summary

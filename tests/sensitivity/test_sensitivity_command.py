@@ -21,7 +21,7 @@ from castfem.base.table import say
 from castfem.cli.app import app
 from castfem.cli.sensitivity import head_of, remarks, table_of
 from castfem.post.plots.chosen_units import in_chosen_units
-from castfem.post.plots.tornado import draw_tornado
+from castfem.post.plots.studies import draw_tornado
 from castfem.studies.sensitivity.chosen_units import ShownRow
 from castfem.studies.sensitivity.parameters import Parameter
 from castfem.studies.sensitivity.result import Derivative, Sensitivity
@@ -132,7 +132,7 @@ def test_windows_that_were_cut_for_their_error_are_told() -> None:
 
 def test_a_result_without_a_known_derivative_says_so(tmp_path: Path, monkeypatch: Any) -> None:
     kept: list[Figure] = []
-    monkeypatch.setattr("castfem.post.plots.tornado.save", lambda figure, path: kept.append(figure))
+    monkeypatch.setattr("castfem.post.plots.studies.save", lambda figure, path: kept.append(figure))
     nan = float("nan")
     unknown = [Derivative("shell_mid_face", one.name, nan, nan) for one in FOUND.parameters]
     some = (one for one in FOUND.derivatives if one.quantity != "shell_mid_face")
@@ -171,7 +171,7 @@ def test_the_figure_in_units_that_were_chosen(tmp_path: Path, monkeypatch: Any) 
         in_chosen_units(figure)
         kept.append(figure)
 
-    monkeypatch.setattr("castfem.post.plots.tornado.save", keep)
+    monkeypatch.setattr("castfem.post.plots.studies.save", keep)
     with shown_in(ShownUnits.read({"temperature": "degF", "shell": "inch"})):
         draw_tornado(FOUND, tmp_path / "none.png")
     surface, shell = kept[0].axes[:2]
@@ -187,7 +187,7 @@ def test_the_figure_in_units_that_were_chosen(tmp_path: Path, monkeypatch: Any) 
 
 def test_a_result_that_depends_on_nothing_has_no_axes(tmp_path: Path, monkeypatch: Any) -> None:
     kept: list[Figure] = []
-    monkeypatch.setattr("castfem.post.plots.tornado.save", lambda figure, path: kept.append(figure))
+    monkeypatch.setattr("castfem.post.plots.studies.save", lambda figure, path: kept.append(figure))
     none = [Derivative("shell_mid_face", one.name, 0.0, 0.0) for one in FOUND.parameters]
     some = (one for one in FOUND.derivatives if one.quantity != "shell_mid_face")
     draw_tornado(replace(FOUND, derivatives=(*some, *none)), tmp_path / "none.png")

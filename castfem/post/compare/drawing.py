@@ -29,11 +29,7 @@ _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#
 # can be read.
 _DASHES: tuple[Any, ...] = ("-", (0, (7, 2)), (0, (4, 1.5, 1, 1.5)), (0, (3, 2)), (0, (1, 1.2)))
 _SINGLE, _SEVERAL, _LINE = 3.4, 2.1, 0.22  # inches: height of a panel, of each, of the legend
-_PERCENT = (
-    "contact_share",
-    "contact_sticking",
-    "axial_strain",
-)  # fractions drawn in %
+_PERCENT = ("contact_share", "contact_sticking", "axial_strain")  # fractions drawn in %
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +55,8 @@ def draw(folder: Path, runs: Sequence[Run], base: Run) -> list[Path]:
             figure = _draw_figure(definition, panels, pens, base)
             drawn.append(save(figure, folder / f"{definition.quantity}.png"))
         for name, section in draw_sections(runs, words).items():
-            maps = ("inferno",) if name in ("temperature", "shape") else ()
-            drawn.append(save(section, folder / f"section_{name}.png", maps=maps))
+            shaded = name in ("temperature", "shape")
+            drawn.append(save(section, folder / f"section_{name}.png", shaded=shaded))
     return drawn
 
 
@@ -90,7 +86,8 @@ def _draw_figure(
 ) -> Figure:
     """A panel for each place, a curve for each run."""
     order = [curve.run for curve in panels[0].curves]
-    columns = 3 if max(len(words(run.label)) for run in order) < 30 else 2
+    longest = max(len(words(run.label)) for run in order)
+    columns = 3 if longest < 30 else 2 if longest < 50 else 1
     figure, axes = new_panels(
         len(panels),
         _SINGLE if len(panels) == 1 else _SEVERAL,

@@ -29,23 +29,15 @@ _NOT_DRAWN_ENDINGS = ("error", "newton", "iterations", "newton_mechanics")
 
 @dataclass(frozen=True, slots=True)
 class Definition:
-    """What a figure is called.
+    """What a figure is called."""
 
-    Attributes:
-        quantity: Beginning of the names of its columns; also the name of its file.
-        title: Of the figure.
-        label: Of its axes, without unit.
-        zero: The axis begins at zero.
-        extremes: What the largest and the smallest value of the section are called.
-        span: The least the axis spans, in the unit that is drawn: less is rounding.
-    """
-
-    quantity: str
-    title: str
-    label: str
-    zero: bool = False
+    quantity: str  #: beginning of the names of its columns; also the name of its file
+    title: str  #: of the figure
+    label: str  #: of its axes, without unit
+    zero: bool = False  #: the axis begins at zero
+    #: what the largest and the smallest value of the section are called
     extremes: tuple[str, str] = ("largest", "smallest")
-    span: float = 0.0
+    span: float = 0.0  #: the least the axis spans, in the unit that is drawn: less is rounding
 
 
 _HOTTEST = ("highest", "lowest")
@@ -86,32 +78,20 @@ FIGURES = (
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """A column of one run.
+    """A column of one run."""
 
-    Attributes:
-        run: Whose.
-        position: (n,) below the meniscus, m.
-        values: (n,) in the unit of the panel.
-    """
-
-    run: Run
-    position: np.ndarray
-    values: np.ndarray
+    run: Run  #: whose
+    position: np.ndarray  #: (n,) below the meniscus, m
+    values: np.ndarray  #: (n,) in the unit of the panel
 
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One place of a figure.
+    """One place of a figure."""
 
-    Attributes:
-        place: "mid_face", or empty.
-        unit: Of the values.
-        curves: One a run.
-    """
-
-    place: str
-    unit: str
-    curves: tuple[Curve, ...]
+    place: str  #: "mid_face", or empty
+    unit: str  #: of the values
+    curves: tuple[Curve, ...]  #: one a run
 
 
 def figures(
@@ -199,30 +179,26 @@ def _ordered(grouped: dict[str, list[Panel]]) -> list[tuple[Definition, list[Pan
     return found
 
 
+def _alike(one: Panel, other: Panel) -> bool:
+    """Whether the same runs have curves that cannot be told apart."""
+    if [id(c.run) for c in one.curves] != [id(c.run) for c in other.curves]:
+        return False
+    for mine, theirs in zip(one.curves, other.curves, strict=True):
+        finite = theirs.values[np.isfinite(theirs.values)]
+        unseen = 2e-3 * float(np.ptp(finite)) if len(finite) else 0.0
+        if not np.allclose(mine.values, theirs.values, rtol=0.0, atol=unseen, equal_nan=True):
+            return False
+    return True
+
+
 def _different(panels: list[Panel]) -> list[Panel]:
     """Drop panels whose curves are those of one before, as on the faces of a square section."""
     kept: list[Panel] = []
     for panel in panels:
-        if panel.unit in (p.unit for p in kept) and any(_same(panel, other) for other in kept):
+        if panel.unit in (p.unit for p in kept) and any(_alike(panel, other) for other in kept):
             continue
         kept.append(panel)
     return kept
-
-
-def _same(one: Panel, other: Panel) -> bool:
-    if [id(c.run) for c in one.curves] != [id(c.run) for c in other.curves]:
-        return False
-    pairs = zip(one.curves, other.curves, strict=True)
-    return all(
-        np.allclose(a.values, b.values, rtol=0.0, atol=_invisible(b.values), equal_nan=True)
-        for a, b in pairs
-    )
-
-
-def _invisible(values: np.ndarray) -> float:
-    """A difference that cannot be seen."""
-    finite = values[np.isfinite(values)]
-    return 2e-3 * float(np.ptp(finite)) if len(finite) else 0.0
 
 
 def _derive(table: pandas.DataFrame, base: pandas.DataFrame | None) -> None:

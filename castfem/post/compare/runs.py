@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,17 +21,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A run that has ended.
+    """A run that has ended."""
 
-    Attributes:
-        folder: Of the run.
-        label: By which it is told from the others.
-        summary: Its results.
-    """
-
-    folder: Path
-    label: str
-    summary: Summary
+    folder: Path  #: of the run
+    label: str  #: by which it is told from the others
+    summary: Summary  #: its results
 
     def history(self) -> pandas.DataFrame | None:
         """Its history, None if it has none with two rows."""
@@ -83,11 +77,7 @@ def alone(folder: Path) -> Run | None:
 
 
 def _run(folder: Path, label: str = "") -> Run:
-    """Read one run.
-
-    Raises:
-        InputError: There is none, or it has not ended.
-    """
+    """Read one run."""
     if not folder.is_dir():
         raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
     status = RunRecord.load(folder).status
@@ -102,11 +92,7 @@ def _run(folder: Path, label: str = "") -> Run:
 
 
 def _sweep(folder: Path) -> list[Run]:
-    """Read the finished runs of a sweep, labelled by what was varied.
-
-    Raises:
-        InputError: There is none.
-    """
+    """Read the finished runs of a sweep, labelled by what was varied."""
     found = []
     for name, entry in Record(folder).entries.items():
         if entry.physics:
@@ -150,8 +136,4 @@ def base_of(runs: Sequence[Run], named: str | None) -> Run:
     for run in runs:
         if named == run.label or Path(named).resolve() == run.folder.resolve():
             return run
-    raise InputError(f"--base {named}: none of the runs ({_listed(run.label for run in runs)})")
-
-
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(names)
+    raise InputError(f"--base {named}: none of the runs ({', '.join(run.label for run in runs)})")

@@ -47,31 +47,18 @@ _ENTRY = 1.7  # inches; of the legend
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """What is drawn of a run.
+    """What is drawn of a run."""
 
-    Attributes:
-        label: Of the run.
-        mesh: The modelled part [mm], not distorted.
-        moved: It, distorted.
-        distortion: Outlines and wall; None without mechanics.
-        gap: The largest one [m]; NaN without a mould.
-        temperature: At its corners [degC].
-        stress: Von Mises stress there [MPa]; None without mechanics.
-        steel: What is solid and liquid; None if it is not known.
-        strongest: The largest stress at a corner that is solid [MPa], 0 if none is.
-        named: The largest stress of the run's own summary [MPa]; NaN if it has none.
-    """
-
-    label: str
-    mesh: Triangulation
-    moved: Triangulation
-    distortion: Distortion | None
-    gap: float
-    temperature: NDArray[np.float64]
-    stress: NDArray[np.float64] | None
-    steel: Steel | None
-    strongest: float
-    named: float
+    label: str  #: of the run
+    mesh: Triangulation  #: the modelled part [mm], not distorted
+    moved: Triangulation  #: it, distorted
+    distortion: Distortion | None  #: outlines and wall; None without mechanics
+    gap: float  #: the largest one [m]; NaN without a mould
+    temperature: NDArray[np.float64]  #: at its corners [degC]
+    stress: NDArray[np.float64] | None  #: Von Mises stress there [MPa]; None without mechanics
+    steel: Steel | None  #: what is solid and liquid; None if it is not known
+    strongest: float  #: the largest stress at a corner that is solid [MPa], 0 if none is
+    named: float  #: the largest stress of the run's own summary [MPa]; NaN if it has none
 
     @classmethod
     def of(cls, run: Run) -> Section | None:
@@ -126,10 +113,6 @@ class Section:
 
 def draw_sections(runs: Sequence[Run], words: Callable[[str], str]) -> dict[str, Figure]:
     """Draws temperature, states, stress and shape of runs that all have a section.
-
-    Args:
-        runs: In the order in which they are shown.
-        words: Makes the title of a section from the label of its run.
 
     Returns:
         The figures by name; none for a strip, or what not all runs have.

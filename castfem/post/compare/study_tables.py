@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from castfem.base.shown_quantity import Quantity, to_si, unit_of_difference
 from castfem.base.shown_units import Scale, place_said, plain_unit, scale_of
 from castfem.base.table import FAILED, Table
-from castfem.post.report.error_table import main_names, quantity_of
 from castfem.runs.results.headline import headline, plain_label
 from castfem.runs.results.numbers import error_shown, resolution_in, shown, unit_shown
 from castfem.studies.accuracy.table import Entry, ErrorTable, Part
@@ -216,3 +215,13 @@ def errors_in_si(found: ErrorTable) -> pandas.DataFrame:
     table = pandas.DataFrame(rows).set_index("name")
     table.attrs["not run"] = {run.name: run.message for run in found.runs if run.message}
     return table
+
+
+def main_names(entries: Mapping[str, Entry]) -> list[str]:
+    """Return the headline numbers that have an error."""
+    return headline([{n: quantity_of(e) for n, e in entries.items()}])
+
+
+def quantity_of(entry: Entry) -> Quantity:
+    """Return a number as results have it, without its error."""
+    return Quantity(to_si(entry.value, entry.unit), entry.unit, entry.label)

@@ -1,4 +1,4 @@
-"""The results of several runs side by side, with their references and ratios to a base run."""
+"""The results of several runs side by side: references, ratios to a base run, and words on them."""
 
 from __future__ import annotations
 
@@ -11,14 +11,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from castfem.base.shown_quantity import Quantity, from_si, to_si, unit_of_difference
-from castfem.base.shown_units import Scale, label_shown, scale_of
+from castfem.base.shown_units import Scale, difference_of, label_shown, place_said, scale_of
 from castfem.base.table import Table
-from castfem.post.compare.runs import Run
+from castfem.post.compare.runs import Run, heat_shared
+from castfem.post.report.cautions import cautions_of_all
+from castfem.post.report.cracks import crack_places, defects_of
+from castfem.post.report.results_table import UNCHANGED
 from castfem.runs.output.summary import SIGNS, Kind, met
 from castfem.runs.results.derived import mould_exit
 from castfem.runs.results.headline import headline, plain_label
 from castfem.runs.results.labels import last_quantities
 from castfem.runs.results.numbers import is_gap, shown, unit_shown, value_cells
+from castfem.runs.results.roll_load import RollLoads
 
 if TYPE_CHECKING:
     import pandas
@@ -35,31 +39,20 @@ _SAME = 1e-6  # relative; positions that differ by less are one
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A quantity of all runs.
+    """A quantity of all runs."""
 
-    Attributes:
-        label: What it is, and where.
-        unit: Of the values.
-        ours: Value of each run, NaN where it has none.
-        theirs: Its reference, NaN where it has none.
-        kinds: Whether that is a value or a bound.
-        gap: Small ones are printed in micrometres, which stand behind them.
-        errors: Of our values, NaN where none is known; empty where none is of any run.
-        name: Of the quantity.
-        at: Where, m below the meniscus; None at the end of the runs.
-        resolutions: How exactly our values are resolved, None where that is not known; empty where
-            it is of no run.
-    """
-
-    label: str
-    unit: str
-    ours: tuple[float, ...]
-    theirs: tuple[float, ...]
-    kinds: tuple[Kind, ...]
-    gap: bool = False
+    label: str  #: what it is, and where
+    unit: str  #: of the values
+    ours: tuple[float, ...]  #: value of each run, NaN where it has none
+    theirs: tuple[float, ...]  #: its reference, NaN where it has none
+    kinds: tuple[Kind, ...]  #: whether that is a value or a bound
+    gap: bool = False  #: small ones are printed in micrometres, which stand behind them
+    #: of our values, NaN where none is known; empty where none is of any run
     errors: tuple[float, ...] = ()
-    name: str = ""
-    at: float | None = None
+    name: str = ""  #: of the quantity
+    at: float | None = None  #: where, m below the meniscus; None at the end of the runs
+    #: how exactly our values are resolved, None where that is not known; empty where it is of no
+    #: run
     resolutions: tuple[float | None, ...] = ()
 
     @property
@@ -138,10 +131,7 @@ def _way(
 
 
 def _line(
-    runs: Sequence[Run],
-    histories: Sequence[pandas.DataFrame | None],
-    name: str,
-    at: float | None,
+    runs: Sequence[Run], histories: Sequence[pandas.DataFrame | None], name: str, at: float | None
 ) -> Line:
     """One quantity, at the end of the runs or on their way."""
     quantity = next(r.summary.quantities[name] for r in runs if name in r.summary.quantities)
@@ -338,3 +328,75 @@ def in_si(runs: Sequence[Run], found: Sequence[Line]) -> pandas.DataFrame:
     table = pandas.DataFrame(rows).set_index("name")
     extra = [f"{run.label}: {what}" for run in runs for what in ("error", "reference", "bound")]
     return table.drop(columns=[column for column in extra if table[column].isna().all()])
+
+
+_SEPARATOR = "; "  # between the parts of a note
+_HERE = "castfem compare"  # a part that sends the reader of a single run to this very table
+
+
+def remarks(runs: Sequence[Run], base: Run, table: Sequence[Line]) -> list[str]:
+    """Return what a reader of the table must know.
+
+    The base, sources and notes of the references, which bounds are met, different ends.
+    """
+    found = [f"base: {base.label}", *heat_shared(runs)]
+    found += cautions_of_all({run.label: (run.folder, run.summary) for run in runs})
+    who = dict.fromkeys(c.reference.source for run in runs for c in run.summary.references)
+    if who:
+        found.append(f"references: {'; '.join(who)}")
+    for run in runs:
+        keys = dict.fromkeys(k for c in run.summary.references for k in c.reference.changed)
+        if keys:
+            found.append(f"references of {run.label} are {UNCHANGED}: {', '.join(keys)} differs")
+    found += _bounds(runs, table)
+    notes: dict[str, dict[str, None]] = {}
+    for run in runs:
+        for comparison in run.summary.references:
+            reference = comparison.reference
+            quantity = run.summary.quantities.get(reference.quantity)
+            label = reference.quantity if quantity is None else plain_label(quantity)
+            note = _SEPARATOR.join(
+                part for part in reference.note.split(_SEPARATOR) if _HERE not in part
+            )
+            if note:
+                notes.setdefault(f"{label}: {note}", {})[run.label] = None
+    found += [f"note ({', '.join(who)}) {text}" for text, who in notes.items()]
+    ends = {
+        place_said(run.summary.quantities["position"].value, beyond=math.inf)
+        for run in runs
+        if "position" in run.summary.quantities
+    }
+    for run in runs:
+        loads = None if run is base else RollLoads.of(run.folder)
+        if loads is not None and (of_base := RollLoads.of(base.folder)) is not None:
+            found += [f"from {base.label} to {run.label}: {one}" for one in loads.changes(of_base)]
+        defects, places = defects_of(run.folder), crack_places(run.folder, run.summary)
+        found += [f"defects of {run.label}: {defects}"] if defects else []
+        worst = [] if places is None else [*places.worst] or [places.nowhere]
+        found += [f"worst of {run.label}: {one}" for one in worst if one]
+    if len(ends) > 1:
+        found.append(f"the runs end at different positions: {', '.join(sorted(ends))}")
+    return found
+
+
+def _bounds(runs: Sequence[Run], table: Sequence[Line]) -> list[str]:
+    """Which runs keep to the bounds given for them, and by how much others miss theirs."""
+    found = {}
+    for heading, verdict in (("bounds met", True), ("bounds missed", False)):
+        parts = []
+        for line in table:
+            those = [i for i in range(len(runs)) if line.verdict(i) is verdict]
+            names = [runs[i].label + ("" if verdict else _miss(line, i)) for i in those]
+            unit = f", {SHARE}" if line.unit == SHARE else ""
+            parts += [f"{line.label}{unit} ({', '.join(names)})"] if names else []
+        found[heading] = "; ".join(parts)
+    return [f"{heading}: {text}" for heading, text in found.items() if text]
+
+
+def _miss(line: Line, run: int) -> str:
+    """By how much a run misses its bound, with a blank in front."""
+    by = abs(line.ours[run] - line.theirs[run])
+    if line.unit == SHARE:
+        return f" by {by:.1f} points"
+    unit = difference_of(line.scale.unit)
+    return f" by {shown(line.scale.factor * by, unit)} {unit_shown(unit)}"

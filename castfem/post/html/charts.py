@@ -30,21 +30,13 @@ _DIGITS, _MOST_DIGITS = 4, 15  # of the number of a mark
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """One curve.
+    """One curve."""
 
-    Attributes:
-        label: For the legend.
-        colour: Of the line.
-        dash: Its pattern, empty for a full line.
-        x: (n,) position, in the unit it is shown in (m).
-        y: (n,) in the unit of the chart.
-    """
-
-    label: str
-    colour: str
-    dash: str
-    x: NDArray[np.float64]
-    y: NDArray[np.float64]
+    label: str  #: for the legend
+    colour: str  #: of the line
+    dash: str  #: its pattern, empty for a full line
+    x: NDArray[np.float64]  #: (n,) position, in the unit it is shown in (m)
+    y: NDArray[np.float64]  #: (n,) in the unit of the chart
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,22 +49,14 @@ class Tick:
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """Curves over the position below the meniscus, ready to be drawn.
+    """Curves over the position below the meniscus, ready to be drawn."""
 
-    Attributes:
-        title: Of the figure.
-        label: Of its vertical axis, with unit.
-        lines: Legend, colour, dash and path (SVG) of each curve.
-        across: Marks of the position, m.
-        up: Marks of the values.
-        data: What the pointer is told: x, and the values of each curve, None where it has none.
-    """
-
-    title: str
-    label: str
-    lines: tuple[dict[str, str], ...]
-    across: tuple[Tick, ...]
-    up: tuple[Tick, ...]
+    title: str  #: of the figure
+    label: str  #: of its vertical axis, with unit
+    lines: tuple[dict[str, str], ...]  #: legend, colour, dash and path (SVG) of each curve
+    across: tuple[Tick, ...]  #: marks of the position, m
+    up: tuple[Tick, ...]  #: marks of the values
+    #: what the pointer is told: x, and the values of each curve, None where it has none
     data: dict[str, Any]
 
 
@@ -144,14 +128,7 @@ def _series(curve: Curve, label: str, colour: str, dash: str, points: int) -> Se
 
 
 def chart(title: str, label: str, series: Sequence[Series], *, zero: bool) -> Chart:
-    """Lay curves out on one pair of axes.
-
-    Args:
-        title: Of the figure.
-        label: Of its vertical axis.
-        series: At least one, with a finite value each.
-        zero: The vertical axis begins at zero if nothing lies below.
-    """
+    """Lay curves out on one pair of axes."""
     x = np.concatenate([one.x for one in series])
     y = np.concatenate([one.y[np.isfinite(one.y)] for one in series])
     left, right = _span(float(x.min()), float(x.max()))
@@ -159,7 +136,7 @@ def chart(title: str, label: str, series: Sequence[Series], *, zero: bool) -> Ch
     if not math.isfinite(low):
         low = high = 0.0
     low, high = _span(min(low, 0.0) if zero else low, high)
-    across, up = _marks(left, right), _marks(low, high)
+    across, up = marks(left, right), marks(low, high)
     low, high = min(low, up[0]), max(high, up[-1])
 
     def place_x(value: float) -> float:
@@ -175,8 +152,8 @@ def chart(title: str, label: str, series: Sequence[Series], *, zero: bool) -> Ch
             {"label": s.label, "colour": s.colour, "dash": s.dash, "path": path}
             for s, path in ((s, _path(s, place_x, place_y)) for s in series)
         ),
-        _ticks([v for v in across if left <= v <= right], place_x),
-        _ticks(up, place_y),
+        ticks([v for v in across if left <= v <= right], place_x),
+        ticks(up, place_y),
         {
             "x": [left, right], "y": [low, high],
             "curves": [{"x": _rounded(s.x), "y": _rounded(s.y)} for s in series],
@@ -184,7 +161,7 @@ def chart(title: str, label: str, series: Sequence[Series], *, zero: bool) -> Ch
     )  # fmt: skip
 
 
-def _ticks(values: Sequence[float], place: Callable[[float], float]) -> tuple[Tick, ...]:
+def ticks(values: Sequence[float], place: Callable[[float], float]) -> tuple[Tick, ...]:
     """Marks with as many digits as tell one from the next."""
     texts = next(
         texts
@@ -202,12 +179,12 @@ def _span(low: float, high: float) -> tuple[float, float]:
     return low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0)
 
 
-def _marks(low: float, high: float) -> list[float]:
-    """Round numbers from below `low` to beyond `high`."""
+def marks(low: float, high: float, most: int = _TICKS) -> list[float]:
+    """Round numbers from below `low` to beyond `high`, with at most so many steps."""
     own_matplotlib()
     from matplotlib.ticker import MaxNLocator
 
-    return [float(v) for v in MaxNLocator(_TICKS).tick_values(low, high)]
+    return [float(v) for v in MaxNLocator(most).tick_values(low, high)]
 
 
 def _path(series: Series, place_x: Any, place_y: Any) -> str:

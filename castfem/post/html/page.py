@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
@@ -25,7 +26,6 @@ from castfem.model.shipped_cases import CASE_NAME
 from castfem.post.compare.runs import Run, alone, heat_shared, read_runs
 from castfem.post.compare.table import SHARE, Line, cells, lines
 from castfem.post.html import charts as drawn
-from castfem.post.html.origin import case_text, differing_keys, effort, provenance
 from castfem.post.html.sections import Section, sections
 from castfem.post.plots.figures import FIGURES
 from castfem.post.report.cautions import cautions, cautions_of_all
@@ -36,54 +36,38 @@ from castfem.post.report.results_table import balance_tables
 from castfem.post.report.show import how_it_ended
 from castfem.runs.output.folder import FIGURES_NAME
 from castfem.runs.output.run_record import RunRecord
+from castfem.runs.output.summary import Summary
 from castfem.runs.results.numbers import finely, unit_shown
 from castfem.runs.results.run_case import units_of_run
 
 REPORT_NAME = "report.html"
 LARGEST = 3_000_000  # bytes of a page; pictures beyond it are left out
 _CURVES = 60  # charts of a page at most
+_SIZES = ("width", "height", "left", "right", "top", "bottom")  # of a chart
 
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """A run at work, as its page has it.
+    """A run at work, as its page has it."""
 
-    Attributes:
-        label: What it is called; empty where it is the only one.
-        state: How it stands.
-        share: Of its way, 0 to 1; None where that is not known.
-        where: How far it has come.
-        results: Some of its results.
-        left: Time it will still take; empty where that is not known.
-    """
-
-    label: str
-    state: str
-    share: float | None
-    where: str
-    results: str
-    left: str
+    label: str  #: what it is called; empty where it is the only one
+    state: str  #: how it stands
+    share: float | None  #: of its way, 0 to 1; None where that is not known
+    where: str  #: how far it has come
+    results: str  #: some of its results
+    left: str  #: time it will still take; empty where that is not known
 
 
 @dataclass(frozen=True, slots=True)
 class AtWork:
-    """What stands at the head of a page of runs at work.
+    """What stands at the head of a page of runs at work."""
 
-    Attributes:
-        title: Of the page.
-        status: How the runs stand.
-        written: When the page was written.
-        again: After so many seconds a browser reads the page again; 0: it has its final form.
-        runs: How far each has come.
-        messages: The last that were said.
-    """
-
-    title: str
-    status: str
-    written: str
-    again: int
-    runs: tuple[Progress, ...]
-    messages: tuple[str, ...] = ()
+    title: str  #: of the page
+    status: str  #: how the runs stand
+    written: str  #: when the page was written
+    again: int  #: after so many seconds a browser reads the page again; 0: it has its final form
+    runs: tuple[Progress, ...]  #: how far each has come
+    messages: tuple[str, ...] = ()  #: the last that were said
 
 
 def write(folders: Sequence[Path], target: Path, at: Sequence[float] = ()) -> Path:
@@ -98,7 +82,8 @@ def write(folders: Sequence[Path], target: Path, at: Sequence[float] = ()) -> Pa
         InputError: A folder holds no run that has ended, or none has been at a position.
         RunFailure: The file cannot be written.
     """
-    runs = _runs(folders)
+    found = alone(folders[0]) if len(folders) == 1 else None
+    runs = [found] if found is not None else read_runs(folders)
     write_text(target, rendered(runs, at=at), durable=False)
     return target
 
@@ -124,43 +109,26 @@ def rendered(runs: Sequence[Run], at_work: AtWork | None = None, at: Sequence[fl
         return template.render(_content(runs, at_work, at))
 
 
-def _runs(folders: Sequence[Path]) -> list[Run]:
-    """One run or several.
-
-    Raises:
-        InputError: A folder holds no run that has ended.
-    """
-    found = alone(folders[0]) if len(folders) == 1 else None
-    return [found] if found is not None else read_runs(folders)
-
-
 def _content(runs: Sequence[Run], at_work: AtWork | None, at: Sequence[float]) -> dict[str, Any]:
     """What the template is filled with."""
     every = lines(runs, runs[0]) if runs else []
     table = [line for line in every if len(runs) > 1 or line.unit != SHARE]
     tables = [("numbers", "Headline numbers", _numbers(runs, table))] if runs else []
     for number, position in enumerate(at):
-        there = _numbers(runs, _there(runs, position))
-        tables.append((f"place{number}", f"At {place_said(position)}", there))
+        there = [line for line in lines(runs, runs[0], at=(position,)) if line.unit != SHARE]
+        if not there:
+            raise InputError(f"{runs[0].folder}: the run has not been at {place_said(position)}")
+        tables.append((f"place{number}", f"At {place_said(position)}", _numbers(runs, there)))
     charts = drawn.charts(runs)[:_CURVES] if runs else []
     drawn_sections = sections([run.folder for run in runs])
-    parts = [_part(run, one, len(runs)) for run, one in zip(runs, drawn_sections, strict=True)]
-    for run, one in zip(runs, parts, strict=True):
-        base = None if run is runs[0] else (runs[0].label, runs[0].folder, runs[0].summary)
-        one["short"] = conclusions(run.folder, run.summary, base)
-    for one in parts:
-        if one["section"] is not None:
-            one["slice_data"] = _json(_slice(one["section"]))
     keys = [(key, *values) for key, values in differing_keys(runs)] if len(runs) > 1 else []
     heads = ("key", *(run.label for run in runs))
-    differences = Table(heads, keys, words=range(len(heads))) if keys else None
-    size = {
-        "width": drawn.WIDTH, "height": drawn.HEIGHT, "left": drawn.LEFT, "right": drawn.RIGHT,
-        "top": drawn.TOP, "bottom": drawn.BOTTOM,
-    }  # fmt: skip
-    along = scale_of("m", "position")
-    words = {name: str(size[name.lower()]) for name in ("WIDTH", "LEFT", "RIGHT")}
-    words["PLACE"] = _place_in_script(along.unit)
+    size = {name: getattr(drawn, name.upper()) for name in _SIZES}
+    along = plain_unit(scale_of("m", "position").unit)
+    in_mm = scale_of("mm", "position").unit == "mm"
+    place = f'Number(x.toPrecision(4)) + " {along}"'
+    words = {name: str(getattr(drawn, name)) for name in ("WIDTH", "LEFT", "RIGHT")}
+    words["PLACE"] = '(1000 * x).toFixed(0) + " mm"' if in_mm else place
     script = _text("report.js")
     for name, value in words.items():
         script = script.replace(name, value)
@@ -170,36 +138,17 @@ def _content(runs: Sequence[Run], at_work: AtWork | None, at: Sequence[float]) -
         "at_work": at_work,
         "css": _text("report.css"),
         "script": script,
-        "runs": parts,
+        "runs": [_part(run, runs, one) for run, one in zip(runs, drawn_sections, strict=True)],
         "tables": tables,
         "notes": list(_notes(runs)),
-        "differences": differences,
+        "differences": Table(heads, keys, words=range(len(heads))) if keys else None,
         "charts": charts,
         "chart_data": [_json(chart.data) for chart in charts],
         "size": size,
-        "along": plain_unit(along.unit),
+        "along": along,
     }
     found["parts"] = _contents(found)
     return found
-
-
-def _there(runs: Sequence[Run], position: float) -> list[Line]:
-    """The numbers at a position, m, which at least one of the runs has passed.
-
-    Raises:
-        InputError: None has.
-    """
-    found = [line for line in lines(runs, runs[0], at=(position,)) if line.unit != SHARE]
-    if not found:
-        raise InputError(f"{runs[0].folder}: the run has not been at {place_said(position)}")
-    return found
-
-
-def _place_in_script(unit: str) -> str:
-    """The position x of the pointer in words, in the language of the script; m is told in mm."""
-    if scale_of("mm", "position").unit == "mm":
-        return '(1000 * x).toFixed(0) + " mm"'
-    return f'Number(x.toPrecision(4)) + " {plain_unit(unit)}"'
 
 
 def _contents(found: Mapping[str, Any]) -> list[dict[str, str]]:
@@ -220,27 +169,30 @@ def _contents(found: Mapping[str, Any]) -> list[dict[str, str]]:
     return [{"id": key, "name": name} for key, (name, present) in there.items() if present]
 
 
-def _part(run: Run, drawn_section: Section | None, count: int) -> dict[str, Any]:
-    """What the page says of one run.
-
-    Args:
-        run: The run.
-        drawn_section: Its section.
-        count: Of runs among which the size of the page is divided.
-    """
-    record = RunRecord.load(run.folder)
-    summary = run.summary
+def _part(run: Run, runs: Sequence[Run], section: Section | None) -> dict[str, Any]:
+    """What the page says of one of the runs."""
+    record, summary, base = RunRecord.load(run.folder), run.summary, runs[0]
     cracks = crack_places(run.folder, summary)
     ranking = [] if cracks is None else cracks.ranking
+    remarks = [
+        {"what": r.what, "value": finely(r.value, r.unit, r.name, r.resolution), "where": r.where}
+        for r in remarks_of(run.folder, summary)
+    ]
+    pointed = {} if section is None else {
+        "places": section.places, "mirrors": section.mirrors,
+        "fields": [{k: v for k, v in f.items() if k != "first"} for f in section.fields],
+    }  # fmt: skip
+    others = None if run is base else (base.label, base.folder, base.summary)
     return {
         "label": run.label,
         "status": "" if record.status == "finished" else how_it_ended(record),
-        "remarks": list(_remarks(run)),
+        "short": conclusions(run.folder, summary, others),
+        "remarks": remarks,
         "cracks": cracks,
         "ranking": Table((), ranking, words=(0, 3)) if ranking else None,
-        "section": drawn_section,
-        "slice_data": "",
-        "pictures": list(_pictures(run.folder, LARGEST / 2 / count)),
+        "section": section,
+        "slice_data": _json(pointed),
+        "pictures": list(_pictures(run.folder, LARGEST / 2 / len(runs))),
         "balances": list(balance_tables(summary)),
         "effort": effort(record, summary),
         "unchecked": summary.unchecked,
@@ -273,33 +225,14 @@ def _numbers(runs: Sequence[Run], table: Sequence[Line]) -> Table:
 def _notes(runs: Sequence[Run]) -> Iterator[str]:
     """What is wrong in comparing the runs, what cases leave out, sources of the references."""
     yield from heat_shared(runs)
-    yield from shown_cautions(runs)
+    told = {run.label: (run.folder, run.summary) for run in runs}
+    yield from cautions(*told[runs[0].label]) if len(runs) == 1 else cautions_of_all(told)
     sources = {c.reference.source for run in runs for c in run.summary.references if not c.missing}
     if sources:
         yield f"References: {'; '.join(sorted(sources))}. In red: a bound that is not kept."
     if runs and not any(q.error is not None for r in runs for q in r.summary.quantities.values()):
         folder = runs[0].folder
         yield f"Errors of these numbers: castfem error {folder / CASE_NAME}."
-
-
-def shown_cautions(runs: Sequence[Run]) -> list[str]:
-    """What the cases of the runs leave out, with the labels of several."""
-    if len(runs) == 1:
-        return cautions(runs[0].folder, runs[0].summary)
-    return cautions_of_all({run.label: (run.folder, run.summary) for run in runs})
-
-
-def _remarks(run: Run) -> Iterator[dict[str, str]]:
-    """What to look at in a run."""
-    for one in remarks_of(run.folder, run.summary):
-        value = finely(one.value, one.unit, one.name, one.resolution)
-        yield {"what": one.what, "value": value, "where": one.where}
-
-
-def _slice(section_: Section) -> dict[str, Any]:
-    """What the pointer and the slider need of a section."""
-    fields = [{k: v for k, v in field.items() if k != "first"} for field in section_.fields]
-    return {"places": section_.places, "mirrors": section_.mirrors, "fields": fields}
 
 
 def _pictures(folder: Path, room: float) -> Iterator[dict[str, str]]:
@@ -323,3 +256,56 @@ def _json(content: Any) -> str:
 def _text(name: str) -> str:
     """A file of the templates."""
     return (resources.files(__package__) / "templates" / name).read_text(encoding="utf-8")
+
+
+def effort(record: RunRecord, summary: Summary) -> str:
+    """Steps and machine time in a sentence."""
+    steps = ", ".join(f"{name} {value:.6g}" for name, value in summary.steps.items())
+    seconds = sum(record.wall_time.values())
+    memory = "" if record.memory_mb is None else f", {record.memory_mb:.0f} MB"
+    return f"Steps: {steps}. {seconds:.1f} s on {record.ranks} rank(s){memory}."
+
+
+def provenance(run: Run, record: RunRecord) -> list[tuple[str, str]]:
+    """By what the run was made."""
+    rows = [("folder", str(run.folder)), ("how it ended", how_it_ended(record))]
+    rows += [("started", record.started), ("ended", record.ended)]
+    rows += [("command", command) for command in record.commands]
+    rows += [("versions", ", ".join(f"{n} {v}" for n, v in record.versions.items()))]
+    rows += [(f"SHA-256 of {name}", digest) for name, digest in record.files.items()]
+    return [(name, value) for name, value in rows if value]
+
+
+def case_text(folder: Path) -> str:
+    """The case as it was run, empty if it cannot be read."""
+    try:
+        return (folder / CASE_NAME).read_text(encoding="utf-8")
+    except OSError:
+        return ""
+
+
+def differing_keys(runs: Sequence[Run]) -> Iterator[tuple[str, list[str]]]:
+    """Keys of the cases that are not the same in all runs, with their values."""
+    known: list[dict[str, str]] = []
+    for run in runs:
+        try:
+            known.append(dict(_flat(tomllib.loads(case_text(run.folder)))))
+        except tomllib.TOMLDecodeError:
+            known.append({})
+    for key in dict.fromkeys(key for case in known for key in case):
+        values = [case.get(key, "-") for case in known]
+        if key.partition(".")[0] not in ("title", "reference") and len(set(values)) > 1:
+            yield key, values
+
+
+def _flat(table: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, str]]:
+    """Dotted key and value of each entry of a case."""
+    for key, value in table.items():
+        inner = f"{path}{key}"
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{inner}.")
+        elif isinstance(value, list) and value and isinstance(value[0], Mapping):
+            for i, entry in enumerate(value):
+                yield from _flat(entry, f"{inner}.{entry.get('name', i)}.")
+        else:
+            yield inner, json.dumps(value, ensure_ascii=False, default=str).strip('"')

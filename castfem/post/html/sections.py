@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.libraries import own_matplotlib
 from castfem.base.shown_units import place_said, plain_unit, scale_of
+from castfem.post.html.charts import Tick, marks, ticks
 from castfem.runs.output.field_files import HDF5_NAME
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.layout import UNITS
@@ -23,7 +24,8 @@ STATES = 16  # places at most
 _CELLS = 6000  # beyond it the page would be slow
 _ROOM, _EACH = 1_200_000, 110  # bytes of all sections of a page, and of a cell
 _SHADES = 24  # of a scale of colours
-_PICTURE = 460.0  # width or height of the drawing
+_PICTURE, _BETWEEN = 460.0, 46.0  # width or height of the drawing, and from mark to mark
+_LITTLE = 1e-9  # of rounding, mm
 _SHOWN = {"temperature": "inferno", "von_mises": "viridis", "solid_fraction": "cividis"}
 _SCALED = {"K": ("degC", 1.0, -ZERO_CELSIUS), "Pa": ("MPa", 1e-6, 0.0), "-": ("", 1.0, 0.0)}
 _CORNERS = {"triangle": 3, "quadrilateral": 4}
@@ -32,31 +34,23 @@ _MIRRORS = {"quarter": ((1, 1), (-1, 1), (-1, -1), (1, -1)), "half": ((1, 1), (-
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """The cells of a section, and what they show at some places.
+    """The cells of a section, and what they show at some places."""
 
-    Attributes:
-        box: Width and height of the drawing.
-        mirrors: Signs of x and y of the parts that make the whole section.
-        polygons: Corners of each cell, as SVG has them.
-        places: Positions below the meniscus, in words.
-        start: Which of them is shown first: the mould's exit, of a run that ends there the end.
-        fields: Name, unit, limits, palette and the values of all cells and places (base64 of
-            16-bit numbers, 0 to 65535 between the limits).
-    """
-
-    box: tuple[float, float]
+    box: tuple[float, float]  #: width and height of the drawing
+    #: signs of x and y of the parts that make the whole section
     mirrors: tuple[tuple[int, int], ...]
-    polygons: tuple[str, ...]
-    places: tuple[str, ...]
-    start: int
+    polygons: tuple[str, ...]  #: corners of each cell, as SVG has them
+    #: label and marks of the axis along x, and of that along y
+    axes: tuple[tuple[str, tuple[Tick, ...]], ...]
+    places: tuple[str, ...]  #: positions below the meniscus, in words
+    start: int  #: which of them is shown first: the mould's exit, of a run that ends there the end
+    #: name, unit, limits, palette and the values of all cells and places (base64 of 16-bit numbers,
+    #: 0 to 65535 between the limits)
     fields: tuple[dict[str, Any], ...]
 
 
 def sections(folders: Sequence[Path]) -> list[Section | None]:
     """The sections of runs that share a page, all in one scale of colours a field.
-
-    Args:
-        folders: Of the runs. The more, the fewer places each has, and the fewer cells.
 
     Returns:
         One for each run; None of one that has no fields, or too many cells for a page.
@@ -100,12 +94,12 @@ def _read(folder: Path, runs: int) -> tuple[Section, dict[str, NDArray[np.float6
         marks = [int(np.argmin(np.abs(states - at))) for at in _marks(folder, float(states[-1]))]
         chosen = np.unique([*evenly, *marks])
         start = int(np.searchsorted(chosen, marks[0])) if marks else len(chosen) - 1
-        box, polygons = _polygons(fields.points[:, :2], corners, str(_part(fields)))
+        box, polygons, axes = _drawing(fields.points[:, :2], corners, str(_part(fields)))
         shown = {name: _values(fields, name, corners, chosen) for name in names}
         positions = [float(fields.positions[i]) for i in chosen]
         words = tuple(place_said(one, near=".0f", beyond=np.inf) for one in positions)
         mirrors = _MIRRORS.get(_part(fields), ((1, 1),))
-        return Section(box, mirrors, polygons, words, start, ()), shown
+        return Section(box, mirrors, polygons, axes, words, start, ()), shown
 
 
 def _marks(folder: Path, end: float) -> list[float]:
@@ -122,24 +116,30 @@ def _part(fields: Fields) -> str:
     return str(fields.attributes.get("symmetry", "whole"))
 
 
-def _polygons(
+def _drawing(
     points: NDArray[np.float64], corners: NDArray[np.int32], part: str
-) -> tuple[tuple[float, float], tuple[str, ...]]:
-    """Size of the whole section's drawing, and the cells about its middle, y upward."""
+) -> tuple[tuple[float, float], tuple[str, ...], tuple[tuple[str, tuple[Tick, ...]], ...]]:
+    """Size of the whole section's drawing, the cells about its middle, y upward, and its axes."""
     low, high = points.min(axis=0), points.max(axis=0)
-    middle = np.array(
-        [
-            0.0 if part in ("quarter", "half") else 0.5 * (low[0] + high[0]),
-            0.0 if part == "quarter" else 0.5 * (low[1] + high[1]),
-        ]
-    )
+    middle = 0.5 * (low + high) * (part not in ("quarter", "half"), part != "quarter")
     half = np.abs(np.vstack([low, high]) - middle).max(axis=0)
     scale = 0.5 * _PICTURE / half.max()
     flat = (points - middle) * scale * np.array([1.0, -1.0])
     width, height = (float(f"{2 * scale * h:.1f}") for h in half)
-    return (width, height), tuple(
-        " ".join(f"{x:.1f},{y:.1f}" for x, y in flat[cell]) for cell in corners
-    )
+    polygons = (" ".join(f"{x:.1f},{y:.1f}" for x, y in flat[cell]) for cell in corners)
+    shown, axes = scale_of("mm"), []
+    for name, sign, at, reach in zip("xy", (1.0, -1.0), middle, half, strict=True):
+        left, right = (float(shown(1e3 * end)) for end in (at - reach, at + reach))
+        numbers = marks(left, right, max(2, int(2.0 * reach * scale / _BETWEEN)))
+        inside = [v for v in numbers if left - _LITTLE <= v <= right + _LITTLE]
+        each, zero = sign * 2.0 * reach * scale / (right - left), 0.5 * (left + right)
+
+        def place(value: float, each: float = each, zero: float = zero) -> float:
+            return each * (value - zero)
+
+        places = ticks(inside, place)
+        axes.append((f"{name} [{plain_unit(shown.unit)}]", places))
+    return (width, height), tuple(polygons), tuple(axes)
 
 
 def _values(

@@ -46,23 +46,16 @@ _EDGE = 1e-6  # of the section: a plane of symmetry, at which it is mirrored
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What is seen of the strand.
+    """What is seen of the strand."""
 
-    Attributes:
-        corners: (n, 4, 2) of the visible pieces of the surface in the picture, m; the farther come
-            first.
-        row: Of `rows`, at which each piece begins (n,). vertices: Between which it lies (n, 2).
-        rows: Of the maps (r,). side: The strand from its side. half: Half of its width, m.
-        pairs: Of rolls that it has come to.
-    """
-
+    #: (n, 4, 2) of the visible pieces of the surface in the picture, m; the farther come first
     corners: Array
-    row: Indices
-    vertices: Indices
-    rows: Indices
-    side: Side
-    half: float
-    pairs: tuple[Pair, ...]
+    row: Indices  #: of `rows`, at which each piece begins (n,)
+    vertices: Indices  #: between which it lies (n, 2)
+    rows: Indices  #: of the maps (r,)
+    side: Side  #: the strand from its side
+    half: float  #: half of its width, m
+    pairs: tuple[Pair, ...]  #: of rolls that it has come to
 
     def on_pieces(self, values: Array) -> Array:
         """The largest value of a map (rows, vertices) on each piece, none left out (n,)."""
@@ -123,10 +116,6 @@ def _pieces(
 
 def draw_caster(maps: SurfaceMaps, rolls: Rolls | None = None) -> Figure | None:
     """The strand between its rolls: its temperature and, with mechanics, I1.
-
-    Args:
-        maps: Of the run.
-        rolls: With their defects, which the maps do not have; None where there are none.
 
     Returns:
         None of a strand without rolls, or before the second step.

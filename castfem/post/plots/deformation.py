@@ -45,11 +45,6 @@ _UNCLEAR = 4.0  # ratio of the sides from which axes of equal scale leave no roo
 def draw_von_mises(fields: Fields, steel: Steel | None, *, index: int = -1) -> Figure | None:
     """Von Mises stress in what is solid, on the distorted section; mushy zone and liquid are grey.
 
-    Args:
-        fields: Of the run.
-        steel: What is solid.
-        index: Of the time, as in a list; by default the last that has a stress.
-
     Returns:
         None in a run without stress, or while nothing is solid.
     """
@@ -82,11 +77,6 @@ def draw_von_mises(fields: Fields, steel: Steel | None, *, index: int = -1) -> F
 
 def draw_shape(fields: Fields, steel: Steel | None, *, index: int = -1) -> Figure | None:
     """The distorted section beside its shape at the meniscus, the shell, and the largest moves.
-
-    Args:
-        fields: Of the run.
-        steel: What is solid.
-        index: Of the time, as in a list.
 
     Returns:
         None in a run without displacement, or for a strip, which has no shape.
@@ -171,14 +161,7 @@ def _draw_solidus(axes: Axes, mesh: Triangulation, kelvin: Array, steel: Steel) 
 
 
 def draw_outlines(axes: Axes, distortion: Distortion, factor: float, colour: str) -> list[Line2D]:
-    """Draws the outline at the meniscus and now, and the wall of the mould; returns their legend.
-
-    Args:
-        axes: Into these, in mm.
-        distortion: Of the section.
-        factor: By which displacement and taper are magnified.
-        colour: Of the outline as it is now.
-    """
+    """Draws the outline at the meniscus and now, and the wall [mm]; returns their legend."""
     from matplotlib.lines import Line2D
 
     here: dict[str, Any] = {"color": _UNMOVED, "linewidth": 0.8, "linestyle": (0, (5, 3))}

@@ -47,17 +47,11 @@ _DEFECTS = "\ndefect = [", "[[machine.defect]]"  # the same, short and long
 
 @dataclass(frozen=True)
 class RunData:
-    """What the files in the folder of a run hold; read where a figure needs it.
+    """What the files in the folder of a run hold; read where a figure needs it."""
 
-    Attributes:
-        folder: Of the run.
-        summary: Its results; None before they are written.
-        files: Keeps the fields open.
-    """
-
-    folder: Path
-    summary: Summary | None
-    files: ExitStack
+    folder: Path  #: of the run
+    summary: Summary | None  #: its results; None before they are written
+    files: ExitStack  #: keeps the fields open
 
     def has(self, what: str) -> bool:
         """Whether there is a history of two rows ("table"), "fields" of temperature, or "maps"."""
@@ -137,23 +131,14 @@ class RunData:
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A figure of a run.
+    """A figure of a run."""
 
-    Attributes:
-        name: Of its file.
-        title: What it shows, for captions.
-        needs: What the run must have, as in `RunData.has`.
-        draw: Draws it; None where there is nothing to show.
-        colours: Colour maps of what is shaded.
-        picture: Whether the report takes it as it is; of the others it has the curves.
-    """
-
-    name: str
-    title: str
-    needs: str
-    draw: Callable[[RunData], Picture | None]
-    colours: tuple[str, ...] = ()
-    picture: bool = False
+    name: str  #: of its file
+    title: str  #: what it shows, for captions
+    needs: str  #: what the run must have, as in `RunData.has`
+    draw: Callable[[RunData], Picture | None]  #: draws it; None where there is nothing to show
+    shaded: bool = False  #: whether it has colours that run smoothly into one another
+    picture: bool = False  #: whether the report takes it as it is; of the others it has the curves
 
 
 def _along(name: str, title: str, picture: bool = False) -> Figure:
@@ -179,7 +164,7 @@ FIGURES = {
     for figure in (
         Figure("temperature", "Temperature of the section", "fields",
                lambda run: section.draw_temperature(run.fields, run.steel, index=run.at_exit),
-               ("inferno",)),
+               shaded=True),
         Figure("states", "State of the steel in the section", "fields",
                lambda run: section.draw_states(run.fields, run.steel, index=run.at_exit)),
         Figure("von_mises", "Von Mises stress in the section", "fields",
@@ -187,8 +172,7 @@ FIGURES = {
         Figure("shape", "Shape of the section", "fields",
                lambda run: deformation.draw_shape(run.fields, run.steel)),
         Figure("stack", "Slices stacked along the strand", "fields",
-               lambda run: draw_stack(run.fields, run.steel),
-               ("inferno", deformation.STRESS_MAP)),
+               lambda run: draw_stack(run.fields, run.steel), shaded=True),
         _along("surface_temperature", "Surface temperature"),
         _along("shell", "Shell: depths of solidus and liquidus"),
         _along("heat", "Heat flux, heat removed"),
@@ -216,16 +200,6 @@ def draw_figures(folder: Path | str) -> list[Path]:
 
     Columns, fields and probes that a run does not have are left out; so is a figure of which
     nothing is left. One that cannot be drawn costs a warning, not the others.
-
-    Args:
-        folder: Of a run, which may still be at work.
-
-    Returns:
-        The files written.
-
-    Raises:
-        InputError: A file is damaged.
-        RunFailure: They cannot be written.
     """
     path, drawn = Path(folder), []
     with ExitStack() as files, look(), shown_in(units_of_run(path)):
@@ -246,7 +220,7 @@ def _drawn(figure: Figure, run: RunData) -> Path | None:
         target = run.folder / FIGURES_NAME / f"{figure.name}.png"
         with saving(target):
             target.parent.mkdir(exist_ok=True)
-        return save(picture, target, maps=figure.colours)
+        return save(picture, target, shaded=figure.shaded)
     except CastfemError:
         raise
     except Exception as error:

@@ -15,12 +15,7 @@ import numpy as np
 from castfem.base.result_registry import find, probe_label
 from castfem.base.types import Array
 from castfem.post.plots.legend import place_legend
-from castfem.post.plots.style import (
-    Abscissa,
-    dress,
-    new_panels,
-    probe_colours,
-)
+from castfem.post.plots.style import Abscissa, dress, new_panels, probe_colours
 from castfem.runs.results.labels import has_values, probes_with, unit_of
 
 if TYPE_CHECKING:
@@ -37,46 +32,27 @@ _CLEAR = 0.02  # of the largest value: what is less below zero is drawn as zero
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A curve.
+    """A curve."""
 
-    Attributes:
-        values: (n,) over the way.
-        label: For the legend; empty for none.
-        style: Options of `Axes.plot`.
-        band: (n,) half the width of a shade around it; None for none.
-    """
-
-    values: Array
-    label: str = ""
-    style: Mapping[str, Any] = field(default_factory=dict)
-    band: Array | None = None
+    values: Array  #: (n,) over the way
+    label: str = ""  #: for the legend; empty for none
+    style: Mapping[str, Any] = field(default_factory=dict)  #: options of `Axes.plot`
+    band: Array | None = None  #: (n,) half the width of a shade around it; None for none
 
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """Curves on one pair of axes.
+    """Curves on one pair of axes."""
 
-    Attributes:
-        lines: The curves.
-        label: Of the vertical axis, with unit.
-        name: Of the column by which its own unit is found.
-        zero: The axis begins at zero, unless something lies clearly below.
-        below: How far below zero it then begins, of its height: a curve at zero is seen.
-        reach: Value to which it goes at least.
-        baseline: Draw a line at zero.
-        columns: Of the legend.
-        finish: What else is done to the axes.
-    """
-
-    lines: Sequence[Line]
-    label: str
-    name: str = ""
-    zero: bool = False
-    below: float = 0.0
-    reach: float = 0.0
-    baseline: bool = False
-    columns: int = 2
-    finish: Callable[[Axes], object] | None = None
+    lines: Sequence[Line]  #: the curves
+    label: str  #: of the vertical axis, with unit
+    name: str = ""  #: of the column by which its own unit is found
+    zero: bool = False  #: the axis begins at zero, unless something lies clearly below
+    below: float = 0.0  #: how far below zero it then begins, of its height: a curve at zero is seen
+    reach: float = 0.0  #: value to which it goes at least
+    baseline: bool = False  #: draw a line at zero
+    columns: int = 2  #: of the legend
+    finish: Callable[[Axes], object] | None = None  #: what else is done to the axes
 
     def draw(self, axes: Axes, abscissa: Abscissa) -> None:
         """Draw all but the legend."""
@@ -104,13 +80,7 @@ class Panel:
 
 
 def drawn(panels: Sequence[Panel], height: float, abscissa: Abscissa) -> Figure | None:
-    """Panels below one another; None without any.
-
-    Args:
-        panels: The panels.
-        height: Of each, in.
-        abscissa: Of all.
-    """
+    """Panels below one another; None without any."""
     if not panels:
         return None
     figure, axes = new_panels(len(panels), height)

@@ -26,11 +26,6 @@ _SHOWN = {"K": ("°C", 1.0, -ZERO_CELSIUS), "Pa": ("MPa", 1e-6, 0.0), "m": ("mm"
 def plot_columns(table: pandas.DataFrame, names: Sequence[str], axes: Axes | None) -> Axes:
     """Columns of a history over the position below the meniscus.
 
-    Args:
-        table: Of `castfem.runs.output.history.read_history`.
-        names: Of columns with one unit.
-        axes: Where to draw; new ones if None.
-
     Raises:
         InputError: No column, one that is not there, or units that differ.
     """
@@ -58,12 +53,6 @@ def plot_columns(table: pandas.DataFrame, names: Sequence[str], axes: Axes | Non
 
 def plot_field(fields: Fields, name: str, index: int, axes: Axes | None) -> Axes:
     """A scalar field over the whole section, in mm, with its scale.
-
-    Args:
-        fields: Of the run.
-        name: Of the field.
-        index: Of the time, as in a list.
-        axes: Where to draw; new ones if None.
 
     Raises:
         InputError: No such field, or it is no scalar of the nodes.

@@ -34,10 +34,6 @@ def place_legend(panel: Axes, columns: int = 2) -> None:
 
     To be called when curves, limits and size of the panel are settled. Where there is no room the
     axis is made longer.
-
-    Args:
-        panel: With curves that have labels.
-        columns: Of the legend at most, if it is not too wide.
     """
     sizes = {count: _legend_size(panel, count) for count in range(1, columns + 1)}
     fitting = [count for count, (width, _) in sizes.items() if width <= 1.0] or [1]

@@ -1,4 +1,4 @@
-"""Draw a caster from the side: strand, rolls, what they do to it, and where it is solid."""
+"""Pictures of a caster: from the side, with what its rolls do; what they resist, drives take."""
 
 from __future__ import annotations
 
@@ -13,10 +13,13 @@ from castfem.base.types import Array
 from castfem.physics.machine.phases import phases
 from castfem.physics.machine.rolls import Rolls
 from castfem.physics.machine.side import Side
-from castfem.post.plots.style import look, new_figure
+from castfem.post.plots.style import head, look, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from castfem.physics.machine.extraction.drives import Shares
+    from castfem.physics.machine.extraction.effort import KnownResistance
 
 
 _COLOURS = {
@@ -28,6 +31,7 @@ _COLOURS = {
 }
 _COPPER, _ROLL, _DRIVEN, _WATER = "#b87333", "#9aa5b1", "#1f4e79", "#2f9bd8"
 _DEFECT = "#c1121f"
+_RESISTANCE, _POTENTIAL, _EFFORT, _LEFT = "#d55e00", "#1f4e79", "#0072b2", "#c6d4e1"
 _WIDTH = 11.0  # inches
 _EVERY, _BESIDE = 5, 11.0  # rolls of which one is numbered; its number off the roll, points
 _MARK = 0.6  # beyond the intrados, to which a mark goes, m
@@ -35,19 +39,13 @@ _MARK = 0.6  # beyond the intrados, to which a mark goes, m
 
 @dataclass(frozen=True, slots=True)
 class Spray:
-    """A spray seen from the side.
+    """A spray seen from the side."""
 
-    Attributes:
-        start: Where it begins on the face, from the meniscus, m. end: Where it ends, m.
-        stand_off: Of its nozzle from the face, m.
-        inside: Whether it is that of the intrados.
-        defect: Whether its nozzles have another share of their water than they are meant to.
-    """
-
-    start: float
-    end: float
-    stand_off: float
-    inside: bool
+    start: float  #: where it begins on the face, from the meniscus, m
+    end: float  #: where it ends, m
+    stand_off: float  #: of its nozzle from the face, m
+    inside: bool  #: whether it is that of the intrados
+    #: whether its nozzles have another share of their water than they are meant to
     defect: bool = False
 
 
@@ -61,17 +59,7 @@ def draw(
     sprays: Sequence[Spray] = (),
     title: str = "",
 ) -> None:
-    """Draw a machine to a picture file.
-
-    Args:
-        rolls: Its rolls.
-        thickness: Of the section, m.
-        path: Picture; its ending gives the format (png, pdf, svg).
-        mould_end: From the meniscus, m; None without a mould.
-        marks: Positions that are marked, m, and with what words.
-        sprays: On its wide faces.
-        title: Above the picture.
-    """
+    """Draw a machine to a picture file; thickness, end of the mould and marks are in m."""
     side = Side(rolls, thickness, max((place for place, _ in marks), default=0.0))
     with look():
         span = np.ptp(side.extrados, axis=0) + 1.0
@@ -86,8 +74,7 @@ def draw(
         ax.set_xlabel("from the mould [m]")
         ax.set_ylabel("height above the meniscus [m]")
         ax.legend(loc="upper right")
-        if title:
-            ax.set_title(title)
+        head(figure, title, 10.5)
         figure.savefig(path, dpi=130)
 
 
@@ -187,3 +174,66 @@ def _sprays(ax: Axes, side: Side, sprays: Sequence[Spray]) -> None:
         if shapes:
             ax.add_collection(PolyCollection(shapes, facecolor=colour, edgecolor="none"))
             ax.plot([], [], "v", color=colour, label=label)
+
+
+def draw_drives(
+    rolls: Rolls, known: KnownResistance, path: str | os.PathLike[str], title: str = ""
+) -> None:
+    """Draw resistance and effort over position, and the load of each drive (Figs 144-145, 174)."""
+    place = np.array([pair.position for pair in rolls.pairs])
+    steps, shares, capacities = known.steps, known.shares, known.capacities
+    with look():
+        figure = new_figure(9.0, 8.4)
+        total, effort, drives = figure.subplots(3)
+        _cumulated(total, place, steps, shares, capacities)
+        _effort(effort, place, shares, rolls)
+        _loads(drives, shares, capacities)
+        head(figure, title, 10.5)
+        figure.savefig(path, dpi=130)
+
+
+def _cumulated(axes: Axes, place: Array, steps: Array, shares: Shares, capacities: Array) -> None:
+    """Resistance to each position, what drives take of it, and what they could at most."""
+    for values, colour, style, label in (
+        (steps, _RESISTANCE, "-", "resistance of the rolls"),
+        (shares.drive, _POTENTIAL, "-", "taken by the drives"),
+        (capacities, _POTENTIAL, ":", "what the drives could take"),
+    ):
+        if np.isfinite(values).all():
+            axes.step(place, 1e-3 * np.cumsum(values), where="post", color=colour, ls=style,
+                      label=label)  # fmt: skip
+    axes.set_ylabel("sum to here [kN]")
+    axes.set_xlim(0.0, float(place[-1]) + 0.5)
+    axes.set_ylim(bottom=0.0)
+    axes.legend()
+
+
+def _effort(axes: Axes, place: Array, shares: Shares, rolls: Rolls) -> None:
+    """Axial effort, down at each drive; rolls with a defect are marked."""
+    at = np.repeat(place, 2)
+    value = np.column_stack([shares.effort, shares.effort - shares.drive]).ravel()
+    axes.plot(at, 1e-3 * value, color=_EFFORT)
+    axes.fill_between(at, 1e-3 * value, color=_EFFORT, alpha=0.15, linewidth=0.0)
+    for i, pair in enumerate(rolls.pairs):
+        if pair.defect:
+            axes.axvline(pair.position, color=_RESISTANCE, linewidth=0.9, linestyle="--")
+            axes.annotate(f"#{i + 1} {pair.defect}", (pair.position, 0.97), (-3, 0),
+                          xycoords=axes.get_xaxis_transform(), textcoords="offset points",
+                          ha="right", va="top", rotation=90, fontsize=8)  # fmt: skip
+    axes.axhline(0.0, color="0.5", linewidth=0.8)
+    axes.set_ylabel("effort in the strand [kN]")
+    axes.set_xlabel("position [m]")
+    axes.set_xlim(0.0, float(place[-1]) + 0.5)
+
+
+def _loads(axes: Axes, shares: Shares, capacities: Array) -> None:
+    """Load of each drive, and what it has left."""
+    driven = np.flatnonzero(capacities > 0.0)
+    names = [f"#{i + 1}" for i in driven]
+    load = 1e-3 * shares.drive[driven]
+    axes.bar(names, load, color=_POTENTIAL, label="pulls")
+    left = 1e-3 * capacities[driven] - load
+    if np.isfinite(left).all():
+        axes.bar(names, left, bottom=load, color=_LEFT, label="has left")
+    axes.set_ylabel("drive [kN]")
+    axes.legend()

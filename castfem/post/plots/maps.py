@@ -90,10 +90,6 @@ def edges(centres: Array) -> Array:
 def draw_maps(maps: SurfaceMaps, abscissa: Abscissa) -> Figure | None:
     """Temperature, band, I1 and I2 over the way round the section and down the strand.
 
-    Args:
-        maps: Of the run.
-        abscissa: Its axis and zones.
-
     Returns:
         None before the second step.
     """

@@ -34,11 +34,6 @@ _ABOVE, _BELOW = 0.02, 0.08  # of the range of temperatures: room in a panel
 def draw_roll_to_roll(table: pandas.DataFrame, abscissa: Abscissa, case: Case) -> Figure | None:
     """Draw the surface temperatures of a case with [secondary], all of the way and close by.
 
-    Args:
-        table: History of the run.
-        abscissa: Where its slice has been.
-        case: The case.
-
     Returns:
         The figure; None of a run that has not come below its mould.
     """

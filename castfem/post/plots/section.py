@@ -54,14 +54,7 @@ def section_triangles(
     mirrored: bool = True,
     moved: NDArray[np.float64] | float = 0.0,
 ) -> tuple[Triangulation, NDArray[np.float64]]:
-    """The mesh as triangles in mm with a nodal field on it.
-
-    Args:
-        fields: Mesh, and which part of the section it is (attribute `symmetry`).
-        values: (n,) at the nodes.
-        mirrored: Show the whole section, the modelled part repeated.
-        moved: (n, 2) displacement [m] to draw the nodes with.
-    """
+    """The mesh, moved by a displacement [m], as triangles [mm] with a nodal field on it."""
     from matplotlib.tri import Triangulation
 
     points = fields.points[:, :2] + moved
@@ -81,12 +74,6 @@ def draw_temperature(
     """The temperature field with solidus and liquidus drawn into it and into its scale.
 
     Thin white lines are isotherms, at the numbers of the scale.
-
-    Args:
-        fields: Of the run.
-        steel: Isotherms to draw.
-        index: Of the time, as in a list.
-        mirrored: Show the whole section.
     """
     mesh, values = section_triangles(
         fields, fields.values("temperature", index) - ZERO_CELSIUS, mirrored
@@ -149,13 +136,7 @@ def fill_states(
 def state_shares(
     mesh: Triangulation, values: NDArray[np.float64], steel: Steel
 ) -> tuple[float, float, float]:
-    """Shares of the area that are solid, mushy and liquid, exact for the drawn triangles.
-
-    Args:
-        mesh: Triangles.
-        values: Temperature at their corners, in the scale of `steel`.
-        steel: Limits of the states.
-    """
+    """Shares of the area that are solid, mushy and liquid, exact for the drawn triangles."""
     corners = np.sort(values[mesh.triangles], axis=1)
     x, y = mesh.x[mesh.triangles], mesh.y[mesh.triangles]
     area = 0.5 * np.abs(
@@ -244,16 +225,7 @@ def frame(mesh: Triangulation, title: str, bar: bool) -> tuple[Figure, Axes]:
 def shade(
     axes: Axes, mesh: Triangulation, values: NDArray[np.float64], cmap: str, low: float, high: float
 ) -> TriMesh:
-    """Shades a nodal field smoothly, as `tripcolor` does, which looks at each triangle for limits.
-
-    Args:
-        axes: Into these, whose limits stay.
-        mesh: Triangles.
-        values: At their corners.
-        cmap: Name of the colour map.
-        low: Value at its beginning.
-        high: Value at its end.
-    """
+    """Shades a nodal field smoothly, faster than `tripcolor`; the limits of the axes stay."""
     from matplotlib.collections import TriMesh
     from matplotlib.colors import Normalize
 
@@ -265,11 +237,7 @@ def shade(
 
 
 def colour_bar(
-    figure: Figure,
-    axes: Axes,
-    shades: ScalarMappable,
-    lies: bool,
-    label: str = "temperature [°C]",
+    figure: Figure, axes: Axes, shades: ScalarMappable, lies: bool, label: str = "temperature [°C]"
 ) -> Colorbar:
     """The scale of the colours, as long as the frame."""
     if not lies:

@@ -29,14 +29,10 @@ _FINE = 33  # points of a segment; odd: one lies in the middle of a face, on the
 
 @dataclass(frozen=True, slots=True)
 class Outline:
-    """The boundary of the modelled part, in straight pieces between nodes.
+    """The boundary of the modelled part, in straight pieces between nodes."""
 
-    Attributes:
-        surface: (s, 2) nodes of the pieces of the strand's surface, the steel on their left.
-        cuts: Plane of symmetry (the axis that is 0 on it) to the pieces (c, 2) on it.
-    """
-
-    surface: Indices
+    surface: Indices  #: (s, 2) nodes of the pieces of the strand's surface, the steel on their left
+    #: plane of symmetry (the axis that is 0 on it) to the pieces (c, 2) on it
     cuts: dict[int, Indices]
 
     @classmethod
@@ -76,11 +72,7 @@ class Outline:
         return found
 
     def outward(self, points: Array) -> tuple[Indices, Array]:
-        """The nodes of the surface (n,) and unit normals out of the steel (n, 2) at them.
-
-        Args:
-            points: (m, 2) or (m, 3) of all nodes; a normal is the mean over the pieces that meet.
-        """
+        """The nodes of the surface (n,) and unit normals out of the steel (n, 2) at them."""
         along = points[self.surface[:, 1], :2] - points[self.surface[:, 0], :2]
         sums = np.zeros((len(points), 2))
         for end in (0, 1):
@@ -92,15 +84,10 @@ class Outline:
 
 @dataclass(frozen=True, slots=True)
 class WallLine:
-    """The wall round the modelled part of a section; NaN parts its pieces.
+    """The wall round the modelled part of a section; NaN parts its pieces."""
 
-    Attributes:
-        start: (n, 2) at the meniscus [m].
-        moved: (n, 2) how far the same points have moved since [m]: the taper.
-    """
-
-    start: Array
-    moved: Array
+    start: Array  #: (n, 2) at the meniscus [m]
+    moved: Array  #: (n, 2) how far the same points have moved since [m]: the taper
 
     @classmethod
     def of(cls, fields: Fields, index: int) -> WallLine | None:
@@ -131,19 +118,12 @@ class WallLine:
 
 @dataclass(frozen=True, slots=True)
 class Distortion:
-    """How a section is distorted, and the wall of its mould.
+    """How a section is distorted, and the wall of its mould."""
 
-    Attributes:
-        points: (n, 2) nodes at the meniscus [m].
-        outline: The boundary.
-        moved: (n, 2) displacement of the nodes [m].
-        wall: Of the mould; None where there is none.
-    """
-
-    points: Array
-    outline: Outline
-    moved: Array
-    wall: WallLine | None
+    points: Array  #: (n, 2) nodes at the meniscus [m]
+    outline: Outline  #: the boundary
+    moved: Array  #: (n, 2) displacement of the nodes [m]
+    wall: WallLine | None  #: of the mould; None where there is none
 
     @classmethod
     def of(cls, fields: Fields, index: int = -1) -> Distortion:
@@ -172,16 +152,7 @@ def displacement(fields: Fields, index: int = -1) -> Array:
 
 
 def magnification(moved: Array, points: Array, share: float = _SHARE) -> float:
-    """A round factor, 1, 2, 5, 10 ..., that makes displacements plain to see.
-
-    Args:
-        moved: (..., 2) displacements [m] of the surface.
-        points: (n, 2) or (n, 3) of the section [m].
-        share: Of the shorter side, by which nothing may seem to move more.
-
-    Returns:
-        The largest such factor.
-    """
+    """The largest factor 1, 2, 5, 10 ... that moves nothing by more than a share of a side."""
     largest = float(np.linalg.norm(moved, axis=-1).max(initial=0.0))
     room = share * float(np.ptp(points[:, :2], axis=0).min())
     if largest <= 0.0 or not np.isfinite(largest) or room <= largest:

@@ -40,38 +40,26 @@ _INSIDE = {"quarter": 230.0, "half": 130.0}  # from where planes of symmetry are
 _AROUND = 0.01  # of the size of a picture: half an edge
 _HEIGHT = 5.2  # inches of a picture
 _LEFT, _BESIDE, _BELOW, _ABOVE = 0.95, 0.25, 1.15, 0.35  # inches around the pictures
-_EDGE: dict[str, Any] = {"color": "#333333", "linewidth": 0.6}
+_EDGE: dict[str, Any] = {"color": "#333333", "linewidth": 0.9}
 _RING: dict[str, Any] = {"color": "#555555", "linewidth": 0.45, "alpha": 0.55}
 
 
 @dataclass(frozen=True, slots=True)
 class Stack:
-    """The slices of a run: walls, with rows between the slices, and the last slice.
+    """The slices of a run: walls, with rows between the slices, and the last slice."""
 
-    Attributes:
-        fields: Mesh and steel.
-        pieces: (p, 2) pieces of the outline, the steel on their left, between nodes of a row.
-        plane: (m, 2) nodes of a row, not displaced [mm].
-        position: (r,) of the rows, below the meniscus [m].
-        points: (r, m, 3) nodes as drawn [mm], the third is up.
-        temperature: (r, m) [K].
-        stress: (r, m) von Mises stress [Pa]; None without mechanics.
-        end: (n, 3) nodes of the last slice as drawn [mm].
-        hottest: Of all slices [K]. strongest: Of what is solid in all of them, [Pa].
-        factor: By which displacements are magnified, 0 without any.
-    """
-
-    fields: Fields
+    fields: Fields  #: mesh and steel
+    #: (p, 2) pieces of the outline, the steel on their left, between nodes of a row
     pieces: NDArray[np.intp]
-    plane: Array
-    position: Array
-    points: Array
-    temperature: Array
-    stress: Array | None
-    end: Array
-    hottest: float
-    strongest: float
-    factor: float
+    plane: Array  #: (m, 2) nodes of a row, not displaced [mm]
+    position: Array  #: (r,) of the rows, below the meniscus [m]
+    points: Array  #: (r, m, 3) nodes as drawn [mm], the third is up
+    temperature: Array  #: (r, m) [K]
+    stress: Array | None  #: (r, m) von Mises stress [Pa]; None without mechanics
+    end: Array  #: (n, 3) nodes of the last slice as drawn [mm]
+    hottest: float  #: of all slices [K]
+    strongest: float  #: of what is solid in all of them, [Pa]
+    factor: float  #: by which displacements are magnified, 0 without any
 
     @classmethod
     def of(cls, fields: Fields, steel: Steel | None) -> Stack | None:
@@ -142,20 +130,14 @@ def _at_rows(rows: Array, position: Array, values: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What is seen of a stack from one side.
+    """What is seen of a stack from one side."""
 
-    Attributes:
-        right, up: Directions (3,) of the picture.
-        walls: The visible walls, the farther ones first; nodes are numbered row by row.
-        pieces: (p, 2) those of the outline on which these walls stand.
-        inside: Whether planes of symmetry are seen.
-    """
-
-    right: Array
+    right: Array  #: directions (3,) of the picture
     up: Array
+    #: the visible walls, the farther ones first; nodes are numbered row by row
     walls: Triangulation
-    pieces: NDArray[np.intp]
-    inside: bool
+    pieces: NDArray[np.intp]  #: (p, 2) those of the outline on which these walls stand
+    inside: bool  #: whether planes of symmetry are seen
 
     @classmethod
     def of(cls, stack: Stack, degrees: float) -> View:
@@ -187,10 +169,6 @@ class View:
 
 def draw_stack(fields: Fields, steel: Steel | None) -> Figure | None:
     """The strand from outside and, if less than the whole is modelled, from its core.
-
-    Args:
-        fields: Of the run.
-        steel: Isotherms to draw; what is solid.
 
     Returns:
         None for a strip, or before the second time was written.

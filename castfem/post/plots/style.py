@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -33,23 +33,18 @@ _LEFT, _RIGHT, _TOP, _BOTTOM, _BETWEEN, _EDGE = 0.8, 0.2, 0.52, 0.48, 0.14, 0.04
 _LONG = 2.0  # m; from here on positions are in metres
 _TICKS_APART = 0.06  # of the axis
 _DEFECT = "#d55e00"  # the line at a roll that has one
+_CHARACTER = 0.58  # width of a character, of its size
 _WHITE = 250  # of 255; what is brighter is the paper
 
 
 @dataclass(frozen=True, slots=True)
 class Abscissa:
-    """The way of the slice: what the x axis of every history is drawn over.
+    """The way of the slice: what the x axis of every history is drawn over."""
 
-    Attributes:
-        time: (n,) [s].
-        position: (n,) below the meniscus [m].
-        zones: The cooling.
-        defects: Rolls with a defect: position [m], and what is wrong there.
-    """
-
-    time: NDArray[np.float64]
-    position: NDArray[np.float64]
-    zones: tuple[Zone, ...] = ()
+    time: NDArray[np.float64]  #: (n,) [s]
+    position: NDArray[np.float64]  #: (n,) below the meniscus [m]
+    zones: tuple[Zone, ...] = ()  #: the cooling
+    #: rolls with a defect: position [m], and what is wrong there
     defects: tuple[tuple[float, str], ...] = ()
 
     @property
@@ -115,6 +110,13 @@ def new_figure(width: float, height: float, *, layout: Literal["none"] | None = 
     return figure
 
 
+def head(figure: Figure, title: str, size: float = 11.5) -> None:
+    """Gives a figure a title, in as many lines as its width needs."""
+    width = 72.0 * figure.get_size_inches()[0] / (_CHARACTER * size)  # characters
+    if title:
+        figure.suptitle(fill(title, int(width)), fontsize=size)
+
+
 def new_panels(
     count: int, height: float, *, above: float = 0.0, below: float = 0.0
 ) -> tuple[Figure, list[Axes]]:
@@ -122,12 +124,6 @@ def new_panels(
 
     Margins are fixed: no layout has to be sought, which takes as long as all the drawing, and the
     same position lies at the same place in all figures.
-
-    Args:
-        count: Of the panels.
-        height: Of each [inch].
-        above: Room for a title [inch].
-        below: Room for a legend [inch].
     """
     between = _BETWEEN * (count - 1)
     total = count * height + between + _TOP + above + _BOTTOM + below
@@ -146,21 +142,22 @@ def new_panels(
     return figure, axes
 
 
-def save(figure: Figure, path: Path, *, maps: tuple[str, ...] = ()) -> Path:
-    """Writes a PNG of 256 colours in one step; that takes half the time and a third of the size.
+def save(figure: Figure, path: Path, *, shaded: bool = False) -> Path:
+    """Writes a PNG in one step.
 
     Args:
         figure: What to write.
         path: Of the file.
-        maps: Names of the colour maps of what is shaded: these colours, greys and those of the
-            isotherms are kept. Of anything else the picture has few, and they are found.
+        shaded: Colours run smoothly into one another: all are kept. Of anything else there are
+            few, and 256 of them take half the time and a third of the size.
 
     Raises:
         RunFailure: It cannot be written.
     """
     image = render(figure)
+    image = image if shaded else _indexed(image)
     with replacing(path, durable=False) as temporary:
-        _indexed(image, maps).save(temporary, format="PNG", dpi=(DPI, DPI))
+        image.save(temporary, format="PNG", dpi=(DPI, DPI))
     return path
 
 
@@ -196,35 +193,15 @@ def _widen(figure: Figure) -> bool:
     return True
 
 
-def _indexed(image: Image.Image, maps: tuple[str, ...]) -> Image.Image:
+def _indexed(image: Image.Image) -> Image.Image:
     """An image in 256 colours at most."""
     from PIL import Image
 
-    if maps:
-        return image.quantize(palette=_palette(maps), dither=Image.Dither.NONE)
     found = image.quantize(method=Image.Quantize.FASTOCTREE)
     colours = np.array(found.getpalette(), dtype=np.uint8)
     colours[(colours.reshape(-1, 3) > _WHITE).all(axis=1).repeat(3)] = 255  # it is a mean of some
     found.putpalette(colours.tobytes())
     return found
-
-
-@lru_cache
-def _palette(maps: tuple[str, ...]) -> Image.Image:
-    """Greys, the colours of the isotherms, and an equal share of the rest of each colour map."""
-    import matplotlib
-    from matplotlib.colors import to_rgb
-    from PIL import Image
-
-    lines = [np.array(to_rgb(colour)) for colour in (SOLIDUS_COLOUR, LIQUIDUS_COLOUR)]
-    fading = [c + (1.0 - c) * t for c in lines for t in (0.0, 0.3, 0.6)]
-    greys = np.repeat(np.linspace(0.0, 1.0, 30)[:, None], 3, axis=1)
-    rest = (256 - len(greys) - len(fading)) // len(maps)
-    shades = [matplotlib.colormaps[name](np.linspace(0.0, 1.0, rest))[:, :3] for name in maps]
-    colours = np.round(255 * np.vstack([greys, fading, *shades])).astype(np.uint8)
-    palette = Image.new("P", (1, 1))
-    palette.putpalette(colours.tobytes())
-    return palette
 
 
 def probe_colours(probes: list[str]) -> dict[str, str]:

@@ -26,12 +26,7 @@ _MOST = 10  # lines below a table of several runs
 
 
 def cautions(folder: Path, summary: Summary) -> list[str]:
-    """Return what to say of a run, a line each; nothing of most.
-
-    Args:
-        folder: Of the run, with its case.
-        summary: Of the run.
-    """
+    """Return what to say of a run, a line each; nothing of most."""
     found = (*summary.warnings, wide_gap(folder, summary), _even(folder))
     return [line for line in found if line]
 
@@ -99,12 +94,7 @@ def radiated() -> float:
 
 
 def wide_gap(folder: Path, summary: Summary) -> str:
-    """What to say of a run whose largest gap conducts less than would radiate; "" of any other.
-
-    Args:
-        folder: Of the run, with its case.
-        summary: Has the largest gap.
-    """
+    """What to say of a run whose largest gap conducts less than would radiate; "" of any other."""
     widest = summary.quantities.get("mould_gap_max")
     if widest is None or not widest.value > 0.0:
         return ""

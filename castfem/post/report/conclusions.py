@@ -13,7 +13,7 @@ from castfem.base.errors import InputError
 from castfem.base.shown_units import said
 from castfem.post.plots.history import curves
 from castfem.post.report.cracks import CrackPlaces, crack_places
-from castfem.post.report.remarks import REMELTED, Remark, remarks_of
+from castfem.post.report.remarks import REMELTED, remarks_of
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.numbers import cells, finely
@@ -25,29 +25,16 @@ _REMARKS = (REMELTED, "largest gap on the way", "largest bulge between rolls")
 def conclusions(
     folder: Path, summary: Summary, base: tuple[str, Path, Summary] | None = None
 ) -> list[tuple[str, str]]:
-    """Return what a run comes to: of what, and the sentence.
-
-    Args:
-        folder: Of the run.
-        summary: Of the run, with the results that its history tells (`runs.results.derived`).
-        base: Label, folder and results of the run it is measured by, such as that of the machine in
-            order; None for none.
-    """
-    found = [*_shell(summary), *_pool(summary), *_unbending(folder)]
+    """Return what a run comes to: of what, and the sentence."""
+    least = summary.quantities.get("shell_least")  # the thinnest where the mould ends
+    known = least is not None and math.isfinite(least.value)
+    found = [(least.label, " ".join(cells("shell_least", least)))] if least and known else []
+    found += [*_pool(summary), *_unbending(folder)]
     found += list(_worst(folder, summary, base))
     remarks = {one.what: one for one in remarks_of(folder, summary)}
-    return found + [(name, _remark(remarks[name])) for name in _REMARKS if name in remarks]
-
-
-def _remark(one: Remark) -> str:
-    return f"{finely(one.value, one.unit, one.name)}, {one.where}"
-
-
-def _shell(summary: Summary) -> Iterator[tuple[str, str]]:
-    """The thinnest shell where the mould ends."""
-    least = summary.quantities.get("shell_least")
-    if least is not None and math.isfinite(least.value):
-        yield least.label, " ".join(cells("shell_least", least))
+    for one in (remarks[name] for name in _REMARKS if name in remarks):
+        found.append((one.what, f"{finely(one.value, one.unit, one.name)}, {one.where}"))
+    return found
 
 
 def _pool(summary: Summary) -> Iterator[tuple[str, str]]:

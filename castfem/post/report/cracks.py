@@ -32,44 +32,31 @@ _COMPARED = ("I1", "I2")  # the other indexes are kin of I2, and worst where it 
 
 @dataclass(frozen=True, slots=True)
 class Maximum:
-    """The largest value of an index on one face, within one stretch of a phase.
+    """The largest value of an index on one face, within one stretch of a phase."""
 
-    Attributes:
-        value: In SI. row, vertex: Of the maps. phase: Bending, straightening ...
-        face: Intrados, extrados ...
-    """
-
-    value: float
-    row: int
+    value: float  #: in SI
+    row: int  #: of the maps
     vertex: int
-    phase: str
-    face: str
+    phase: str  #: bending, straightening ..
+    face: str  #: intrados, extrados ..
 
 
 @dataclass(frozen=True, slots=True)
 class Reheat:
-    """The largest rise of temperature of a place of the surface on its way down.
+    """The largest rise of temperature of a place of the surface on its way down."""
 
-    Attributes:
-        rise: K. vertex: Of the maps. coldest, warmest: Rows between which it rose.
-    """
-
-    rise: float
-    vertex: int
-    coldest: int
+    rise: float  #: K
+    vertex: int  #: of the maps
+    coldest: int  #: rows between which it rose
     warmest: int
 
 
 @dataclass(frozen=True)
 class CrackReport:
-    """What the maps of a run say.
+    """What the maps of a run say."""
 
-    Attributes:
-        maps: The maps. stations: Its rolls.
-    """
-
-    maps: SurfaceMaps
-    stations: Stations
+    maps: SurfaceMaps  #: the maps
+    stations: Stations  #: its rolls
 
     @classmethod
     def of(cls, maps: SurfaceMaps) -> CrackReport:
@@ -159,7 +146,9 @@ class CrackReport:
             ranked = self.maxima(one.name)[:_RANKS] if one.name in self.indexes() else []
             for rank, found in enumerate(ranked):
                 less = f"{100.0 * (found.value / ranked[0].value - 1.0):.0f} %" if rank else "worst"
-                value = f"{_rounded(from_si(found.value, one.shown))} {one.shown}"
+                size = from_si(found.value, one.shown)
+                number = f"{size:.3g}" if abs(size) >= _SMALL else small_rate(size, ".3g")
+                value = f"{number} {one.shown}"
                 yield one.name if not rank else "", value, less, self.words(found)
 
 
@@ -174,11 +163,6 @@ def _peak(values: Array, places: Array) -> tuple[int, int]:
     columns = np.flatnonzero(equal[row])
     x, y = places[columns].T
     return row, int(columns[np.lexsort((y, x))[-1]])
-
-
-def _rounded(value: float) -> str:
-    """A number to three digits; a small one in parts of 1e-5, as rates of strain are told."""
-    return f"{value:.3g}" if abs(value) >= _SMALL else small_rate(value, ".3g")
 
 
 def pool_end(summary: Summary, stations: Stations) -> Iterator[tuple[str, str]]:
@@ -205,21 +189,15 @@ def pool_end(summary: Summary, stations: Stations) -> Iterator[tuple[str, str]]:
 
 @dataclass(frozen=True, slots=True)
 class CrackPlaces:
-    """What the maps of a run's surface say.
+    """What the maps of a run's surface say."""
 
-    Attributes:
-        ranking: Index, value with unit, how far below the worst, and where: the worst first.
-        nowhere: In its place, why there is none; empty otherwise.
-        others: The roll that carries most, what reheats, where the pool ends: what, and where.
-        title: Of these others.
-        largest: Largest value of each index, SI.
-    """
-
+    #: index, value with unit, how far below the worst, and where: the worst first
     ranking: Sequence[tuple[str, str, str, str]]
-    nowhere: str
+    nowhere: str  #: in its place, why there is none; empty otherwise
+    #: the roll that carries most, what reheats, where the pool ends: what, and where
     others: Sequence[tuple[str, str]]
-    title: str
-    largest: Mapping[str, float] = field(default_factory=dict)
+    title: str  #: of these others
+    largest: Mapping[str, float] = field(default_factory=dict)  #: largest value of each index, SI
 
     @property
     def worst(self) -> Iterator[str]:
@@ -230,17 +208,19 @@ class CrackPlaces:
 
 
 def crack_places(folder: Path, summary: Summary | None) -> CrackPlaces | None:
-    """What the maps of a run say; None without maps.
-
-    Args:
-        folder: Of the run.
-        summary: Of the run; None while there is none.
-    """
+    """What the maps of a run say; None without maps."""
     if not any((folder / name).is_file() for name in (MAPS_NAME, ROWS_NAME)):
         return None
     report = CrackReport.of(SurfaceMaps(folder))
     ranking = list(report.ranking())
-    nowhere = _why_nowhere(report) if report.indexes() and not ranking else ""
+    low, high = (f"{end - ZERO_CELSIUS:.4g}" for end in report.maps.heading.band)
+    nowhere = ""
+    if report.indexes() and not ranking and report.maps[IN_BAND].any():
+        nowhere = "nowhere so far: no index is above 0 (low ductility is between "
+        nowhere += f"{low} and {high} degC)"
+    elif report.indexes() and not ranking:
+        nowhere = f"nowhere so far: the surface was never between {low} and {high} degC, "
+        nowhere += "where ductility is low"
     rolls = [*heaviest_roll(folder, report.stations), *report.reheats()]
     pool = [] if summary is None else list(pool_end(summary, report.stations))
     title = "Rolls, reheat, end of the pool" if pool else "Rolls and reheat"
@@ -248,21 +228,8 @@ def crack_places(folder: Path, summary: Summary | None) -> CrackPlaces | None:
     return CrackPlaces(ranking, nowhere, [*rolls, *pool], title, largest)
 
 
-def _why_nowhere(report: CrackReport) -> str:
-    """Why no index is above 0: the surface is out of the band, or is not pulled within it."""
-    low, high = report.maps.heading.band
-    band = f"{low - ZERO_CELSIUS:.4g} and {high - ZERO_CELSIUS:.4g} degC"
-    if not report.maps[IN_BAND].any():
-        return f"nowhere so far: the surface was never between {band}, where ductility is low"
-    return f"nowhere so far: no index is above 0 (low ductility is between {band})"
-
-
 def defects_of(folder: Path) -> str:
-    """What is wrong with the machine of a run's case, in words; "" for nothing.
-
-    Args:
-        folder: Of the run, with its case.
-    """
+    """What is wrong with the machine of a run's case, in words; "" for nothing."""
     case = case_with(folder, "defect")
     found = None if case is None or case.machine is None else case.machine.defect
     return "; ".join(str(one).rstrip(",") for one in found or ())

@@ -35,25 +35,14 @@ _NAMES = (
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A place along the strand.
+    """A place along the strand."""
 
-    Attributes:
-        name: What is there; empty of one that was asked for.
-        position: Below the meniscus, m.
-    """
-
-    name: str
-    position: float
+    name: str  #: what is there; empty of one that was asked for
+    position: float  #: below the meniscus, m
 
 
 def places_of(folder: Path, summary: Summary | None, end: float) -> list[Place]:
-    """Return the places of a run that are worth a column: zone ends, bending, straightening, end.
-
-    Args:
-        folder: Of the run.
-        summary: Of it; None of one that has not ended.
-        end: Where it ended, m.
-    """
+    """Return the places worth a column: ends of zones, bending, straightening, run (`end`, m)."""
     found: list[Place] = []
     if summary is not None:
         found += [Place(zone.name, zone.end) for zone in summary.zones if zone.whole]

@@ -44,22 +44,14 @@ _REHEATED = 5.0  # K; surfaces that heat up by less are not named
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """One line: what, how much, and where.
+    """One line: what, how much, and where."""
 
-    Attributes:
-        what: Of which quantity.
-        value: In `unit`.
-        unit: As in history.csv.
-        where: Place and position, for a reader.
-        name: Of the column, where its unit may be chosen by it.
-        resolution: How exactly the cells resolve it, in `unit`; None where that is not known.
-    """
-
-    what: str
-    value: float
-    unit: str
-    where: str
-    name: str = ""
+    what: str  #: of which quantity
+    value: float  #: in `unit`
+    unit: str  #: as in history.csv
+    where: str  #: place and position, for a reader
+    name: str = ""  #: of the column, where its unit may be chosen by it
+    #: how exactly the cells resolve it, in `unit`; None where that is not known
     resolution: float | None = None
 
 
@@ -94,13 +86,7 @@ def remarks_of(folder: Path, summary: Summary | None) -> list[Remark]:
 def remarks(
     table: pandas.DataFrame, summary: Summary | None, fields: Fields | None = None
 ) -> list[Remark]:
-    """What is worth a look in a run.
-
-    Args:
-        table: Of `castfem.runs.output.history.read_history`.
-        summary: Tells where the mould ends; None of a run that has not finished.
-        fields: Tell of hot spots between the probes.
-    """
+    """What is worth a look in a run."""
     if len(table) < 2 or not has_values(table, "position"):
         return []
     position = table["position"].to_numpy()
@@ -315,10 +301,7 @@ def _largest(
 def _at_exit(table: pandas.DataFrame, position: Array, at: float, where: str) -> dict[str, Remark]:
     """The thinnest shell and the hottest place of the surface among the probes at the exit."""
     found = {}
-    for prefix, what, pick in (
-        ("shell", _THINNEST, min),
-        ("surface_temperature", _HOTTEST, max),
-    ):
+    for prefix, what, pick in (("shell", _THINNEST, min), ("surface_temperature", _HOTTEST, max)):
         values = {
             label: (float(np.interp(at, position, table[column].to_numpy())), column)
             for label, _, column in curves(table, prefix)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 from castfem.base.shown_quantity import Quantity, from_si, unit_of_difference
 from castfem.base.shown_units import Scale, difference_of, label_shown, plain_unit, scale_of
@@ -59,10 +59,13 @@ def result_rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ..
     """
     rows: list[tuple[str, ...]] = []
     referred = {c.reference.quantity for c in summary.references}
-    for name, quantity in _ends_first(summary.quantities):
-        twin = summary.quantities.get(name.replace(_NARROW, _WIDE))
-        if name.endswith(_NARROW) and name not in referred and _same(name, quantity, twin):
-            continue
+    found = summary.quantities
+    ends = [n for n in ENDS if n in found and math.isfinite(found[n].value)]  # of the pool
+    for name in dict.fromkeys((*ends, *found)):
+        quantity, twin = found[name], found.get(name.replace(_NARROW, _WIDE))
+        alone = name.endswith(_NARROW) and name not in referred
+        if alone and twin is not None and cells(name, quantity) == cells(name, twin):
+            continue  # as on the other faces of a square
         label = quantity.label
         mine = [c for c in summary.references if c.reference.quantity == name and not c.missing]
         if all(c.reference.at is not None for c in mine):
@@ -73,17 +76,6 @@ def result_rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ..
             label = f"{comparison.reference.quantity} ({comparison.missing})"
             rows.append(_comparison_row(comparison, label, sources))
     return rows
-
-
-def _ends_first(quantities: Mapping[str, Quantity]) -> list[tuple[str, Quantity]]:
-    """The results, ends of the pool first where the strand has come to them."""
-    first = [n for n in ENDS if n in quantities and math.isfinite(quantities[n].value)]
-    return [(n, quantities[n]) for n in dict.fromkeys((*first, *quantities))]
-
-
-def _same(name: str, one: Quantity, other: Quantity | None) -> bool:
-    """Whether two quantities would be printed alike, as those of the faces of a square."""
-    return other is not None and cells(name, one) == cells(name, other)
 
 
 def _comparison_row(

@@ -42,35 +42,22 @@ _STARTS = ("shell_", "surface_temperature_", "gap_", "von_mises_max")
 
 @dataclass(frozen=True, slots=True)
 class RunStatus:
-    """A run as it stands.
+    """A run as it stands."""
 
-    Attributes:
-        state: "running", "finished", "failed", "interrupted", or "killed": it is not at work any
-            more and has not said why.
-        title: Of its case.
-        record: What run.json holds.
-        position: How far it has come, m; NaN before its first row, or if it follows no strand.
-        length: Where it ends, m; NaN where that is not known.
-        quantities: Results of its last row.
-        left: Time it will still take, s; NaN while that is not known.
-        messages: The last of its log, those of its progress left out.
-    """
-
+    #: "running", "finished", "failed", "interrupted", or "killed": it is not at work any more and
+    #: has not said why
     state: str
-    title: str
-    record: RunRecord
+    title: str  #: of its case
+    record: RunRecord  #: what run.json holds
+    #: how far it has come, m; NaN before its first row, or if it follows no strand
     position: float = math.nan
-    length: float = math.nan
-    quantities: Mapping[str, Quantity] = field(default_factory=dict)
-    left: float = math.nan
-    messages: tuple[str, ...] = ()
+    length: float = math.nan  #: where it ends, m; NaN where that is not known
+    quantities: Mapping[str, Quantity] = field(default_factory=dict)  #: results of its last row
+    left: float = math.nan  #: time it will still take, s; NaN while that is not known
+    messages: tuple[str, ...] = ()  #: the last of its log, those of its progress left out
 
     def has_ended(self, wait: bool = False) -> bool:
-        """Whether nothing more is to be seen of the run.
-
-        Args:
-            wait: One that was killed or interrupted is expected to be taken up again.
-        """
+        """Whether nothing more is to be seen of the run."""
         return self.state in (FINISHED, FAILED) if wait else self.state != RUNNING
 
     @property
@@ -81,12 +68,7 @@ class RunStatus:
 
 
 class Watcher:
-    """Reads the status of a run again and again; nothing is written, nothing asked of the run.
-
-    Args:
-        folder: Of the run.
-        clock: Seconds that only grow.
-    """
+    """Reads the status of a run again and again; nothing is written, nothing asked of the run."""
 
     def __init__(self, folder: Path, clock: Callable[[], float] = time.monotonic) -> None:
         self.folder, self._clock = folder, clock

@@ -16,11 +16,7 @@ from castfem.studies.sweep.plan import brief
 from castfem.studies.sweep.record import Entry, Record
 
 WAITING = "waiting"
-_STOPPED = {
-    KILLED: "killed or aborted",
-    "interrupted": "interrupted",
-    WAITING: "waiting",
-}
+_STOPPED = {KILLED: "killed or aborted", "interrupted": "interrupted", WAITING: "waiting"}
 _NAMED = 5  # runs, of those that are alike
 _IDLE = 5.0  # s without a run at work that are told; between two runs there are fewer
 PATIENCE = 60.0  # s without a run at work, after which a sweep is taken for ended
@@ -28,34 +24,21 @@ PATIENCE = 60.0  # s without a run at work, after which a sweep is taken for end
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A run of a sweep.
+    """A run of a sweep."""
 
-    Attributes:
-        name: Of its folder.
-        label: What it is called by what is varied.
-        status: How it stands; its state may be "waiting".
-        seconds: How long it took, if it has ended.
-    """
-
-    name: str
-    label: str
-    status: RunStatus
-    seconds: float = 0.0
+    name: str  #: of its folder
+    label: str  #: what it is called by what is varied
+    status: RunStatus  #: how it stands; its state may be "waiting"
+    seconds: float = 0.0  #: how long it took, if it has ended
 
 
 @dataclass(frozen=True, slots=True)
 class SweepStatus:
-    """A sweep as it stands.
+    """A sweep as it stands."""
 
-    Attributes:
-        rows: Its runs.
-        idle: How long no run has been at work, s.
-        patience: How long none may be, before nothing more is waited for, s.
-    """
-
-    rows: tuple[Row, ...]
-    idle: float
-    patience: float = PATIENCE
+    rows: tuple[Row, ...]  #: its runs
+    idle: float  #: how long no run has been at work, s
+    patience: float = PATIENCE  #: how long none may be, before nothing more is waited for, s
 
     def count(self, state: str) -> int:
         """Number of runs in a state."""
@@ -85,19 +68,10 @@ class SweepStatus:
 
 
 class SweepWatcher:
-    """Reads the status of the runs of a sweep again and again.
-
-    Args:
-        folder: Of the sweep.
-        clock: Seconds that only grow.
-        patience: How long no run may be at work, before nothing more is waited for, s.
-    """
+    """Reads the status of the runs of a sweep again and again."""
 
     def __init__(
-        self,
-        folder: Path,
-        clock: Callable[[], float] = time.monotonic,
-        patience: float = PATIENCE,
+        self, folder: Path, clock: Callable[[], float] = time.monotonic, patience: float = PATIENCE
     ) -> None:
         self.folder, self._clock, self._patience = folder, clock, patience
         self._watchers: dict[str, Watcher] = {}

@@ -55,21 +55,13 @@ _AROUND = 8  # lines about them
 
 @dataclass(frozen=True, slots=True)
 class Viewing:
-    """How runs are watched.
+    """How runs are watched."""
 
-    Attributes:
-        console: Where to show them: a picture on a terminal, a line at intervals elsewhere.
-        every: Time between two looks, s.
-        page: Written anew at each look that is due for it.
-        wait: Wait for runs that have not begun, or are to be taken up again.
-        sleep: Waits so many seconds.
-    """
-
-    console: Console
-    every: float
-    page: Page | None = None
-    wait: bool = False
-    sleep: Callable[[float], None] = time.sleep
+    console: Console  #: where to show them: a picture on a terminal, a line at intervals elsewhere
+    every: float  #: time between two looks, s
+    page: Page | None = None  #: written anew at each look that is due for it
+    wait: bool = False  #: wait for runs that have not begun, or are to be taken up again
+    sleep: Callable[[float], None] = time.sleep  #: waits so many seconds
 
     def say(self, text: str) -> None:
         """A line, as it is."""
@@ -96,11 +88,7 @@ def watch(folder: Path, viewing: Viewing) -> bool:
 
 
 def _until_begun(folder: Path, viewing: Viewing) -> None:
-    """Wait for a run or a sweep in a folder, if that is wanted.
-
-    Raises:
-        InputError: There is none, and none is waited for.
-    """
+    """Wait for a run or a sweep in a folder, if that is wanted."""
     told = False
     while not any((folder / name).is_file() for name in (SWEEP_NAME, RUN_NAME)):
         if folder.exists() and not folder.is_dir():

@@ -79,6 +79,7 @@
         cell.setAttribute("fill", field.palette[Math.min(shades - 1, Math.floor(shades * values[start + i] / 65536))]);
       });
       told.textContent = known.places[Number(range.value)];
+      figure.querySelector(".shown").textContent = field.name;
       figure.querySelector(".low").textContent = field.ends[0];
       figure.querySelector(".high").textContent = field.ends[1] + " " + field.unit;
       figure.querySelectorAll(".scale rect").forEach(function (rect, i) { rect.setAttribute("fill", field.palette[i]); });

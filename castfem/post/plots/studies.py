@@ -1,18 +1,22 @@
-"""Figures of an optimum: results along its variables, its front, its inputs, its mould."""
+"""Figures of studies: a search, a fit to measurements, the sensitivities of a run."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from castfem.base.shown_units import Scale, scale_of
+from castfem.base.result_registry import find
+from castfem.base.shown_quantity import unit_of_difference
+from castfem.base.shown_units import Scale, label_shown, plain_unit, scale_of
+from castfem.base.types import Array
 from castfem.model.optimise import bound
-from castfem.post.plots.style import look, new_figure
+from castfem.post.plots.style import head, look, new_figure, save
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.studies.optimisation.optimum import (
     Front,
@@ -22,6 +26,8 @@ from castfem.studies.optimisation.optimum import (
     Value,
     unit_name,
 )
+from castfem.studies.sensitivity.chosen_units import ShownRow
+from castfem.studies.sensitivity.result import Row, Sensitivity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,7 +68,7 @@ def optimum_figure(optimum: Optimum) -> Figure:
         grid[row][0].set_ylabel(fill(words, _LINE), fontsize=8)
     for column, value in enumerate(optimum.values):
         _draw_column(grid[:, column], optimum, objective, value)
-    figure.suptitle(optimum.title, fontsize=9)
+    head(figure, optimum.title, 9.0)
     handles, labels = grid[-1][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", fontsize=7, ncols=len(handles))
     return figure
@@ -119,12 +125,7 @@ def front_figure(front: Front) -> Figure:
 
 @look()
 def indices_figure(spread: Spread, scales: Sequence[Scale] = ()) -> Figure:
-    """Return the Sobol indices: a panel for each row of a spread, two bars for each input.
-
-    Args:
-        spread: The spread.
-        scales: From the units of the rows to the chosen ones; left out: as they are.
-    """
+    """Return the Sobol indices: a panel for each row of a spread, two bars for each input."""
     figure = new_figure(2.0 + 3.0 * len(spread.rows), 1.4 + 0.32 * len(spread.labels))
     grid: Any = figure.subplots(1, len(spread.rows), squeeze=False, sharey=True)[0]
     places = np.arange(len(spread.labels))
@@ -146,13 +147,7 @@ def indices_figure(spread: Spread, scales: Sequence[Scale] = ()) -> Figure:
 
 @look()
 def mould_figure(head: Sequence[str], rows: Sequence[Sequence[float]], run: Path) -> Figure:
-    """Return a panel for a mould, and one for each group of columns that a run's history has.
-
-    Args:
-        head: Headings of the mould's table.
-        rows: Its rows, distance from the meniscus first, mm.
-        run: Folder of the run.
-    """
+    """Return a panel for a mould, and one for each group of columns that a run's history has."""
     history = read_history(run / HISTORY_NAME)
     panels = {
         label: {name: words for name, words in columns.items() if name in history}
@@ -184,3 +179,112 @@ def mould_figure(head: Sequence[str], rows: Sequence[Sequence[float]], run: Path
     every[-1].set_xlabel(f"below the meniscus [{length.unit}]")
     every[-1].set_xlim(0.0, length(end))
     return figure
+
+
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """A result where it was measured."""
+
+    name: str  #: of the result
+    label: str  #: what it is
+    unit: str  #: of the values
+    position: Array  #: (n,), m
+    measured: Array  #: (n,)
+    error: Array  #: (n,), NaN where none is known
+    before: Array  #: of the case as it was (n,)
+    after: Array  #: as fitted (n,)
+
+
+@look()
+def calibration_figure(results: Sequence[Compared]) -> Figure:
+    """Return a row a result: over the position, and computed over measured values."""
+    figure = new_figure(9.6, 1.2 + 2.6 * len(results))
+    grid: Any = figure.subplots(len(results), 2, squeeze=False, width_ratios=(1.5, 1.0))
+    for (along, against), one in zip(grid, results, strict=True):
+        error = one.error if np.isfinite(one.error).all() else None
+        unit = f"[{plain_unit(one.unit)}]"
+        dots: dict[str, Any] = {"fmt": "o", "color": "#333333", "ms": 4, "capsize": 3}
+        name = "measured" if error is None else "measured ± standard error"
+        along.errorbar(one.position, one.measured, yerr=error, label=name, **dots)
+        ends = [f(np.r_[one.measured, one.before, one.after]) for f in (np.min, np.max)]
+        room = 0.06 * (ends[1] - ends[0] or abs(ends[0]) or 1.0)
+        ends = [ends[0] - room, ends[1] + room]
+        against.plot(ends, ends, color="0.4", lw=1.0, label="computed = measured")
+        for values, label, style in (
+            (one.before, "computed, before", {"color": _ORANGE, "marker": "s", "mfc": "none"}),
+            (one.after, "computed, fitted", {"color": _BLUE, "marker": "D"}),
+        ):
+            along.plot(one.position, values, ls="none", ms=6, label=label, **style)
+            against.plot(one.measured, values, ls="none", ms=6, **style)
+        along.set_xlabel("position below the meniscus [m]", gid="position")
+        known = find(one.name)
+        along.set_ylabel(f"{known[0].axis_label if known else 'value'} {unit}", gid=one.name)
+        along.set_title(one.label, fontsize=9.5)
+        along.set_xlim(0.0, 1.05 * max(float(each.position.max()) for each in results))
+        against.set(xlim=ends, ylim=ends, box_aspect=1)
+        against.set_xlabel(f"measured {unit}", gid=one.name)
+        against.set_ylabel(f"computed {unit}", gid=one.name)
+    drawn = [axes.get_legend_handles_labels() for axes in grid[0]]
+    handles, labels = ([*one, *other] for one, other in zip(*drawn, strict=True))
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(handles))
+    return figure
+
+
+FIGURE_NAME = "sensitivity.png"
+_UP, _DOWN = "#d55e00", "#0072b2"
+_ACROSS = 2  # panels side by side
+
+
+def draw_tornado(found: Sensitivity, path: Path) -> None:
+    """Draw a panel for each result, in it a pair of bars for each parameter.
+
+    Raises:
+        RunFailure: The file cannot be written.
+    """
+    names = list(found.quantities)
+    across = min(_ACROSS, len(names))
+    down = -(-len(names) // across)
+    with look():
+        figure = new_figure(4.6 * across + 0.6, 0.9 + down * (0.75 + 0.3 * len(found.parameters)))
+        grid = np.atleast_1d(figure.subplots(down, across, squeeze=False)).ravel()
+        for axes, name in zip(grid, names, strict=False):
+            _panel(axes, [row for row in found.rows() if row.name == name])
+        for axes in grid[len(names) :]:
+            axes.set_axis_off()
+        head(figure, found.title, 9.0)
+        save(figure, path)
+
+
+def spread_of(row: Row) -> str:
+    """The parameter with what it is moved by."""
+    one = ShownRow.of(row)
+    spread = f"\N{PLUS-MINUS SIGN}{one.spread:.3g} {plain_unit(one.spread_unit)}"
+    return f"{row.parameter.name} {spread}".rstrip()
+
+
+def _panel(axes: Axes, rows: list[Row]) -> None:
+    """Bars of one result; linear, so that both sides are as long. A sentence if there are none."""
+    change_of = [row.change for row in rows]
+    said = ""
+    if all(one == 0.0 for one in change_of):
+        said = "depends on none of them"
+    elif not np.isfinite(change_of).any():
+        said = "no derivative of it is known"
+    if said:
+        axes.set_axis_off()
+        text = f"{label_shown(rows[0].quantity.label)}\n{said}"
+        axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", fontsize=8)
+        return
+    order = sorted(rows, key=lambda row: abs(row.change) if np.isfinite(row.change) else -1.0)
+    places = np.arange(len(order))
+    change = np.array([row.change for row in order])
+    axes.barh(places, change, height=0.62, color=_UP, label="more of it")
+    axes.barh(places, -change, height=0.62, color=_DOWN, label="less of it")
+    axes.set_yticks(places, [spread_of(row) for row in order], fontsize=7)
+    axes.set_ylim(-0.6, len(order) - 0.4)  # also of those without a bar
+    axes.axvline(0.0, color="0.3", lw=0.8)
+    quantity = rows[0].quantity
+    unit = plain_unit(unit_of_difference(quantity.shown_unit))
+    text = f"change of {label_shown(quantity.label)} [{unit}]"
+    axes.set_xlabel(text, fontsize=8, gid=rows[0].name)  # by which its own unit is found
+    axes.legend(fontsize=6.5, loc="lower right", frameon=False)
