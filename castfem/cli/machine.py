@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError
 from castfem.base.table import Table, pairs, say
-from castfem.base.constants import ROUNDING
 from castfem.base.types import Array
 from castfem.base.units import factor_and_zero
 from castfem.cli import parallel
