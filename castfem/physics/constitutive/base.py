@@ -127,8 +127,6 @@ class StepChange:
         stress_old: Stress at the start (k, n, 4), Pa.
         state_old: State at the start (k, n, states).
         dt: Length of the step (k,), s.
-        by: How far a difference quotient, where the law takes one, goes to either side of each
-            parameter (k,), in its unit.
     """
 
     coefficients: Array
@@ -137,7 +135,6 @@ class StepChange:
     stress_old: Array
     state_old: Array
     dt: Array
-    by: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,7 +226,6 @@ class Law(Protocol):
         step: MaterialStep,
         stress_old: Array,
         state_old: Array,
-        answer: Response,
         change: StepChange,
         *,
         coefficients: Array | None = None,
@@ -243,7 +239,6 @@ class Law(Protocol):
             step: Strain, temperature and time.
             stress_old: At the start of the step, (n, 4), Pa.
             state_old: At the start of the step, (n, states).
-            answer: To this step; its state and what flows are asked for.
             change: Of all that is given.
             coefficients: From `coefficients`, for the temperatures of this step.
             out: Arrays to write to; new ones are made if left out.

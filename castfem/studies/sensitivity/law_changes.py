@@ -16,7 +16,6 @@ from castfem.base.types import Array
 from castfem.physics.constitutive.base import (
     Law,
     MaterialStep,
-    Response,
     ResponseChange,
     StepChange,
 )
@@ -31,8 +30,6 @@ from castfem.studies.sensitivity.difference import (
 )
 from castfem.studies.sensitivity.perturbed_slices import SliceSides
 from castfem.studies.sensitivity.step_inputs import Beginning, Stressed
-
-STRAIN = 1e-11  # to either side, in differences by strain
 
 
 class LawChanges:
@@ -55,11 +52,9 @@ class LawChanges:
         self._run, self._sides, self._begun = run, sides, begun
         here = self._here = begun[0].stressed
         self._strain = strain
-        whole = len(here.kept) == run.active.count
-        self._answer = run.response if whole else run.response.part(here.kept)
+        self._tangent = run.response.tangent[here.kept]
         self._directions = _directions(run.slice.law, here.now)
         self._ways = len(self._directions)
-        self._by = np.concatenate([[one.by for one in sides], np.full(self._ways, STRAIN)])
         self._longer = self._rows(np.array(its.late[1] - its.late[0]) for its in begun)
         self._starts = [
             self._rows(its.start[name][here.rows] for its in begun)
@@ -136,7 +131,7 @@ class LawChanges:
             strain: Of the strain increments (k, m, 4).
         """
         count, here = len(strain), self._here
-        found = ResponseChange.empty(len(self._by), len(here.rows), here.internal.shape[1])
+        found = ResponseChange.empty(count + self._ways, len(here.rows), here.internal.shape[1])
         given = StepChange(
             coefficients=np.zeros(0),
             strain=np.concatenate([strain, self._directions]),
@@ -144,11 +139,10 @@ class LawChanges:
             stress_old=self._starts[0],
             state_old=self._starts[1],
             dt=self._longer,
-            by=self._by,
         )
         for part in self._parts:
             strains = self._strain, self._thermal
-            part.differentiate(self._run.dt, here, strains, self._answer, given, found)
+            part.differentiate(self._run.dt, here, strains, given, found)
         self._strain_held = strain
         self._held, self._rise = found.some(slice(0, count)), found.some(slice(count, None))
         return self._held
@@ -162,10 +156,9 @@ class LawChanges:
         """
         held, rise = self._held.some(some), self._rise
         more = strain - self._strain_held[some]
-        tangent = self._answer.tangent
         share = np.einsum("knc,dnc->dkn", more, self._directions)
         return ResponseChange(
-            held.stress + (tangent @ more[..., None])[..., 0],
+            held.stress + (self._tangent @ more[..., None])[..., 0],
             held.state + np.einsum("dkn,dns->kns", share, rise.state),
             held.dissipation + np.einsum("dkn,dn->kn", share, rise.dissipation),
         )
@@ -215,8 +208,8 @@ class _Part:
     changes: Array
 
     def differentiate(
-        self, dt: float, here: Stressed, strains: tuple[Array, Array], answer: Response,
-        given: StepChange, found: ResponseChange,
+        self, dt: float, here: Stressed, strains: tuple[Array, Array], given: StepChange,
+        found: ResponseChange,
     ) -> None:  # fmt: skip
         """Differentiate the law at these points.
 
@@ -224,13 +217,11 @@ class _Part:
             dt: Length of the step, s.
             here: All points with stress.
             strains: Total and thermal increments there (m, 4), (m,).
-            answer: Of the law there.
             given: Changes of all but the coefficients, there.
             found: Derivatives there, to be written to.
         """
         rows = self.rows
         out, internal = found.part(rows), slice(0, 0 if self.elastic else None)
-        answer = answer.part(rows)
         if self.elastic:  # it remembers nothing
             out.state[:] = 0.0
             out = ResponseChange(out.stress, out.state[:, :, :0], out.dissipation)
@@ -239,9 +230,9 @@ class _Part:
         )
         its = StepChange(
             self.changes, given.strain[:, rows], given.thermal[:, rows],
-            given.stress_old[:, rows], given.state_old[:, rows, internal], given.dt, given.by,
+            given.stress_old[:, rows], given.state_old[:, rows, internal], given.dt,
         )  # fmt: skip
         self.law.differentiate(
-            step, here.stress[rows], here.internal[rows, internal], answer, its,
+            step, here.stress[rows], here.internal[rows, internal], its,
             coefficients=self.coefficients, out=out,
         )  # fmt: skip
