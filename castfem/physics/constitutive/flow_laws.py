@@ -19,6 +19,7 @@ from castfem.base.quantities import Kind
 from castfem.base.tables import Constant
 from castfem.base.types import Array
 from castfem.physics.constitutive.base import (
+    DataRange,
     Given,
     MaterialStep,
     Parameter,
@@ -27,7 +28,6 @@ from castfem.physics.constitutive.base import (
     StepChange,
     turned,
 )
-from castfem.physics.constitutive.data_range import DataRange
 from castfem.physics.constitutive.elasticity import Curve, Elasticity
 from castfem.physics.constitutive.kernel import constants
 from castfem.physics.constitutive.kernel.loop import differentiate_points, integrate_points

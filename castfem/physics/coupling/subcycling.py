@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -60,10 +60,14 @@ class ThermalSteps:
 
     Args:
         stepper: Takes one step. control: Chooses its length and learns.
+
+    Attributes:
+        on_kept: Called with each step that is kept, and the state it began with; None for nobody.
     """
 
     def __init__(self, stepper: ThermalStepper, control: StepControl) -> None:
         self.stepper, self.control = stepper, control
+        self.on_kept: Callable[[ThermalState, StepResult], None] | None = None
 
     def one(self, state: ThermalState, stop: float | None = None) -> SubSteps:
         """One step, not past `stop` (s).
@@ -90,13 +94,11 @@ class ThermalSteps:
                 if self.control.accepts(result.error):
                     break
             rejected += 1
-        self.kept(state, result)
+        if self.on_kept is not None:
+            self.on_kept(state, result)
         return SubSteps(
             result.state, dt, result.newton, result.balance, 1, rejected, int(result.limited)
         )
-
-    def kept(self, old: ThermalState, result: StepResult) -> None:
-        """Called with each step that is kept, and the state it began with; here nothing is done."""
 
     def to(self, state: ThermalState, end: float) -> SubSteps:
         """As many steps as it takes to `end` (s).

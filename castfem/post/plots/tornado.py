@@ -10,8 +10,7 @@ import numpy as np
 from castfem.base.shown_quantity import unit_of_difference
 from castfem.base.shown_units import label_shown, plain_unit
 from castfem.post.plots.style import look, new_figure, save
-from castfem.studies.sensitivity.chosen_units import ShownRow
-from castfem.studies.sensitivity.result import Row, Sensitivity
+from castfem.studies.sensitivity.result import Row, Sensitivity, ShownRow
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

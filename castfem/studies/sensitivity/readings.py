@@ -27,11 +27,10 @@ from castfem.runs.results.registry import columns_of, results_of
 from castfem.runs.results.resolution import STAIR
 from castfem.runs.results.sample import Sample
 from castfem.runs.results.thermal import Sampler
-from castfem.studies.sensitivity.fronts import LEVELS, Fronts
+from castfem.studies.sensitivity.followed_run import Derivatives
+from castfem.studies.sensitivity.fronts import LEVELS, Fronts, Scatter
 from castfem.studies.sensitivity.perturbed_simulation import Varied
 from castfem.studies.sensitivity.result import Derivative
-from castfem.studies.sensitivity.scatter import Scatter
-from castfem.studies.sensitivity.thermal import ThermalDerivatives
 
 _OF_STEPS = (
     "step", "newton", "newton_mechanics", "energy_error", "force_error", "solidus_cell",
@@ -101,7 +100,7 @@ class Readings:
 
     Args:
         simulation: The run.
-        derivatives: Of its temperatures.
+        derivatives: Along with it.
         asked: The results.
         errors: Whether the errors of the derivatives are wanted, which takes more readings.
     """
@@ -109,7 +108,7 @@ class Readings:
     def __init__(
         self,
         simulation: Simulation,
-        derivatives: ThermalDerivatives,
+        derivatives: Derivatives,
         asked: Asked,
         *,
         errors: bool = True,
@@ -119,7 +118,7 @@ class Readings:
         self._follows_heat = bool(way)
         self._follows_all = any(name not in _OF_TEMPERATURE for name in way)
         depths = [(one.name, probe) for one, probe in asked.values() if one.name in LEVELS]
-        self.fronts = Fronts(derivatives, depths)
+        self.fronts = Fronts(derivatives.thermal, depths)
         self.scatter = Scatter() if errors else None
         self._samplers = [
             (Sampler(v.above.simulation), Sampler(v.below.simulation))
@@ -180,24 +179,20 @@ class Readings:
         self, number: int, sample: Sample
     ) -> tuple[MechanicalState | None, MechanicalState | None]:
         """The strained slice above and below a parameter; None of a case without."""
-        coupling, state = self._simulation.coupling, sample.state.mechanical
-        if coupling is None or state is None:
+        coupled, state = self._derivatives.coupled, sample.state.mechanical
+        if coupled is None or state is None:
             return None, None
-        from castfem.studies.sensitivity.differentiated_steps import FollowedMechanics
-
-        assert isinstance(coupling.mechanics, FollowedMechanics)
-        slopes = coupling.mechanics.mechanical
         variation = self._derivatives.variations[number]
         step = variation.parameter.step
         # Each at its own time, for it meets its wall where it is then.
         above, below = (
-            replace(slopes.moved(number, state, by), time=end.time(state.time))
+            replace(coupled.mechanical.moved(number, state, by), time=end.time(state.time))
             for end, by in ((variation.above, step), (variation.below, -step))
         )
         return above, below
 
     def _state(self, end: Varied, number: int, state: ThermalState, by: float) -> ThermalState:
-        slopes = self._derivatives
+        slopes = self._derivatives.thermal
         end.enter(self._zone(state.time))
         return end.simulation.stepper.state_from(
             end.time(state.time),

@@ -13,11 +13,11 @@ from castfem.base.types import Array
 from castfem.fem import dof_values, reductions
 from castfem.physics.contact.linearised import GivenChanges, LinearisedContact
 from castfem.physics.contact.state import CONTACT
+from castfem.physics.mechanics.definition import Slice
 from castfem.physics.mechanics.force_operators import ForceOperators
 from castfem.physics.mechanics.planes import ScaledPlanes
 from castfem.physics.mechanics.problem import MechanicalProblem
-from castfem.studies.sensitivity.difference import slope_by_temperature
-from castfem.studies.sensitivity.perturbed_slices import SIGNS, SliceSides
+from castfem.studies.sensitivity.perturbed_slices import SIGNS, SliceSides, slope_by_temperature
 from castfem.studies.sensitivity.step_inputs import Beginning
 
 
@@ -85,13 +85,14 @@ class GivenStep:
         return offset, load
 
     def _drags(self) -> Array:
-        run, found = self._run, np.zeros(self.count)
+        run = self._run
         if run.liquid is None or run.liquid.bears:
-            return found
-        for number, (sides, _) in enumerate(self._pairs):
-            above, below = (run.planes.drag_by(one.young_at_solidus()) for one in sides.slices)
-            found[number] = (above - below) / sides.span
-        return found
+            return np.zeros(self.count)
+
+        def drag(one: Slice, by: float) -> float:
+            return run.planes.drag_by(one.young_at_solidus())
+
+        return np.array([sides.quotient(drag) for sides, _ in self._pairs])
 
     def _supports(self) -> Array:
         run, constraints = self._run, self._run.constraints
