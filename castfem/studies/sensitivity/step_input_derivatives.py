@@ -74,14 +74,15 @@ class GivenStep:
         for number, (sides, its) in enumerate(self._pairs):
             if sides.same_planes and (not its.late[1] or run.slice.planes.steady):
                 continue
-            above, below = (
-                ScaledPlanes.of(
-                    one.planes, its.old.bending, its.times(sign * sides.by)[1], run.scales.length
+
+            def given(one: Slice, by: float, its: Beginning = its) -> Array:
+                planes = ScaledPlanes.of(
+                    one.planes, its.old.bending, its.times(by)[1], run.scales.length
                 )
-                for one, sign in zip(sides.slices, SIGNS, strict=True)
-            )
-            offset[:, number] = (above.offset - below.offset) / sides.span
-            load[:, number] = (above.load - below.load) / sides.span
+                return np.concatenate([planes.offset, planes.load])
+
+            change = sides.quotient(given)
+            offset[:, number], load[:, number] = change[:4], change[4:]
         return offset, load
 
     def _drags(self) -> Array:

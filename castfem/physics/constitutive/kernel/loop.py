@@ -63,7 +63,13 @@ def differentiate_points(  # type: ignore[no-untyped-def]
 
     Args:
         kind: As in `integrate_points`; so are the following up to `dt`.
-        signed, coefficients, strain, thermal, stress_old, state_old, dt: See there.
+        signed: As there.
+        coefficients: (n, columns).
+        strain: (n, 4).
+        thermal: (n,).
+        stress_old: (n, 4).
+        state_old: (n, states).
+        dt: s.
         d_coefficients: Change in each way (k, n, columns).
         d_strain: (k, n, 4).
         d_thermal: (k, n).
