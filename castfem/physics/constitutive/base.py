@@ -260,15 +260,8 @@ class Law(Protocol):
     ) -> ResponseChange:
         """Return how the answer to a step changes with what it is given.
 
-        What flows goes on flowing, and what is elastic stays so.
-
-        Args:
-            step: Strain, temperature and time.
-            stress_old: At the start of the step, (n, 4), Pa.
-            state_old: At the start of the step, (n, states).
-            change: Of all that is given.
-            coefficients: From `coefficients`, for the temperatures of this step.
-            out: Arrays to write to; new ones are made if left out.
+        What flows goes on flowing, and what is elastic stays so.  The step is that of `integrate`,
+        `change` that of all it is given; new arrays are made if `out` is left out.
         """
 
 

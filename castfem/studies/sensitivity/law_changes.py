@@ -33,11 +33,7 @@ from castfem.studies.sensitivity.step_inputs import Beginning
 class LawChanges:
     """The law at the points with stress, in a step that a run has taken.
 
-    Args:
-        run: The equilibrium of the run, at the solution.
-        sides: Of each parameter.
-        begun: What they begin with.
-        strain: Increments of the step (m, 4).
+    It is given what `linearised_step.LinearisedStep` is, and the strain increments there (m, 4).
     """
 
     def __init__(

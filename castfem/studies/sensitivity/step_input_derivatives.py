@@ -29,13 +29,7 @@ def summed(run: MechanicalProblem, local: Array) -> Array:
 
 
 class GivenStep:
-    """Derivatives of what a step is given.
-
-    Args:
-        run: The equilibrium of the run, at the solution.
-        forces: Its operators.
-        sides: Of each parameter, begun.
-        begun: What they begin with.
+    """Derivatives of what a step is given, from what `linearised_step.LinearisedStep` is.
 
     Attributes:
         displacement: At the start (dofs, k), m.

@@ -73,11 +73,13 @@ def _of_two(function: Any, written: Callable[..., Any]) -> None:
     overload(function, strict=False)(lambda a, b: written if DUAL in (a, b) else None)
 
 
-for _function, _written in COMPARED.items():
+for _function, _written in (*COMPARED.items(), (math.hypot, _hypot)):
     _of_two(_function, _written)
-_of_two(math.hypot, _hypot)
-for _name in ("exp", "log", "expm1", "log1p", "sqrt"):
-    _of_one(getattr(math, _name), globals()[f"_{_name}"])
+for _function, _written in (
+    (math.exp, _exp), (math.log, _log), (math.expm1, _expm1), (math.log1p, _log1p),
+    (math.sqrt, _sqrt),
+):  # fmt: skip
+    _of_one(_function, _written)
 
 
 @lower_builtin(operator.lt, DUAL, DUAL)  # type: ignore[untyped-decorator]
