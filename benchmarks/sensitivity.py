@@ -26,10 +26,8 @@ from castfem.model import Case
 from castfem.model.build.simulation import build
 from castfem.model.shipped_cases import load
 from castfem.runs.loop import TimeLoop
-from castfem.studies.sensitivity.differentiated_steps import followed
+from castfem.studies.sensitivity.followed_run import Recorder, follow
 from castfem.studies.sensitivity.readings import Readings, asked_quantities
-from castfem.studies.sensitivity.recorder import FollowedLoop, Recorder
-from castfem.studies.sensitivity.run import follow
 
 ALONE, COUPLED = "billet125/thermal", "billet125/taper_1"
 SIX = (
@@ -82,14 +80,13 @@ def _coupled(case: Case, count: int) -> tuple[float, float]:
     if count:
         slopes = follow(simulation, SIX_OF_MOULD[:count])
         readings = Readings(simulation, slopes, asked_quantities(simulation, OF_MOULD))
-        loop = FollowedLoop(simulation, Recorder(simulation, slopes, readings, None))
+        recorder = Recorder(simulation, slopes, readings, None)
+        loop = TimeLoop(simulation, recorder, unsampled=recorder.unsampled)
     begun = process_time()
     loop.run()
     taken = begun - start, process_time() - begun
     if count:
-        assert simulation.coupling is not None
         slopes.destroy()
-        followed(simulation.coupling).destroy()
     simulation.destroy()
     return taken
 

@@ -94,7 +94,7 @@ def head_of(found: Sensitivity) -> str:
 
 
 def _cells(row: Row) -> tuple[str, str, str]:
-    from castfem.studies.sensitivity.chosen_units import ShownRow
+    from castfem.studies.sensitivity.result import ShownRow
 
     one = ShownRow.of(row)
     at = f"{one.at:.6g} {unit_shown(one.at_unit)}".rstrip()
@@ -155,7 +155,7 @@ def _cut(found: Sensitivity) -> str:
 
 def remarks(found: Sensitivity) -> list[str]:
     """Return what else is to be known of the derivatives, a line each."""
-    from castfem.studies.sensitivity.chosen_units import ShownRow
+    from castfem.studies.sensitivity.result import ShownRow
 
     lines = [_contact_changes(found, p.name) for p in found.parameters]
     lines = [line for line in [*lines, _in_steps(found), _cut(found)] if line]

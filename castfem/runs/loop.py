@@ -78,6 +78,8 @@ class TimeLoop:
         recorder: Where committed steps are written; None for a run in memory.
         progress: What is told after each step; None for silence.
         interrupt: Asked after each step whether to stop there.
+        unsampled: Takes in a committed step without results, and says whether it did; None where
+            the results of each step are read.
 
     Attributes:
         run_state: Where the run stands.
@@ -89,9 +91,10 @@ class TimeLoop:
         recorder: StepRecord | None = None,
         progress: Progress | None = None,
         interrupt: Interrupt | None = None,
+        unsampled: Callable[[RunState], bool] | None = None,
     ) -> None:
         self.simulation, self.recorder, self.progress = simulation, recorder, progress
-        self.interrupt = interrupt
+        self.interrupt, self._unsampled = interrupt, unsampled
         self.run_state = RunState.at_start(simulation)
         self._released = False
 
@@ -175,6 +178,9 @@ class TimeLoop:
 
     def _record(self, substeps: SubSteps | None, mechanical: MechanicalResult | None) -> None:
         run = self.run_state
+        if self._unsampled is not None and self._unsampled(run):
+            self._tell(substeps, mechanical)
+            return
         with self.simulation.watch.section("results"):
             sample = run.take_sample(substeps, mechanical)
             self._keep_snapshot(sample)

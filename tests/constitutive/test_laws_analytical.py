@@ -16,9 +16,8 @@ from castfem.physics.constitutive import (
     PerfectlyPlastic,
     ThermoElastic,
 )
-from castfem.physics.constitutive.analytical import axial_stress
 from castfem.physics.constitutive.curves import modified_norton_hoff, yield_limit
-from castfem.physics.constitutive.uniaxial import pull
+from castfem.physics.constitutive.uniaxial import axial_stress, pull
 
 E, T = 20e9, 1373.15
 EL = Elasticity.constant(E, 0.3)

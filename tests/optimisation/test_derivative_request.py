@@ -20,8 +20,8 @@ from castfem.studies.optimisation.argument_checks import quantities_of
 from castfem.studies.optimisation.derivative_request import of_run
 from castfem.studies.optimisation.responses import Responses
 from castfem.studies.optimisation.store import Store
+from castfem.studies.sensitivity.result import Slope, read_slopes
 from castfem.studies.sensitivity.run import sensitivity
-from castfem.studies.sensitivity.slopes import Slope, read_slopes
 from castfem.studies.sweep.work import Derivatives, Job, work
 
 LENGTH = {"casting.length": "6 mm"}

@@ -15,7 +15,7 @@ from castfem.base.errors import InputError
 from castfem.base.types import Array
 from castfem.studies.optimisation import Evaluation, Optimum, RunRequest, Study
 from castfem.studies.optimisation.argument_checks import quantities_of
-from castfem.studies.sensitivity.slopes import Slope
+from castfem.studies.sensitivity.result import Slope
 
 COST = "surface_temperature_mid_face"  # K, whatever it is called: the case has no mechanics
 SUPERHEAT = {"key": "casting.superheat", "range": ["20 K", "40 K"]}

@@ -19,10 +19,9 @@ from castfem.model.build.start import starting_state
 from castfem.physics.thermal.stepper import StepResult, ThermalState
 from castfem.runs.loop import TimeLoop
 from castfem.studies.sensitivity import perturbed_simulation as varied
-from castfem.studies.sensitivity.differentiated_steps import FollowedSteps
+from castfem.studies.sensitivity.followed_run import Derivatives
 from castfem.studies.sensitivity.parameters import Parameter, read_parameters
 from castfem.studies.sensitivity.perturbed_simulation import Varied, vary
-from castfem.studies.sensitivity.thermal import ThermalDerivatives
 
 EXACT = 1e-12  # K, to which stages are solved where runs are compared
 QUIET: Mapping[str, Any] = {"output.fields": [], "output.every": "100 s", "reference": []}
@@ -40,17 +39,6 @@ def built(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> Simulation:
     return simulation
 
 
-class Noted(FollowedSteps):
-    """Steps whose ends are noted."""
-
-    ends: list[tuple[float, int]]
-
-    def kept(self, old: ThermalState, result: StepResult) -> None:
-        """Note the end of a step and the number of its stages."""
-        self.ends.append((result.state.time, len(result.stages)))
-        super().kept(old, result)
-
-
 @dataclass(slots=True)
 class Followed:
     """A run with its derivatives.
@@ -62,7 +50,7 @@ class Followed:
 
     simulation: Simulation
     state: ThermalState
-    derivatives: ThermalDerivatives
+    derivatives: Derivatives
     loop: TimeLoop
     ends: list[tuple[float, int]]
 
@@ -71,13 +59,17 @@ def followed(case: Case, *names: str, comm: MPI.Comm = MPI.COMM_SELF) -> Followe
     """Run a case with the derivatives of its temperatures."""
     simulation = built(case, comm)
     parameters = read_parameters(case, simulation.steel, names)
-    slopes = ThermalDerivatives(simulation, [vary(simulation, p) for p in parameters])
-    steps = Noted(simulation.stepper, simulation.steps.control, slopes)
-    steps.ends = []
-    simulation.steps = steps
+    slopes = Derivatives(simulation, [vary(simulation, p) for p in parameters])
+    ends: list[tuple[float, int]] = []
+
+    def noted(old: ThermalState, result: StepResult) -> None:
+        ends.append((result.state.time, len(result.stages)))
+        slopes.thermal.step(old, result)
+
+    simulation.steps.on_kept = noted
     loop = TimeLoop(simulation)
     loop.run()
-    return Followed(simulation, loop.run_state.state.thermal, slopes, loop, steps.ends)
+    return Followed(simulation, loop.run_state.state.thermal, slopes, loop, ends)
 
 
 def replayed(run: Followed, number: int, by: float) -> tuple[ThermalState, Varied]:

@@ -9,9 +9,8 @@ from castfem.base.types import Array
 from castfem.physics.materials.curve import ThermalCurve
 from castfem.physics.thermal.boundary import Cooling, Patch
 from castfem.physics.thermal.flux_laws import Contact, Convection, SurfaceLaw
-from castfem.studies.sensitivity.compare_laws import same_laws
-from castfem.studies.sensitivity.curve_difference import CurveDifference
-from castfem.studies.sensitivity.difference import WARMER, slope, slope_by_temperature
+from castfem.studies.sensitivity.perturbed_simulation import CurveDifference, same_laws
+from castfem.studies.sensitivity.perturbed_slices import WARMER, slope, slope_by_temperature
 
 
 def _curve(solidus: float, slope: float = 0.0, jump: float = 0.0) -> ThermalCurve:

@@ -24,12 +24,10 @@ from castfem.physics.coupling.staggered import StrandState
 from castfem.runs.loop import TimeLoop
 from castfem.runs.results.run_state import RunState
 from castfem.runs.results.sample import Sample
-from castfem.studies.sensitivity.differentiated_steps import FollowedMechanics, mark_coupled
+from castfem.studies.sensitivity.followed_run import Derivatives, follow
 from castfem.studies.sensitivity.mechanical import MechanicalDerivatives
-from castfem.studies.sensitivity.moved_state import CARRIED
 from castfem.studies.sensitivity.parameters import Parameter, read_parameters
-from castfem.studies.sensitivity.run import follow
-from castfem.studies.sensitivity.thermal import ThermalDerivatives
+from castfem.studies.sensitivity.step_inputs import CARRIED
 
 FREE = {
     "casting.length": "2.5 mm", "output.fields": [], "output.figures": False,
@@ -72,14 +70,11 @@ def strip(law: str = "plastic") -> Case:
 class Marks:
     """Marks what has been committed."""
 
-    simulation: Simulation
-    thermal: ThermalDerivatives
+    derivatives: Derivatives
 
     def step(self, run: RunState, sample: Sample) -> None:
         """Mark a committed window."""
-        self.thermal.mark(run.state.thermal)
-        assert self.simulation.coupling is not None
-        mark_coupled(self.simulation.coupling, run.state)
+        self.derivatives.mark(run.state)
 
 
 def ended(simulation: Simulation, recorder: Marks | None = None) -> StrandState:
@@ -93,12 +88,10 @@ def ended(simulation: Simulation, recorder: Marks | None = None) -> StrandState:
 def followed(case: Case, *names: str) -> tuple[StrandState, MechanicalDerivatives]:
     """The end of a run with its derivatives."""
     simulation = build(case, MPI.COMM_SELF)
-    thermal = follow(simulation, names)
-    state = ended(simulation, Marks(simulation, thermal))
-    assert simulation.coupling is not None
-    steps = simulation.coupling.mechanics
-    assert isinstance(steps, FollowedMechanics)
-    return state, steps.mechanical
+    derivatives = follow(simulation, names)
+    state = ended(simulation, Marks(derivatives))
+    assert derivatives.coupled is not None
+    return state, derivatives.coupled.mechanical
 
 
 def moved(case: Case, parameter: Parameter, by: float) -> StrandState:

@@ -28,10 +28,10 @@ from castfem.runs.loop import TimeLoop
 from castfem.runs.results.registry import columns_of
 from castfem.runs.results.run_state import RunState
 from castfem.studies.sensitivity import mechanical
+from castfem.studies.sensitivity.coupled import CoupledCheckpoint
+from castfem.studies.sensitivity.followed_run import follow
 from castfem.studies.sensitivity.parameters import Parameter, read_parameters
-from castfem.studies.sensitivity.restart import CoupledCheckpoint
 from castfem.studies.sensitivity.result import Sensitivity
-from castfem.studies.sensitivity.run import follow
 
 HALF, CELL, YOUNG, POISSON = 0.05, 0.0125, 40e9, 0.3
 TAPER, MOULD, DEPTH = 5e-4, 0.4, 0.2  # 1/m; length of the mould and of the run, m
@@ -393,7 +393,7 @@ def test_a_billet_that_is_taken_up_again_ends_with_the_same_derivatives(
 
 def test_a_followed_billet_is_the_plain_one_bit_by_bit() -> None:
     simulation = build(short(), MPI.COMM_SELF)
-    marks = Marks(simulation, follow(simulation, ["mould.taper"]))
+    marks = Marks(follow(simulation, ["mould.taper"]))
     loops = TimeLoop(simulation, marks), TimeLoop(build(short(), MPI.COMM_SELF))
     for loop in loops:
         loop.run()

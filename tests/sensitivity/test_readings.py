@@ -17,8 +17,8 @@ from castfem.model.load import from_document
 from castfem.physics.closed_forms.solidification import ThreeZones
 from castfem.physics.thermal.stepper import ThermalState
 from castfem.runs.loop import TimeLoop
+from castfem.studies.sensitivity.followed_run import CHECKPOINT_NAME
 from castfem.studies.sensitivity.parameters import read_parameters
-from castfem.studies.sensitivity.recorder import CHECKPOINT_NAME
 
 STEADY = {
     "title": "steady strip",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.studies.sensitivity.scatter import APART, CELLS, FEWEST, TIMES, Scatter
+from castfem.studies.sensitivity.fronts import APART, CELLS, FEWEST, TIMES, Scatter
 
 CELL = 1e-3
 

@@ -22,9 +22,8 @@ from castfem.cli.app import app
 from castfem.cli.sensitivity import head_of, remarks, table_of
 from castfem.post.plots.chosen_units import in_chosen_units
 from castfem.post.plots.studies import draw_tornado
-from castfem.studies.sensitivity.chosen_units import ShownRow
 from castfem.studies.sensitivity.parameters import Parameter
-from castfem.studies.sensitivity.result import Derivative, Sensitivity
+from castfem.studies.sensitivity.result import Derivative, Sensitivity, ShownRow
 
 
 def test_table_files_and_figure(tmp_path: Path) -> None:

@@ -20,8 +20,7 @@ from castfem.physics.closed_forms.half_space import ALPHA, YIELD, HalfSpace
 from castfem.runs.loop import TimeLoop
 from castfem.runs.results.run_state import RunState
 from castfem.runs.results.sample import Sample
-from castfem.studies.sensitivity.differentiated_steps import FollowedMechanics
-from castfem.studies.sensitivity.run import follow
+from castfem.studies.sensitivity.followed_run import follow
 
 COARSE = {
     "casting.length": "83.3333333333 mm", "output.fields": [], "output.figures": False,
@@ -41,9 +40,8 @@ class StrainSlopes(Marks):
     def step(self, run: RunState, sample: Sample) -> None:
         """Note the time, s, and the derivative by each parameter."""
         Marks.step(self, run, sample)
-        coupling = self.simulation.coupling
-        assert coupling is not None and isinstance(coupling.mechanics, FollowedMechanics)
-        slopes = coupling.mechanics.mechanical.slopes
+        assert self.derivatives.coupled is not None
+        slopes = self.derivatives.coupled.mechanical.slopes
         if slopes[0]:
             self.noted.append(
                 (run.state.time, [float(s["generalized_strains"][0]) for s in slopes])
@@ -71,12 +69,14 @@ def test_a_half_space_has_the_derivatives_of_weiner_and_boley() -> None:
     document = castfem.load("verification/weiner_boley_coarse").with_(COARSE).document()
     del document["verification"]
     simulation = build(from_document(document), MPI.COMM_SELF)
-    marks = StrainSlopes(simulation, follow(simulation, list(SLOPES)))
+    marks = StrainSlopes(follow(simulation, list(SLOPES)))
     loop = TimeLoop(simulation, marks)
     loop.run()
-    assert simulation.coupling is not None and simulation.mechanics is not None
-    steps, points = simulation.coupling.mechanics, simulation.mechanics.problem.points
-    assert isinstance(steps, FollowedMechanics)
+    assert marks.derivatives.coupled is not None and simulation.mechanics is not None
+    slopes, points = (
+        marks.derivatives.coupled.mechanical.slopes,
+        simulation.mechanics.problem.points,
+    )
     times, noted = np.array([t for t, _ in marks.noted]), np.array([s for _, s in marks.noted])
     end, later = times[-1], times > BEGUN * times[-1]
     # The strain of the closed form goes with log t: cell by cell it does so in steps.
@@ -88,7 +88,7 @@ def test_a_half_space_has_the_derivatives_of_weiner_and_boley() -> None:
         assert rates[number] == pytest.approx(rate, rel=0.05), name
         if key == "yield_stress":
             exact = (moment(ends[0], end) - moment(ends[1], end)) / 0.2
-            slope = points.recovered(steps.mechanical.slopes[number]["stress"])[:, 2]
+            slope = points.recovered(slopes[number]["stress"])[:, 2]
             assert lever @ slope == pytest.approx(exact, rel=0.05)
 
 

@@ -20,7 +20,7 @@ from sensitivity.replay import (
 )
 
 from castfem.model.build.start import starting_state
-from castfem.studies.sensitivity.run import follow
+from castfem.studies.sensitivity.followed_run import follow
 
 MOULD = (
     "cooling.mould.coefficient", "cooling.mould.wall", "casting.superheat", "casting.speed",
@@ -82,7 +82,7 @@ def off(run: Followed, number: int, share: float) -> float:
     """Largest difference between derivative and difference quotient, over the derivative."""
     parameter = run.derivatives.variations[number].parameter
     by = share * (10.0 if parameter.unit in ("degC", "K") else abs(parameter.value))
-    found, known = differences(run, number, by, enthalpy), run.derivatives.enthalpy[number]
+    found, known = differences(run, number, by, enthalpy), run.derivatives.thermal.enthalpy[number]
     return float(np.abs(found - known).max() / np.abs(known).max())
 
 
@@ -98,8 +98,8 @@ def check(changes: Mapping[str, Any], names: tuple[str, ...]) -> Followed:
 
 def test_mould_steel_and_casting() -> None:
     run = check({"casting.length": "18 mm"}, MOULD)
-    lost = -run.derivatives.enthalpy @ run.simulation.problem.volume
-    assert run.derivatives.removed[0] == pytest.approx(lost[0], rel=1e-12)
+    lost = -run.derivatives.thermal.enthalpy @ run.simulation.problem.volume
+    assert run.derivatives.thermal.removed[0] == pytest.approx(lost[0], rel=1e-12)
 
 
 def test_sprays_radiation_tables_and_the_places_of_zones() -> None:
@@ -136,7 +136,7 @@ def test_heat_removed_is_what_runs_remove() -> None:
     for number, by in enumerate((0.01, 1e-3)):
         above, below = (replayed(run, number, sign * by)[0].removed for sign in (1.0, -1.0))
         slope = (above - below) / (2.0 * by)
-        assert run.derivatives.removed[number] == pytest.approx(slope, rel=1e-6)
+        assert run.derivatives.thermal.removed[number] == pytest.approx(slope, rel=1e-6)
 
 
 def test_errors_fall_as_a_v() -> None:
@@ -150,7 +150,7 @@ def test_errors_fall_as_a_v() -> None:
 def test_a_step_that_is_taken_again_begins_with_what_was_marked() -> None:
     """A coupling window that fails is cut back: its temperatures begin anew."""
     simulation = built(bare())
-    slopes, state = follow(simulation, ["casting.superheat"]), starting_state(simulation)
+    slopes, state = follow(simulation, ["casting.superheat"]).thermal, starting_state(simulation)
     simulation.problem.set_cooling(simulation.zones.cooling(0))
     slopes.mark(state)
     length = simulation.steps.control.first
@@ -164,10 +164,12 @@ def test_a_step_that_is_taken_again_begins_with_what_was_marked() -> None:
 def test_many_ranks_give_what_one_gives() -> None:
     case, names = bare({"casting.length": "15 mm"}), MOULD[2:6]
     alone, together = followed(case, *names), followed(case, *names, comm=MPI.COMM_WORLD)
-    assert together.derivatives.removed == pytest.approx(alone.derivatives.removed, rel=1e-8)
+    assert together.derivatives.thermal.removed == pytest.approx(
+        alone.derivatives.thermal.removed, rel=1e-8
+    )
     for number in range(len(names)):
-        one = alone.simulation.section.gather(alone.derivatives.enthalpy[number])
-        many = together.simulation.section.gather(together.derivatives.enthalpy[number])
+        one = alone.simulation.section.gather(alone.derivatives.thermal.enthalpy[number])
+        many = together.simulation.section.gather(together.derivatives.thermal.enthalpy[number])
         if MPI.COMM_WORLD.rank == 0:
             assert one is not None and many is not None
             assert np.abs(many - one).max() < 1e-8 * np.abs(one).max()

@@ -14,12 +14,43 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.quantities import Kind
 from castfem.base.types import Array, Flags, Indices
 
 if TYPE_CHECKING:
-    from castfem.physics.constitutive.data_range import DataRange
     from castfem.physics.constitutive.elasticity import Elasticity
+
+
+KINDS = ("colder", "hotter", "faster")
+
+
+@dataclass(frozen=True, slots=True)
+class DataRange:
+    """The conditions that the data behind a law cover; beyond them it is an extrapolation.
+
+    Attributes:
+        temperature: Lowest and highest, K.
+        rate: Lowest and highest strain rate, 1/s.
+    """
+
+    temperature: tuple[float, float]
+    rate: tuple[float, float]
+
+    def beyond(self, temperature: Array, rate: Array) -> dict[str, Flags]:
+        """Which points (n,) are colder, hotter or strained faster than the data, by kind."""
+        low, high = self.temperature
+        return {
+            "colder": temperature < low,
+            "hotter": temperature > high,
+            "faster": rate > self.rate[1],
+        }
+
+    def limit(self, kind: str) -> str:
+        """Return the end of the range that a kind is beyond, in words."""
+        if kind == "faster":
+            return f"{self.rate[1]:.3g} 1/s"
+        return f"{self.temperature[kind == 'hotter'] - ZERO_CELSIUS:.4g} degC"
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,8 +158,6 @@ class StepChange:
         stress_old: Stress at the start (k, n, 4), Pa.
         state_old: State at the start (k, n, states).
         dt: Length of the step (k,), s.
-        by: How far a difference quotient, where the law takes one, goes to either side of each
-            parameter (k,), in its unit.
     """
 
     coefficients: Array
@@ -137,7 +166,6 @@ class StepChange:
     stress_old: Array
     state_old: Array
     dt: Array
-    by: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,10 +187,6 @@ class ResponseChange:
         """Return one whose arrays are still to be filled."""
         many = ways, points
         return cls(np.empty((*many, 4)), np.empty((*many, states)), np.empty(many))
-
-    def part(self, rows: slice) -> ResponseChange:
-        """Those of some of the points; it shares their memory."""
-        return ResponseChange(self.stress[:, rows], self.state[:, rows], self.dissipation[:, rows])
 
     def some(self, numbers: list[int] | slice) -> ResponseChange:
         """Those by some of the parameters."""
@@ -229,7 +253,6 @@ class Law(Protocol):
         step: MaterialStep,
         stress_old: Array,
         state_old: Array,
-        answer: Response,
         change: StepChange,
         *,
         coefficients: Array | None = None,
@@ -237,16 +260,8 @@ class Law(Protocol):
     ) -> ResponseChange:
         """Return how the answer to a step changes with what it is given.
 
-        What flows goes on flowing, and what is elastic stays so.
-
-        Args:
-            step: Strain, temperature and time.
-            stress_old: At the start of the step, (n, 4), Pa.
-            state_old: At the start of the step, (n, states).
-            answer: To this step; its state and what flows are asked for.
-            change: Of all that is given.
-            coefficients: From `coefficients`, for the temperatures of this step.
-            out: Arrays to write to; new ones are made if left out.
+        What flows goes on flowing, and what is elastic stays so.  The step is that of `integrate`,
+        `change` that of all it is given; new arrays are made if `out` is left out.
         """
 
 

@@ -19,6 +19,7 @@ from castfem.base.quantities import Kind
 from castfem.base.tables import Constant
 from castfem.base.types import Array
 from castfem.physics.constitutive.base import (
+    DataRange,
     Given,
     MaterialStep,
     Parameter,
@@ -27,11 +28,9 @@ from castfem.physics.constitutive.base import (
     StepChange,
     turned,
 )
-from castfem.physics.constitutive.data_range import DataRange
 from castfem.physics.constitutive.elasticity import Curve, Elasticity
 from castfem.physics.constitutive.kernel import constants
-from castfem.physics.constitutive.kernel.changes import differentiate_points
-from castfem.physics.constitutive.kernel.loop import difference_points, integrate_points
+from castfem.physics.constitutive.kernel.loop import differentiate_points, integrate_points
 
 STRAIN = "viscoplastic_strain"
 
@@ -190,7 +189,6 @@ class RadialReturn:
         step: MaterialStep,
         stress_old: Array,
         state_old: Array,
-        answer: Response,
         change: StepChange,
         *,
         coefficients: Array | None = None,
@@ -200,20 +198,13 @@ class RadialReturn:
         if coefficients is None:
             coefficients = self.coefficients(step.temperature_old, step.temperature)
         if out is None:
-            out = ResponseChange.empty(len(change.by), len(stress_old), len(self.state_names))
-        given = (
-            coefficients, step.strain_increment, step.thermal_increment, stress_old, state_old,
-            float(step.dt),
-        )  # fmt: skip
-        changes = (
+            out = ResponseChange.empty(len(change.dt), len(stress_old), len(self.state_names))
+        differentiate_points(
+            self.kind, self.signed, coefficients,
+            step.strain_increment, step.thermal_increment, stress_old, state_old, float(step.dt),
             change.coefficients, change.strain, change.thermal, change.stress_old,
-            change.state_old, change.dt,
+            change.state_old, change.dt, out.stress, out.state, out.dissipation,
         )  # fmt: skip
-        found = out.stress, out.state, out.dissipation
-        if self.signed:
-            difference_points(self.kind, self.signed, *given, change.by, *changes, *found)
-        else:
-            differentiate_points(self.kind, *given, answer.state, answer.flows, *changes, *found)
         return out
 
 

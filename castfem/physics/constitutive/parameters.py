@@ -34,8 +34,7 @@ from castfem.base.table_notation import Curve as TableReader
 from castfem.base.tables import Constant, Table
 from castfem.base.types import Array
 from castfem.base.units import nearest
-from castfem.physics.constitutive.base import Law, Parameter
-from castfem.physics.constitutive.data_range import DataRange
+from castfem.physics.constitutive.base import DataRange, Law, Parameter
 from castfem.physics.constitutive.elasticity import Curve, Elasticity, Solidity
 from castfem.physics.constitutive.flow_laws import RadialReturn
 

@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from castfem.base.types import Array
+from castfem.base.types import Array, Flags
 from castfem.fem import reductions
 from castfem.physics.coupling.step_control import ALLOWED_STRAIN, NO_STEP, StepLength
 from castfem.physics.coupling.subcycling import MechanicalSteps, SubSteps, ThermalSteps
@@ -149,25 +149,53 @@ class Relaxation:
         comm: Ranks that have the field.
         weight: Of each value in sums: the surface that is its own, so that a section and a part
             of it that symmetry leaves are relaxed alike, and so are fine and coarse meshes.
+
+    Attributes:
+        factor: By which the last residual was multiplied.
+        residual: What was found last less what was tried; None before.
+        reached: Where both are finite.
     """
 
     def __init__(self, comm: MPI.Comm, weight: Array) -> None:
-        self._comm, self._weight, self._factor = comm, weight, 1.0
-        self._before: Array | None = None
+        self._comm, self.weight, self.factor = comm, weight, 1.0
+        self.residual: Array | None = None
+        self.reached: Flags = np.zeros(0, np.bool_)
 
     def __call__(self, tried: Array, found: Array) -> Array:
         """What to try next, after `found` has come of `tried` (collective)."""
-        reached = np.isfinite(tried) & np.isfinite(found)
-        residual = np.where(reached, difference(found, tried), 0.0)
-        if self._before is not None:
-            change = residual - self._before
-            weighted = self._weight * change
-            sums = [float(self._before @ weighted), float(change @ weighted)]
+        self.reached = np.isfinite(tried) & np.isfinite(found)
+        residual = np.where(self.reached, difference(found, tried), 0.0)
+        if self.residual is not None:
+            change = residual - self.residual
+            weighted = self.weight * change
+            sums = [float(self.residual @ weighted), float(change @ weighted)]
             along, size = reductions.totals(self._comm, sums)
             if size > 0.0:
-                self._factor = float(np.clip(-self._factor * along / size, *FACTORS))
-        self._before = residual
-        return np.where(reached, tried + self._factor * residual, found)
+                self.factor = float(np.clip(-self.factor * along / size, *FACTORS))
+        self.residual = residual
+        return np.where(self.reached, tried + self.factor * residual, found)
+
+
+class CouplingObserver:
+    """What goes along with the windows of a coupling; this one does nothing."""
+
+    def begins(self, old: StrandState, end: float) -> None:
+        """A window is tried from a committed state to `end`, s."""
+
+    def shaped(self, state: MechanicalState) -> None:
+        """Heat flows from now on through the slice as it was strained."""
+
+    def expects(self, old: MechanicalState, ahead: MechanicalState) -> None:
+        """The gap is taken as the mean of a committed state and one that went on moving."""
+
+    def iterates(self, gap: Array | None) -> None:
+        """An iteration begins, with this gap at the owned vertices, m."""
+
+    def iterated(self, old: StrandState, new: StrandState) -> None:
+        """An iteration has converged."""
+
+    def relaxed(self, relaxation: Relaxation) -> None:
+        """The gap of the next iteration is found."""
 
 
 class StaggeredCoupling:
@@ -190,6 +218,9 @@ class StaggeredCoupling:
         reach: Largest |x| and |y| of the section, m; None where windows do not grow.
         order: "thermal_first", or "mechanics_first": strained as if it went on cooling as in the
             window before, and held its temperature in the first (297)-(299), Fig. 84.
+
+    Attributes:
+        observer: Goes along.
     """
 
     def __init__(
@@ -210,6 +241,7 @@ class StaggeredCoupling:
         self.surface, self.gap, self.window = surface, gap, window
         self.max_iterations, self.tolerance, self.order = max_iterations, tolerance, order
         self.strain_error, self.reach = strain_error, reach
+        self.observer = CouplingObserver()
 
     def take(self, old: StrandState, end: float, allowed: float = np.inf) -> CouplingWindow:
         """One window from `old` to `end` (s); `old` is left untouched.
@@ -223,6 +255,7 @@ class StaggeredCoupling:
             RunFailure: If no thermal step is short enough.
         """
         assert old.mechanical is not None
+        self.observer.begins(old, end)
         if self.dissipation:
             self.thermal.stepper.problem.set_source(np.asarray(old.heating / (end - old.time)))
         self._follow_shape(old.mechanical)
@@ -232,7 +265,7 @@ class StaggeredCoupling:
         gap = begun
         if begun is not None and repeats and self.max_iterations > 1:
             gap = self._expected_gap(strained, begun, end)
-        relaxed = self._relaxation()
+        relaxation = Relaxation(self.mechanics.comm, self.surface.perimeter_share())
         taken = self._iterate(old, end, gap)
         while taken.converged and repeats:
             assert begun is not None and gap is not None and taken.state.mechanical is not None
@@ -250,7 +283,8 @@ class StaggeredCoupling:
                 kept = replace(taken.state, step=old.step)
                 taken = replace(taken, gap_converged=False, state=kept)
                 break
-            gap = relaxed(gap, mean)
+            gap = relaxation(gap, mean)
+            self.observer.relaxed(relaxation)
             taken = taken.before(self._iterate(old, end, gap))
         return taken if taken.converged else replace(taken, state=given)
 
@@ -266,17 +300,16 @@ class StaggeredCoupling:
         """
         if not old.unsteadiness < 0.5:
             return begun
-        ended = self.gap_of(self.mechanics.stepper.going_on(old, end))
+        ahead = self.mechanics.stepper.going_on(old, end)
+        ended = self.gap_of(ahead)
         assert ended is not None
+        self.observer.expects(old, ahead)
         return np.asarray(0.5 * (begun + ended))
-
-    def _relaxation(self) -> Relaxation:
-        """Of the gap of one window."""
-        return Relaxation(self.mechanics.comm, self.surface.perimeter_share())
 
     def _iterate(self, old: StrandState, end: float, gap: Array | None) -> CouplingWindow:
         """One iteration of the coupling, with one gap at each vertex."""
         assert old.mechanical is not None
+        self.observer.iterates(gap)
         first, instants = None, self.mechanics.instants(old.time, end)
         if self.order == "mechanics_first":
             expected = [(time, self._expected(old, time)) for time in instants]
@@ -302,6 +335,7 @@ class StaggeredCoupling:
             substeps.state, result.state, self._heating(result), trend, rate, substeps.length,
             old.window,
         )  # fmt: skip
+        self.observer.iterated(old, state)
         return CouplingWindow(True, state, substeps, result, 1)
 
     def _follow_shape(self, state: MechanicalState) -> None:
@@ -311,6 +345,7 @@ class StaggeredCoupling:
             problem.shape.take(state.displacement, state.generalized_strains)
             self.surface.follow_shape()
             problem.follow_shape()
+            self.observer.shaped(state)
 
     def _expected(self, old: StrandState, end: float) -> Array:
         """Temperatures at `end` if the slice goes on cooling as before (owned,), K."""

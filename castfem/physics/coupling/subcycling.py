@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -59,10 +59,14 @@ class ThermalSteps:
 
     Args:
         stepper: Takes one step. control: Chooses its length.
+
+    Attributes:
+        on_kept: Called with each step that is kept, and the state it began with; None for nobody.
     """
 
     def __init__(self, stepper: ThermalStepper, control: StepControl) -> None:
         self.stepper, self.control = stepper, control
+        self.on_kept: Callable[[ThermalState, StepResult], None] | None = None
 
     def one(self, state: ThermalState, length: StepLength, stop: float | None = None) -> SubSteps:
         """One step of some length, or cut back, not past `stop` (s).
@@ -76,7 +80,8 @@ class ThermalSteps:
             result = self.stepper.step(state, tried.end)
             length, kept = self._judged(state, tried, result)
             rejected += 1
-        self.kept(state, result)
+        if self.on_kept is not None:
+            self.on_kept(state, result)
         return SubSteps(
             result.state, tried.taken, length, result.newton, result.balance, 1, rejected,
             int(result.limited),
@@ -96,9 +101,6 @@ class ThermalSteps:
             # Somewhat less than the longest step that has one solution.
             return self.control.failed(tried, FALLS, 0.7 * longest), False
         return self.control.learn(tried, result.error), self.control.accepts(result.error)
-
-    def kept(self, old: ThermalState, result: StepResult) -> None:
-        """Called with each step that is kept, and the state it began with; here nothing is done."""
 
     def to(self, state: ThermalState, length: StepLength, end: float) -> SubSteps:
         """As many steps as it takes to `end` (s), the first of some length.

@@ -26,8 +26,7 @@ from castfem.studies.optimisation.optimum import (
     Value,
     unit_name,
 )
-from castfem.studies.sensitivity.chosen_units import ShownRow
-from castfem.studies.sensitivity.result import Row, Sensitivity
+from castfem.studies.sensitivity.result import Row, Sensitivity, ShownRow
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

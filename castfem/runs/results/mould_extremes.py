@@ -169,7 +169,7 @@ class BeyondData:
     """The largest share of the shell on the way beyond the data of its law, and where it was.
 
     Attributes:
-        worst: By kind (`castfem.physics.constitutive.data_range.KINDS`) the share, and the position
+        worst: By kind (`castfem.physics.constitutive.base.KINDS`) the share, and the position
             of the slice below the meniscus, m.
     """
 
@@ -193,7 +193,7 @@ class BeyondData:
 
     def recall(self, memory: dict[str, float | None]) -> None:
         """Restore what `memory` gave; an older checkpoint has nothing of it."""
-        from castfem.physics.constitutive.data_range import (
+        from castfem.physics.constitutive.base import (
             KINDS,  # no part of a run without mechanics
         )
 

@@ -18,11 +18,10 @@ from castfem.base.types import Array
 from castfem.model.load import portable
 from castfem.model.tensile import TABLE, TensileCase
 from castfem.physics.constitutive import load_elasticity, load_law
-from castfem.physics.constitutive.analytical import axial_stress
 from castfem.physics.constitutive.elasticity import Elasticity
 from castfem.physics.constitutive.flow_laws import RadialReturn
 from castfem.physics.constitutive.parameters import law_from, problems_at
-from castfem.physics.constitutive.uniaxial import Tension, pull
+from castfem.physics.constitutive.uniaxial import Tension, axial_stress, pull
 from castfem.runs.output.folder import PROPERTIES_NAME, OutputFolder
 from castfem.runs.output.history import HISTORY_NAME, History
 from castfem.runs.output.summary import Reference, Summary, compare

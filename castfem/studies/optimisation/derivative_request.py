@@ -16,7 +16,7 @@ from castfem.studies.sweep.work import Derivatives
 
 if TYPE_CHECKING:
     from castfem.model import Case
-    from castfem.studies.sensitivity.slopes import Slope
+    from castfem.studies.sensitivity.result import Slope
 
 
 def of_run(problem: DesignProblem, request: RunRequest) -> Derivatives:

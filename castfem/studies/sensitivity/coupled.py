@@ -9,7 +9,8 @@ repetitions is held.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,24 +18,25 @@ from castfem.base.types import Array
 from castfem.fem import reductions
 from castfem.physics.coupling.staggered import (
     FACTORS,
-    CouplingWindow,
+    CouplingObserver,
     Relaxation,
     StaggeredCoupling,
     StrandState,
 )
-from castfem.studies.sensitivity.feedback import Feedback
+from castfem.physics.mechanics.state import MechanicalState
 from castfem.studies.sensitivity.mechanical import MechanicalDerivatives
-from castfem.studies.sensitivity.moved_state import Slopes, none_of
-from castfem.studies.sensitivity.shape_change import ShapeChange
+from castfem.studies.sensitivity.result import Kink
+from castfem.studies.sensitivity.shape_change import Feedback, ShapeChange
+from castfem.studies.sensitivity.step_inputs import CARRIED, Slopes, with_numbers
 from castfem.studies.sensitivity.thermal import ThermalDerivatives
 
 if TYPE_CHECKING:
     from castfem.model.build.simulation import Simulation
-    from castfem.physics.mechanics.state import MechanicalState
+    from castfem.runs.results.run_state import RunState
 
 
-class FollowedCoupling(StaggeredCoupling):
-    """A staggered coupling whose windows are followed by derivatives.
+class CoupledDerivatives(CouplingObserver):
+    """Derivatives of a strained slice, carried through its coupling windows.
 
     Args:
         simulation: The run.
@@ -45,14 +47,18 @@ class FollowedCoupling(StaggeredCoupling):
         self, simulation: Simulation, thermal: ThermalDerivatives, mechanical: MechanicalDerivatives
     ) -> None:
         assert simulation.coupling is not None
-        vars(self).update(vars(simulation.coupling))  # solvers, surface and settings of the run
-        self._derivatives, self._mechanical = thermal, mechanical
+        self._coupling: StaggeredCoupling = simulation.coupling
+        self._thermal, self.mechanical = thermal, mechanical
         count, owned = len(thermal.variations), simulation.section.owned
         nothing: Array = np.zeros((count, owned))
-        self.gap_slopes = self.mean_slopes = self._begun = nothing
+        self._warming: list[Array] = []  # of the committed temperatures
+        # Derivatives of the gap of the window, of the mean one it led to, of that at its begin.
+        self._gap = self._mean = self._begun = nothing
         self._ended: tuple[Sequence[Slopes], Array] = (), nothing
-        self._warmed = self._warms_now = np.zeros((count, owned if self.dissipation else 0))
-        self._filled = self._fed = np.zeros((count, owned))
+        # Of what a window hands to the next: heat of viscoplastic work (J/m3, without entries where
+        # it is left out), and volume that is filled, over the undeformed one.
+        self.warmed = self._warms = np.zeros((count, owned if self._coupling.dissipation else 0))
+        self.filled = self._fills = nothing
         self._shape: ShapeChange | None = None
         if simulation.problem.shape is not None:
             self._shape = ShapeChange(simulation.problem, simulation.zones.surface, count)
@@ -64,147 +70,191 @@ class FollowedCoupling(StaggeredCoupling):
 
     def mark(self, state: StrandState) -> None:
         """Keep the derivatives of a committed state: a window that fails begins there again."""
-        self._warmed, self._fed = self._warms_now, self._filled
         assert state.mechanical is not None
-        self._mechanical.look(state.mechanical)
+        self.mechanical.mark()
+        self._warming = self._thermal.warming(state.thermal)
+        self.warmed, self.filled = self._warms, self._fills
+        self.mechanical.look(state.mechanical)
 
-    def handed_on(self) -> tuple[Array, Array]:
-        """Derivatives of what a committed window hands to the next, by each parameter.
+    def restore(self, slopes: list[Slopes], warmed: Array, filled: Array) -> None:
+        """Go on from derivatives that have been saved."""
+        self.mechanical.slopes = slopes
+        self.warmed = self._warms = warmed
+        self.filled = self._fills = filled
 
-        Returns:
-            Of the heat of viscoplastic work (parameters, owned), J/m3, without entries where it is
-            left out; of the volume that is filled, over the undeformed one (parameters, owned).
-        """
-        return self._warmed, self._fed
-
-    def take_up(self, warmed: Array, fed: Array) -> None:
-        """Go on from what `handed_on` gave."""
-        self._warmed = self._warms_now = warmed
-        self._fed = self._filled = fed
-
-    def take(self, old: StrandState, end: float, allowed: float = np.inf) -> CouplingWindow:
-        """See `StaggeredCoupling`."""
+    def begins(self, old: StrandState, end: float) -> None:
+        """See `CouplingObserver`."""
         assert old.mechanical is not None
         self._old, self._duration = old, end - old.time
-        if self.gap is not None:
-            self._begun = self.gap_slopes = self._gaps_at_start(old.mechanical)
-        return super().take(old, end, allowed)
-
-    def _expected_gap(self, old: MechanicalState, begun: Array, end: float) -> Array:
-        """See `StaggeredCoupling`."""
-        found = super()._expected_gap(old, begun, end)
-        if found is not begun:
-            assert self.gap is not None
-            ahead = self.mechanics.stepper.going_on(old, end)
-            ended = self._mechanical.gaps_of_motion(
-                self.gap, self._mechanical.going_on(old, end), ahead
-            )
-            self.gap_slopes = np.asarray(0.5 * (self._begun + ended))
-        return found
+        self._relaxed: tuple[float, Array, Array] | None = None
+        self._factor: Array = np.zeros(len(self._gap))
+        if self._coupling.gap is not None:
+            self._begun = self._gap = self._gaps_at_start(old.mechanical)
 
     def _gaps_at_start(self, state: MechanicalState) -> Array:
         """Those of a committed state, which the window before has ended with."""
-        slopes, gaps = self._ended
-        marked = self._mechanical.marked
+        (slopes, gaps), marked = self._ended, self.mechanical.marked
         if slopes is marked:
             return gaps
-        assert self.gap is not None
+        assert self._coupling.gap is not None
         if all(marked):
-            return self._mechanical.gaps(self.gap, marked, state)
+            return self.mechanical.gaps(self._coupling.gap, marked, state)
         # Nothing has touched the strand as it begins, but a wall may stand off it.
-        none = none_of(state)
-        return self._mechanical.gaps_of_motion(self.gap, [its or none for its in marked], state)
+        its = self.mechanical.committed(state)
+        return self.mechanical.gaps_of_motion(self._coupling.gap, its, state)
 
-    def _iterate(self, old: StrandState, end: float, gap: Array | None) -> CouplingWindow:
-        """See `StaggeredCoupling`: one iteration, with its derivatives."""
-        if self.gap is not None or self.dissipation or self._shape is not None:
-            self._derivatives.feedback = Feedback(self._duration, self._warmed, self._shape)
-        if gap is not None:
-            for variation, slope in zip(self._derivatives.variations, self.gap_slopes, strict=True):
-                by = variation.parameter.step * slope
-                variation.above.simulation.zones.set_gap(gap + by)
-                variation.below.simulation.zones.set_gap(gap - by)
-        taken = super()._iterate(old, end, gap)
-        if taken.converged and taken.state.mechanical is not None:
-            if self.gap is not None:
-                slopes = self._mechanical.slopes
-                ended = self._mechanical.gaps(self.gap, slopes, taken.state.mechanical)
-                self.mean_slopes = np.asarray(0.5 * (self._begun + ended))
-                self._ended = slopes, ended
-            if self.dissipation:
-                self._warms_now = np.array([self._warms(s) for s in self._mechanical.slopes])
-        return taken
-
-    def _warms(self, slopes: Slopes) -> Array:
-        """Derivative of the heat of a window's viscoplastic work (owned,), J/m3."""
-        points = self.mechanics.stepper.problem.points
-        work = points.to_vertices(slopes["dissipation"])
-        return np.asarray(self.dissipation * work / self.thermal.stepper.problem.area)
-
-    def _relaxation(self) -> Relaxation:
-        return FollowedRelaxation(self)
-
-    def _follow_shape(self, state: MechanicalState) -> None:
-        """See `StaggeredCoupling`."""
-        super()._follow_shape(state)
+    def shaped(self, state: MechanicalState) -> None:
+        """See `CouplingObserver`."""
         if self._shape is None:
             return
-        none = none_of(state)
-        known = [slopes or none for slopes in self._mechanical.marked]
+        known = self.mechanical.committed(state)
         motions, strains = (
             np.array([slopes[name] for slopes in known])
             for name in ("displacement", "generalized_strains")
         )
-        thermal, shape = self._old.thermal, self.thermal.stepper.problem.shape
+        shape = self._coupling.thermal.stepper.problem.shape
         assert shape is not None
-        solid = thermal.point.temperature < shape.solidus
-        self._shape.follow(motions, strains, self._fed, solid)
-        self._filled = self._shape.filled
+        solid = self._old.thermal.point.temperature < shape.solidus
+        self._shape.follow(motions, strains, self.filled, solid)
+        self._fills = self._shape.filled
 
+    def expects(self, old: MechanicalState, ahead: MechanicalState) -> None:
+        """See `CouplingObserver`."""
+        assert self._coupling.gap is not None
+        going_on = self.mechanical.going_on(old, ahead.time)
+        ended = self.mechanical.gaps_of_motion(self._coupling.gap, going_on, ahead)
+        self._gap = np.asarray(0.5 * (self._begun + ended))
 
-class FollowedRelaxation(Relaxation):
-    """Aitken's relaxation of a gap, and of its derivatives.
+    def iterates(self, gap: Array | None) -> None:
+        """See `CouplingObserver`."""
+        if self._coupling.gap is not None or self._coupling.dissipation or self._shape is not None:
+            self._thermal.feedback = Feedback(self._duration, self.warmed, self._shape)
+        if gap is not None:
+            for variation, slope in zip(self._thermal.variations, self._gap, strict=True):
+                by = variation.parameter.step * slope
+                variation.above.simulation.zones.set_gap(gap + by)
+                variation.below.simulation.zones.set_gap(gap - by)
 
-    Args:
-        coupling: Has the derivatives of the gap that was tried, and of the one it led to.
-    """
+    def iterated(self, old: StrandState, new: StrandState) -> None:
+        """See `CouplingObserver`."""
+        assert old.mechanical is not None and new.mechanical is not None
+        after = self._thermal.warming(new.thermal)
+        self.mechanical.step(old.mechanical, new.mechanical, self._warming, after)
+        slopes, coupling = self.mechanical.slopes, self._coupling
+        if coupling.gap is not None:
+            ended = self.mechanical.gaps(coupling.gap, slopes, new.mechanical)
+            self._mean = np.asarray(0.5 * (self._begun + ended))
+            self._ended = slopes, ended
+        if coupling.dissipation:
+            points = coupling.mechanics.stepper.problem.points
+            area = coupling.thermal.stepper.problem.area
+            work = [points.to_vertices(its["dissipation"]) for its in slopes]
+            self._warms = np.array([coupling.dissipation * one / area for one in work])
 
-    def __init__(self, coupling: FollowedCoupling) -> None:
-        share = coupling.surface.perimeter_share()
-        super().__init__(coupling.mechanics.comm, share)
-        self._coupling = coupling
-        self._slopes: Array | None = None
-        self._factor_slopes: Array = np.zeros(len(coupling.gap_slopes))
-
-    def __call__(self, tried: Array, found: Array) -> Array:
-        """See `Relaxation`; the coupling is told the derivatives of what comes next."""
-        before, factor = self._before, self._factor
-        result = super().__call__(tried, found)
-        now = self._before
+    def relaxed(self, relaxation: Relaxation) -> None:
+        """See `CouplingObserver`: the derivatives of the gap are relaxed as it is."""
+        now, factor = relaxation.residual, relaxation.factor
         assert now is not None
-        coupling, reached = self._coupling, np.isfinite(tried) & np.isfinite(found)
-        slopes = np.where(reached, coupling.mean_slopes - coupling.gap_slopes, 0.0)
-        if before is not None and self._slopes is not None:
-            self._factor_slopes = self._of_factor(factor, before, now, slopes)
-        self._slopes = slopes
-        relaxed = np.outer(self._factor_slopes, now) + self._factor * slopes
-        coupling.gap_slopes = np.where(reached, coupling.gap_slopes + relaxed, coupling.mean_slopes)
-        return result
+        slopes = np.where(relaxation.reached, self._mean - self._gap, 0.0)
+        if self._relaxed is not None:
+            self._factor = self._of_factor(relaxation.weight, *self._relaxed, now, slopes)
+        self._relaxed = factor, now, slopes
+        moved = self._gap + np.outer(self._factor, now) + factor * slopes
+        self._gap = np.where(relaxation.reached, moved, self._mean)
 
-    def _of_factor(self, factor: float, before: Array, now: Array, slopes: Array) -> Array:
+    def _of_factor(
+        self, weight: Array, factor: float, before: Array, slopes_before: Array, now: Array,
+        slopes: Array,
+    ) -> Array:  # fmt: skip
         """Derivatives of the factor - factor before . change / change . change (parameters,)."""
-        assert self._slopes is not None
-        change, turned = now - before, slopes - self._slopes
-        weighted = self._weight * change
+        change, turned = now - before, slopes - slopes_before
+        weighted = weight * change
         along, size, *rest = reductions.totals(
-            self._comm,
+            self._coupling.mechanics.comm,
             [
-                float(before @ weighted), float(change @ weighted), *(self._slopes @ weighted),
-                *(turned @ (self._weight * before)), *(turned @ weighted),
+                float(before @ weighted), float(change @ weighted), *(slopes_before @ weighted),
+                *(turned @ (weight * before)), *(turned @ weighted),
             ],
         )  # fmt: skip
         if not size > 0.0 or not FACTORS[0] < -factor * along / size < FACTORS[1]:
-            return np.zeros_like(self._factor_slopes) if size > 0.0 else self._factor_slopes
+            return np.zeros_like(self._factor) if size > 0.0 else self._factor
         one, other, third = np.array(rest).reshape(3, -1)
         of_share = (one + other) / size - 2.0 * along * third / size**2
-        return np.asarray(-self._factor_slopes * along / size - factor * of_share)
+        return np.asarray(-self._factor * along / size - factor * of_share)
+
+
+_BESIDE = ("pressure", "mechanical_temperature")
+"""Arrays of a state whose derivatives the next step does not ask for."""
+_NUMBERS = ("generalized_strains", "scalars", "scalar_rate")
+_OF_WINDOW = ("warmed", "filled")
+
+
+class CoupledCheckpoint:
+    """Takes the derivatives of a run with mechanics apart, and puts them together again.
+
+    The derivative of a state has the arrays of a state: it is taken apart as one is.
+
+    Args:
+        derivatives: Of the run.
+        run: Whose states these are; it is not written to.
+    """
+
+    def __init__(self, derivatives: CoupledDerivatives, run: RunState) -> None:
+        assert run.mechanical_checkpoint is not None and run.state.mechanical is not None
+        self._derivatives, self._checkpoint = derivatives, run.mechanical_checkpoint
+        self._section, self._state = run.simulation.section, run.state.mechanical
+
+    def arrays(self) -> dict[str, Array | None]:
+        """The arrays, whole on rank 0, None elsewhere (collective)."""
+        found: dict[str, Array | None] = {}
+        for number, slopes in enumerate(self._derivatives.mechanical.committed(self._state)):
+            its = self._checkpoint.arrays(with_numbers(self._state, slopes))
+            found |= {f"{n}_by_{number}": v for n, v in its.items() if n not in _BESIDE}
+        for name in _OF_WINDOW:
+            by_parameter = getattr(self._derivatives, name)
+            if reductions.any_of(self._section.comm, by_parameter.shape[1] > 0):
+                owned = {f"{name}_by_{i}": np.asarray(its) for i, its in enumerate(by_parameter)}
+                found |= {key: self._section.gather(its) for key, its in owned.items()}
+        return found
+
+    def description(self) -> dict[str, Any]:
+        """What of them is no array over the section."""
+        mechanical = self._derivatives.mechanical
+        slopes = mechanical.committed(self._state)
+        return {
+            "slopes": [{n: s[n].tolist() for n in _NUMBERS} for s in slopes],
+            "kinks": [asdict(kink) for kink in mechanical.kinks],
+        }
+
+    @staticmethod
+    def is_whole(description: dict[str, Any]) -> bool:
+        """Whether all that a step begins with is in a checkpoint; earlier ones lack the rates."""
+        return all(name in numbers for numbers in description["slopes"] for name in _NUMBERS)
+
+    def restore(self, description: dict[str, Any], by_node: dict[str, Array]) -> None:
+        """Go on from what `description` and, on every rank, `arrays` gave (collective)."""
+        found: list[Slopes] = []
+        for number, numbers in enumerate(description["slopes"]):
+            ending = f"_by_{number}"
+            mine = {n.removesuffix(ending): v for n, v in by_node.items() if n.endswith(ending)}
+            mine |= {name: by_node[name] for name in _BESIDE if name in by_node}
+            said = self._checkpoint.description(self._state)
+            said |= {"modes": numbers["generalized_strains"]}
+            said |= {name: numbers[name] for name in ("scalars", "scalar_rate")}
+            its = self._checkpoint.state(said, mine)
+            slopes = {name: getattr(its, name) for name in CARRIED}
+            found.append(slopes | ({} if its.contact is None else its.contact.numbers()))
+        nodes, count = self._section.node_of_owned, len(found)
+        handed = [
+            np.array([np.asarray(by_node[f"{n}_by_{i}"])[nodes] for i in range(count)])
+            if f"{n}_by_0" in by_node
+            else np.zeros((count, 0))
+            for n in _OF_WINDOW
+        ]
+        self._derivatives.restore(found, *handed)
+
+    def recall_kinks(self, description: dict[str, Any]) -> None:
+        """Take up what had been noted, and nothing that was noted since."""
+        self._derivatives.mechanical.kinks[:] = [
+            Kink(**{**kink, "place": tuple(kink["place"])}) for kink in description["kinks"]
+        ]

@@ -1,4 +1,4 @@
-"""Derivatives of depths of isotherms, evened out over the cells that a front has passed.
+"""Derivatives along the way of a front: of depths, evened out over its cells, and their errors.
 
 On a mesh a front goes by steps: a vertex cools fast once all round it is solid, then the next.  A
 depth is a staircase, right to a sixth of a cell, but its slope is that of a tread or of a riser,
@@ -24,7 +24,10 @@ from castfem.studies.sensitivity.thermal import ThermalDerivatives
 LEVELS = {"shell": "solidus", "liquidus_depth": "liquidus"}
 """Results that are depths of an isotherm, and whose."""
 CELLS = 12.0  # over which a line is laid
-LEAST, FEWEST = 4.0, 8  # cells and steps with which one is
+LEAST, FEWEST = 4.0, 8  # cells and steps, or readings, with which one is
+APART = 0.25  # of a cell, by which the shell grows from one reading to the next
+TIMES = 2.5  # the scatter (rms): nine of ten differences of runs lie within
+_POWERS = 2  # of the smooth curve
 
 
 @dataclass(slots=True)
@@ -83,7 +86,10 @@ class Fronts:
             return
         probes = sample.simulation.probes
         variations = self._derivatives.variations
-        warming = [self._along(probes, sample, i) for i in range(len(variations))]
+        warming = [
+            self._along(probes, sample, its)
+            for its in self._derivatives.warming(sample.state.thermal)
+        ]
         for (kind, probe), front in self.fronts.items():
             profile = sample.profiles[probe]
             level = _level(sample.simulation.steel, kind)
@@ -93,10 +99,10 @@ class Fronts:
             ]
             front.add(zone, profile.isotherm_depth(level), profile.cell_at(level), slopes)
 
-    def _along(self, probes: LineProbes, sample: Sample, number: int) -> dict[str, Array]:
+    def _along(self, probes: LineProbes, sample: Sample, warming: Array) -> dict[str, Array]:
         """How the temperature along every line changes by a parameter, by conduction as it is."""
         state = sample.state.thermal
-        warming, law = self._derivatives.warming(number, state), probes.conducts
+        law = probes.conducts
         if law is None or law.even:
             return probes.along(warming)
         k = sample.simulation.problem.curve.conductivity
@@ -134,3 +140,50 @@ def _slope(profile: Profile, level: float, warming: Array, of_level: float) -> f
     d0, d1 = warming[i - 1 : i + 1]
     share = (level - t0) / (t1 - t0)
     return float((x1 - x0) / (t1 - t0) * (of_level - d0 - share * (d1 - d0)))
+
+
+@dataclass(slots=True)
+class Scatter:
+    """The error of a derivative: how far it is scattered while the shell grows through the cells.
+
+    With the steps of a front go shell, temperatures, stress and gap, and their derivatives rise and
+    fall from cell to cell. Runs whose parameter differs have their fronts at other places within a
+    cell, so that a difference of two of them has about the scatter that a single run has on its
+    way. The derivatives are read each time the shell has grown by a part of a cell; what a smooth
+    curve leaves of them over the last cells is their scatter (docs/sensitivity.md has it beside
+    differences of runs).
+
+    Attributes:
+        zone: Index of the cooling.
+        rows: Depth of the shell, size of the cell there (m), and all derivatives, of each reading.
+    """
+
+    zone: int = -1
+    rows: list[list[float]] = field(default_factory=list)
+
+    def due(self, zone: int, depth: float, cell: float) -> bool:
+        """Whether the shell has grown enough for another reading."""
+        if zone != self.zone or not np.isfinite(cell):
+            self.zone, self.rows = zone, []
+        if not np.isfinite(cell):
+            return False
+        return not self.rows or abs(depth - self.rows[-1][0]) >= APART * cell
+
+    def add(self, depth: float, cell: float, slopes: Sequence[float]) -> None:
+        """Take in a reading; what lies too far back is dropped."""
+        self.rows.append([depth, cell, *slopes])
+        self.rows = [row for row in self.rows if abs(row[0] - depth) <= CELLS * cell]
+
+    def errors(self, count: int) -> Array:
+        """Errors of all derivatives (count,), NaN where there are too few readings of one."""
+        found = np.full(count, np.nan)
+        if len(self.rows) < FEWEST:
+            return found
+        table = np.array(self.rows)
+        depth, slopes = table[:, 0], table[:, 2:]
+        curve = np.vander((depth - depth[-1]) / table[-1, 1], _POWERS + 1)
+        known = np.isfinite(slopes).all(axis=0)
+        rest = slopes[:, known] - curve @ np.linalg.lstsq(curve, slopes[:, known], rcond=None)[0]
+        free = len(table) - _POWERS - 1
+        found[known] = TIMES * np.sqrt((rest**2).sum(axis=0) / free)
+        return found

@@ -8,7 +8,6 @@ that of the run.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,33 +15,25 @@ from castfem.base.types import Array
 from castfem.physics.constitutive.base import (
     Law,
     MaterialStep,
-    Response,
     ResponseChange,
     StepChange,
 )
 from castfem.physics.constitutive.flow_laws import ThermoElastic
 from castfem.physics.mechanics.material_points import FedPoints
 from castfem.physics.mechanics.problem import MechanicalProblem
-from castfem.studies.sensitivity.difference import (
+from castfem.studies.sensitivity.perturbed_slices import (
     WARMER,
-    by_temperature,
+    SliceSides,
     slope,
     slope_by_temperature,
 )
-from castfem.studies.sensitivity.perturbed_slices import SliceSides
-from castfem.studies.sensitivity.step_inputs import Beginning, Stressed
-
-STRAIN = 1e-11  # to either side, in differences by strain
+from castfem.studies.sensitivity.step_inputs import Beginning
 
 
 class LawChanges:
     """The law at the points with stress, in a step that a run has taken.
 
-    Args:
-        run: The equilibrium of the run, at the solution.
-        sides: Of each parameter.
-        begun: What they begin with.
-        strain: Increments of the step (m, 4).
+    It is given what `linearised_step.LinearisedStep` is, and the strain increments there (m, 4).
     """
 
     def __init__(
@@ -55,11 +46,9 @@ class LawChanges:
         self._run, self._sides, self._begun = run, sides, begun
         here = self._here = begun[0].stressed
         self._strain = strain
-        whole = len(here.kept) == run.active.count
-        self._answer = run.response if whole else run.response.part(here.kept)
+        self._tangent = run.response.tangent[here.kept]
         self._directions = _directions(run.slice.law, here.now)
         self._ways = len(self._directions)
-        self._by = np.concatenate([[one.by for one in sides], np.full(self._ways, STRAIN)])
         self._longer = self._rows(np.array(its.late[1] - its.late[0]) for its in begun)
         self._starts = [
             self._rows(its.start[name][here.rows] for its in begun)
@@ -102,8 +91,13 @@ class LawChanges:
             changes[number] += slope(above, now[1] - now[0], below, one.by)
         return now[1] - now[0], changes
 
-    def _part(self, rows: slice, elastic: bool) -> _Part:
-        """The points of one rule; where the mean stress alone counts, the law is its elasticity."""
+    def _part(self, rows: slice, elastic: bool) -> tuple[slice, Law, Array, Array]:
+        """The points of one rule; where the mean stress alone counts, the law is its elasticity.
+
+        Returns:
+            These points, their law, its coefficients (n, columns), and how they change with all
+            that is given (k, n, columns).
+        """
         law, fed = _of_part(self._run.slice.law, elastic), self._here.fed
         before, after = (one[rows] for one in self._stiff)
         # At the temperatures there are, warmer and colder at the start, warmer and colder at the
@@ -116,7 +110,9 @@ class LawChanges:
         solid = now.copy()
         for table in tables:
             _softened(table, fed, rows)
-        changes = by_temperature(tables, np.stack([one[:, rows] for one in self._stiff_warming]))
+        rise = [slope(tables[i], now, tables[i + 1], WARMER) for i in (1, 3)]
+        warm = [one[:, rows, None] for one in self._stiff_warming]
+        changes = rise[0] * warm[0] + rise[1] * warm[1]
         for number, (one, its) in enumerate(zip(self._sides, self._begun, strict=True)):
             wet = one.fed(fed, its)
             if one.same_law and wet[0] is fed:
@@ -127,7 +123,7 @@ class LawChanges:
                 ends = [its_law.coefficients(before, after) for its_law in laws]
             above, below = (_softened(t, w, rows) for t, w in zip(ends, wet, strict=True))
             changes[number] += slope(above, now, below, one.by)
-        return _Part(law, rows, elastic, now, changes)
+        return rows, law, now, changes
 
     def held(self, strain: Array) -> ResponseChange:
         """Derivatives of what the law answers by all parameters, while the unknowns are held.
@@ -135,20 +131,28 @@ class LawChanges:
         Args:
             strain: Of the strain increments (k, m, 4).
         """
-        count, here = len(strain), self._here
-        found = ResponseChange.empty(len(self._by), len(here.rows), here.internal.shape[1])
-        given = StepChange(
-            coefficients=np.zeros(0),
-            strain=np.concatenate([strain, self._directions]),
-            thermal=self._thermal_changes,
-            stress_old=self._starts[0],
-            state_old=self._starts[1],
-            dt=self._longer,
-            by=self._by,
-        )
-        for part in self._parts:
-            strains = self._strain, self._thermal
-            part.differentiate(self._run.dt, here, strains, self._answer, given, found)
+        count, here, thermal = len(strain), self._here, self._thermal_changes
+        found = ResponseChange.empty(count + self._ways, len(here.rows), here.internal.shape[1])
+        strains, (stress, state) = np.concatenate([strain, self._directions]), self._starts
+        for rows, law, coefficients, changes in self._parts:
+            remembered = slice(0, len(law.state_names))
+            found.state[:, rows, remembered.stop :] = 0.0
+            law.differentiate(
+                MaterialStep(
+                    self._strain[rows], self._thermal[rows], here.before[rows], here.after[rows],
+                    self._run.dt,
+                ),
+                here.stress[rows], here.internal[rows, remembered],
+                StepChange(
+                    changes, strains[:, rows], thermal[:, rows], stress[:, rows],
+                    state[:, rows, remembered], self._longer,
+                ),
+                coefficients=coefficients,
+                out=ResponseChange(
+                    found.stress[:, rows], found.state[:, rows, remembered],
+                    found.dissipation[:, rows],
+                ),
+            )  # fmt: skip
         self._strain_held = strain
         self._held, self._rise = found.some(slice(0, count)), found.some(slice(count, None))
         return self._held
@@ -162,10 +166,9 @@ class LawChanges:
         """
         held, rise = self._held.some(some), self._rise
         more = strain - self._strain_held[some]
-        tangent = self._answer.tangent
         share = np.einsum("knc,dnc->dkn", more, self._directions)
         return ResponseChange(
-            held.stress + (tangent @ more[..., None])[..., 0],
+            held.stress + (self._tangent @ more[..., None])[..., 0],
             held.state + np.einsum("dkn,dns->kns", share, rise.state),
             held.dissipation + np.einsum("dkn,dn->kn", share, rise.dissipation),
         )
@@ -196,52 +199,3 @@ def _softened(table: Array, fed: FedPoints | None, rows: slice) -> Array:
 def _of_part(law: Law, elastic: bool) -> Law:
     """A law, or its elasticity alone."""
     return ThermoElastic(law.elasticity) if elastic else law
-
-
-@dataclass(frozen=True, slots=True)
-class _Part:
-    """Points of one rule.
-
-    Attributes:
-        law: The law there. rows: Of the points with stress, these.
-        elastic: Whether the mean stress alone counts there.
-        coefficients: Of the law (n, columns). changes: As of all that is given (k, n, columns).
-    """
-
-    law: Law
-    rows: slice
-    elastic: bool
-    coefficients: Array
-    changes: Array
-
-    def differentiate(
-        self, dt: float, here: Stressed, strains: tuple[Array, Array], answer: Response,
-        given: StepChange, found: ResponseChange,
-    ) -> None:  # fmt: skip
-        """Differentiate the law at these points.
-
-        Args:
-            dt: Length of the step, s.
-            here: All points with stress.
-            strains: Total and thermal increments there (m, 4), (m,).
-            answer: Of the law there.
-            given: Changes of all but the coefficients, there.
-            found: Derivatives there, to be written to.
-        """
-        rows = self.rows
-        out, internal = found.part(rows), slice(0, 0 if self.elastic else None)
-        answer = answer.part(rows)
-        if self.elastic:  # it remembers nothing
-            out.state[:] = 0.0
-            out = ResponseChange(out.stress, out.state[:, :, :0], out.dissipation)
-        step = MaterialStep(
-            strains[0][rows], strains[1][rows], here.before[rows], here.after[rows], dt
-        )
-        its = StepChange(
-            self.changes, given.strain[:, rows], given.thermal[:, rows],
-            given.stress_old[:, rows], given.state_old[:, rows, internal], given.dt, given.by,
-        )  # fmt: skip
-        self.law.differentiate(
-            step, here.stress[rows], here.internal[rows, internal], answer, its,
-            coefficients=self.coefficients, out=out,
-        )  # fmt: skip

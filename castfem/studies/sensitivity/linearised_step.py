@@ -21,10 +21,9 @@ from castfem.physics.contact.state import CONTACT
 from castfem.physics.mechanics.force_operators import ForceOperators
 from castfem.physics.mechanics.problem import MechanicalProblem
 from castfem.studies.sensitivity.law_changes import LawChanges
-from castfem.studies.sensitivity.moved_state import Slopes
 from castfem.studies.sensitivity.perturbed_slices import SliceSides
 from castfem.studies.sensitivity.step_input_derivatives import GivenStep, summed
-from castfem.studies.sensitivity.step_inputs import Beginning
+from castfem.studies.sensitivity.step_inputs import Beginning, Slopes
 
 Some = list[int] | slice
 """Numbers of some of the parameters, or all."""

@@ -34,12 +34,11 @@ from castfem.physics.mechanics.stepper import MechanicalStepper
 from castfem.physics.mechanics.surface_gap import SurfaceGap
 from castfem.physics.mechanics.varied_problem import VariedProblem
 from castfem.studies.sensitivity.linearised_step import LinearisedStep
-from castfem.studies.sensitivity.moved_state import Slopes, moved, none_of
-from castfem.studies.sensitivity.nonlinearities import Kinks
 from castfem.studies.sensitivity.parameters import ELASTIC, EXPANSION, Parameter
 from castfem.studies.sensitivity.perturbed_simulation import Variation, Varied
 from castfem.studies.sensitivity.perturbed_slices import SIGNS, SliceSides
-from castfem.studies.sensitivity.step_inputs import Beginning, Stressed
+from castfem.studies.sensitivity.result import Kink
+from castfem.studies.sensitivity.step_inputs import Beginning, Slopes, Stressed, moved, none_of
 
 NARROW = 5e-2  # of the step of a parameter: how far the sides are moved
 EXACT = 1e-4  # of the largest derivative of stress or of pressure: what may be out of balance
@@ -79,7 +78,9 @@ class MechanicalDerivatives:
         variations: Its parameters.
 
     Attributes:
-        slopes: Of `CARRIED`, per unit of each parameter.
+        slopes: Of `CARRIED`, per unit of each parameter; none before a step.
+        marked: Those of the committed state.
+        kinks: Where contact was about to change, one for each window and parameter that has any.
     """
 
     def __init__(self, simulation: Simulation, variations: Sequence[Variation]) -> None:
@@ -93,11 +94,15 @@ class MechanicalDerivatives:
                 self._give_mechanics(variation, end, sign * variation.parameter.step)
         self.slopes: list[Slopes] = [{} for _ in self.variations]
         self.marked = self.slopes
-        self.kinks = Kinks(simulation.section.comm)
+        self.kinks: list[Kink] = []
 
     def mark(self) -> None:
         """Keep the derivatives of a committed state: a window that fails begins there again."""
         self.marked = self.slopes
+
+    def committed(self, state: MechanicalState) -> list[Slopes]:
+        """The derivatives of the committed state; zeros where there is none yet."""
+        return [slopes or none_of(state) for slopes in self.marked]
 
     def _slice(self, variation: Variation, by: float) -> Slice:
         """The slice with a parameter moved, in its unit."""
@@ -187,16 +192,25 @@ class MechanicalDerivatives:
         return found
 
     def look(self, state: MechanicalState) -> None:
-        """Note where contact is about to change in a committed state (collective)."""
-        contact = self._problem.contact
+        """Note where contact is about to change in a committed state (collective).
+
+        Within the step of its difference quotients a parameter has a derivative to each side there.
+        """
+        contact, comm = self._problem.contact, self._simulation.section.comm
         if contact is None or contact.now is None or state.contact is None:
             return
-        position = self._simulation.machine.position(state.time)
+        met, closed = state.contact, contact.status[0]
+        left = np.where(closed, met.pressure, met.gap)
         for variation, slopes in zip(self.variations, self.slopes, strict=True):
-            if slopes:
-                self.kinks.look(
-                    variation.parameter, position, state.contact, contact.status[0], slopes
-                )
+            if not slopes:
+                continue
+            parameter = variation.parameter
+            change = np.abs(np.where(closed, *(slopes[CONTACT + n] for n in ("pressure", "gap"))))
+            near = np.isfinite(left) & (change > 0.0) & (np.abs(left) <= parameter.step * change)
+            if count := int(reductions.total(comm, float(near.sum()))):
+                _, x, y = reductions.peak(comm, near.astype(float), met.place)
+                position = self._simulation.machine.position(state.time)
+                self.kinks.append(Kink(parameter.name, position, count, (x, y)))
 
     def moved(self, number: int, state: MechanicalState, by: float) -> MechanicalState:
         """A state as it would be with a parameter moved, in its unit."""
@@ -255,15 +269,17 @@ class MechanicalDerivatives:
         after: Sequence[Array],
     ) -> list[Beginning]:  # fmt: skip
         """What a step begins with, by each parameter (collective)."""
-        problem, none, found = self._problem, none_of(old), []
+        problem, committed, found = self._problem, self.committed(old), []
         points = problem.at_points(old.temperature), problem.at_points(state.temperature)
         stressed = Stressed.of(problem, old, state, points)
         warm = [problem.points.vertex @ self._at_vertices(one).T for one in (before, after)]
         for number, variation in enumerate(self.variations):
             late = variation.lateness(old.time), variation.lateness(state.time)
             warming = warm[0][:, number].copy(), warm[1][:, number].copy()
-            start, vertices = self.marked[number] or none, (before[number], after[number])
-            found.append(Beginning(old, state, start, stressed, points, warming, vertices, late))
+            vertices = before[number], after[number]
+            found.append(
+                Beginning(old, state, committed[number], stressed, points, warming, vertices, late)
+            )
         return found
 
     def _at_vertices(self, owned: Sequence[Array]) -> Array:
@@ -302,8 +318,8 @@ class MechanicalDerivatives:
         """
         problem, dt, found = self._problem, end - old.time, []
         directions = problem.slice.planes.at(end)[1]
-        for variation, marked in zip(self.variations, self.marked, strict=True):
-            its, longer = marked or none_of(old), lengthened(variation, old.time, end)
+        for variation, its in zip(self.variations, self.committed(old), strict=True):
+            longer = lengthened(variation, old.time, end)
             moved = dof_values.with_ghosts(problem.space, dt * its["rate"] + longer * old.rate)
             scalars = its["scalars"] + dt * its["scalar_rate"] + longer * old.scalar_rate
             found.append(

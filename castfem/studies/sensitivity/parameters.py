@@ -125,7 +125,7 @@ class Parameter:
         if not self.law:
             return law
         given: Any = law
-        return given.with_curve(self.law, Multiplied(given.given_curve(self.law), value / 100.0))
+        return given.with_curve(self.law, _Multiplied(given.given_curve(self.law), value / 100.0))
 
     def steel_at(self, steel: Steel, value: float) -> Steel:
         """The steel with another value."""
@@ -133,74 +133,53 @@ class Parameter:
             return steel
         if self.steel == EXPANSION:
             assert steel.expansion is not None, "it has been looked at"
-            return replace(steel, expansion=MoreExpansion(steel.expansion, value / 100.0))
-        scaled = Scaled(steel.properties[self.steel], value / 100.0)
+            law = steel.expansion
+            more = _MoreExpansion(law, value / 100.0, law.kinks, law.curved)
+            return replace(steel, expansion=more)
+        scaled = _Scaled.of(steel.properties[self.steel], value / 100.0)
         return replace(steel, properties=MappingProxyType({**steel.properties, self.steel: scaled}))
 
 
 @dataclass(frozen=True, slots=True)
-class Scaled:
+class _Scaled:
     """A property times a factor."""
 
     law: Property
     factor: float
+    kinks: tuple[float, ...]
+    jumps: tuple[float, ...]
+    curved: bool
+    span: tuple[float, float]
 
-    @property
-    def kinks(self) -> tuple[float, ...]:
-        """Those of the property."""
-        return self.law.kinks
-
-    @property
-    def jumps(self) -> tuple[float, ...]:
-        """Those of the property."""
-        return self.law.jumps
-
-    @property
-    def curved(self) -> bool:
-        """Whether the property is."""
-        return self.law.curved
-
-    @property
-    def span(self) -> tuple[float, float]:
-        """That of the property."""
-        return self.law.span
+    @classmethod
+    def of(cls, law: Property, factor: float) -> _Scaled:
+        return cls(law, factor, law.kinks, law.jumps, law.curved, law.span)
 
     def __call__(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
-        """Values at `temperature` (K)."""
         return self.factor * self.law(temperature, side)
 
 
 @dataclass(frozen=True, slots=True)
-class MoreExpansion:
+class _MoreExpansion:
     """A thermal contraction times a factor."""
 
     law: Expansion
     factor: float
-
-    @property
-    def kinks(self) -> tuple[float, ...]:
-        """Those of the contraction."""
-        return self.law.kinks
-
-    @property
-    def curved(self) -> bool:
-        """Whether the contraction is."""
-        return self.law.curved
+    kinks: tuple[float, ...]
+    curved: bool
 
     def strain(self, temperature: npt.ArrayLike, reference: float) -> Array:
-        """Linear strain since `reference` (K)."""
         return self.factor * self.law.strain(temperature, reference)
 
 
 @dataclass(frozen=True, slots=True)
-class Multiplied:
+class _Multiplied:
     """A number of a law over temperature, times a factor."""
 
     of: Callable[[Array], Array]
     factor: float
 
     def __call__(self, temperature: Array) -> Array:
-        """Values at temperatures, K."""
         return self.factor * self.of(temperature)
 
 

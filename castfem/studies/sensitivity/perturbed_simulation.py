@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from castfem.base.constants import EXACT, same_instant
 from castfem.base.errors import InputError
 from castfem.base.shown_units import below_meniscus
-from castfem.base.types import Array
+from castfem.base.types import Array, Indices
 from castfem.model import Case
 from castfem.model.build.cooling import Zones
 from castfem.model.build.simulation import (
@@ -19,11 +20,10 @@ from castfem.model.build.simulation import (
     stations,
 )
 from castfem.model.build_machine import build_machine
+from castfem.physics.materials.curve import ThermalCurve
 from castfem.physics.thermal.boundary import Cooling
 from castfem.physics.thermal.problem import Stage
 from castfem.physics.thermal.stepper import ThermalStepper
-from castfem.studies.sensitivity.compare_laws import same_laws
-from castfem.studies.sensitivity.curve_difference import CurveDifference
 from castfem.studies.sensitivity.parameters import Parameter
 
 _COOLING = ("cooling", "secondary", "machine", "mould")
@@ -103,6 +103,51 @@ def surface_heat(cooling: Cooling, temperature: Array, time: float) -> tuple[Arr
         heat[patch.dofs] += patch.weights * q
         slope[patch.dofs] += patch.weights * dq
     return heat, slope
+
+
+class CurveDifference:
+    """T(H) and theta(H) of one steel less those of another.
+
+    Between two steels whose curves are straight lines it is one as well, which is laid once; it
+    is looked up once then, and no digits of two large numbers are lost in their difference.
+
+    Args:
+        above: Curve that is taken. below: Curve that is taken off.
+    """
+
+    def __init__(self, above: ThermalCurve, below: ThermalCurve) -> None:
+        self._curves = above, below
+        lines = above.lines(), below.lines()
+        self._starts: Array = np.zeros(0)
+        if lines[0] is None or lines[1] is None:
+            return
+        both = lines[0], lines[1]
+        self._starts = np.union1d(both[0][0], both[1][0])
+        met = [_piece(starts, self._starts) for starts, _, _ in both]
+        self._at_zero = both[0][1][:, met[0]] - both[1][1][:, met[1]]
+        self._slopes = both[0][2][:, met[0]] - both[1][2][:, met[1]]
+
+    def temperature(self, enthalpy: Array) -> Array:
+        """Difference of T, K, at `enthalpy` (n,), J/m3."""
+        if len(self._starts):
+            return self._line(0, enthalpy)
+        above, below = (curve.at(enthalpy).temperature for curve in self._curves)
+        return np.asarray(above - below)
+
+    def conduction(self, enthalpy: Array) -> Array:
+        """Difference of theta, W/m, at `enthalpy` (n,), J/m3."""
+        if len(self._starts):
+            return self._line(1, enthalpy)
+        above, below = (curve.at(enthalpy).conduction for curve in self._curves)
+        return np.asarray(above - below)
+
+    def _line(self, row: int, enthalpy: Array) -> Array:
+        i = _piece(self._starts, enthalpy)
+        return np.asarray(self._at_zero[row].take(i) + self._slopes[row].take(i) * enthalpy)
+
+
+def _piece(starts: Array, enthalpy: Array) -> Indices:
+    return np.asarray(starts.searchsorted(enthalpy, side="right") - 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,3 +285,33 @@ def _check_effect(parameter: Parameter, below: Varied, above: Varied) -> None:
             f"{parameter.name}: nothing that this run computes hangs on it (its steps and coupling "
             "windows are held as they are)"
         )
+
+
+def same_laws(one: Cooling, other: Cooling) -> bool:
+    """Whether two coolings are certain to take the same heat at the same temperature and time.
+
+    Laws are compared by their numbers; one that holds what cannot be compared counts as another.
+    Gaps that a window of the mechanics sets later are not looked at.
+    """
+    if len(one.laws) != len(other.laws):
+        return False
+    return all(
+        _alike(its, law)
+        and np.array_equal(here.dofs, there.dofs)
+        and np.array_equal(here.weights, there.weights)
+        for (here, its), (there, law) in zip(one.laws, other.laws, strict=True)
+    )
+
+
+def _alike(one: Any, other: Any) -> bool:
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, int | float | str):
+        return bool(one == other)
+    if isinstance(one, tuple):
+        return len(one) == len(other) and all(map(_alike, one, other))
+    if isinstance(one, np.ndarray):
+        return np.array_equal(one, other)
+    if not is_dataclass(one):
+        return one is other
+    return all(_alike(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))

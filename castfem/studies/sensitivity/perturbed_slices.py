@@ -7,7 +7,8 @@ parameters at once (`castfem.studies.sensitivity.linearised_step`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -18,11 +19,30 @@ from castfem.physics.contact.state import CONTACT
 from castfem.physics.mechanics.definition import Slice
 from castfem.physics.mechanics.material_points import FedPoints
 from castfem.physics.mechanics.problem import MechanicalProblem
-from castfem.studies.sensitivity.difference import slope
 from castfem.studies.sensitivity.step_inputs import Beginning
 
 SIGNS = (1.0, -1.0)  # above a parameter, and below
 SAME_PLACE = 1e-14  # of a position: how far two may be apart for rounding
+WARMER = 1e-4  # K: to either side, in differences by temperature
+UNEVEN = 0.1  # of a difference: its halves are farther apart where there is a kink, not a bend
+
+
+def slope(above: Array, here: Array, below: Array, by: float) -> Array:
+    """Derivative of what has these values at and on both sides of a place, `by` apart.
+
+    Where there is a kink or a jump between them, it is that of the half which is less. One half
+    alone is off by half the bend of the curve over the distance, so it is taken nowhere else: the
+    weight of a phase whose blend is narrow bends from 0 to all it has within kelvins.
+    """
+    up, down = (above - here) / by, (here - below) / by
+    sizes = np.abs(up), np.abs(down)
+    even = np.abs(up - down) <= UNEVEN * np.maximum(*sizes)
+    return np.where(even, 0.5 * (up + down), np.where(sizes[0] < sizes[1], up, down))
+
+
+def slope_by_temperature(curve: Callable[[Array], Array], temperature: Array, here: Array) -> Array:
+    """Derivative of a curve at temperatures (K), where it has the values `here`."""
+    return slope(curve(temperature + WARMER), here, curve(temperature - WARMER), WARMER)
 
 
 class SliceSides:
@@ -53,6 +73,13 @@ class SliceSides:
         self.walls = tuple(wall for wall in given if wall is not None)
         self._at_surface: list[tuple[Array, Array]] = []
         self._begun: Beginning | None = None
+
+    def quotient(self, of: Callable[[Slice, float], Any]) -> Any:
+        """Derivative of what a slice has with the parameter moved that far, in its unit."""
+        above, below = (
+            of(one, sign * self.by) for one, sign in zip(self.slices, SIGNS, strict=True)
+        )
+        return (above - below) / self.span
 
     def begin(self, its: Beginning) -> None:
         """Prepare the wall of both sides for a step, once (collective)."""

@@ -21,17 +21,14 @@ from castfem.base.shown_quantity import Quantity
 from castfem.base.types import Array
 from castfem.model.build.simulation import Simulation
 from castfem.physics.coupling.staggered import StrandState
-from castfem.physics.thermal.stepper import ThermalState
 from castfem.runs.results.labels import STAIR
 from castfem.runs.results.needs import fault_of
 from castfem.runs.results.registry import columns_of, results_of
 from castfem.runs.results.sample import Sample
 from castfem.runs.results.thermal import Sampler
-from castfem.studies.sensitivity.fronts import LEVELS, Fronts
-from castfem.studies.sensitivity.perturbed_simulation import Varied
+from castfem.studies.sensitivity.followed_run import Derivatives
+from castfem.studies.sensitivity.fronts import LEVELS, Fronts, Scatter
 from castfem.studies.sensitivity.result import Derivative
-from castfem.studies.sensitivity.scatter import Scatter
-from castfem.studies.sensitivity.thermal import ThermalDerivatives
 
 _OF_STEPS = (
     "step", "newton", "newton_mechanics", "energy_error", "force_error", "solidus_cell",
@@ -47,7 +44,7 @@ _USUAL = ("heat_removed", "shell", "surface_temperature")
 """Results that are read if none is named."""
 
 if TYPE_CHECKING:
-    from castfem.physics.mechanics.state import MechanicalState
+    pass
 
 Asked = dict[str, tuple[QuantityDefinition, str]]
 
@@ -101,7 +98,7 @@ class Readings:
 
     Args:
         simulation: The run.
-        derivatives: Of its temperatures.
+        derivatives: Along with it.
         asked: The results.
         errors: Whether the errors of the derivatives are wanted, which takes more readings.
     """
@@ -109,7 +106,7 @@ class Readings:
     def __init__(
         self,
         simulation: Simulation,
-        derivatives: ThermalDerivatives,
+        derivatives: Derivatives,
         asked: Asked,
         *,
         errors: bool = True,
@@ -119,7 +116,7 @@ class Readings:
         self._follows_heat = bool(way)
         self._follows_all = any(name not in _OF_TEMPERATURE for name in way)
         depths = [(one.name, probe) for one, probe in asked.values() if one.name in LEVELS]
-        self.fronts = Fronts(derivatives, depths)
+        self.fronts = Fronts(derivatives.thermal, depths)
         self.scatter = Scatter() if errors else None
         self._samplers = [
             (Sampler(v.above.simulation), Sampler(v.below.simulation))
@@ -145,20 +142,15 @@ class Readings:
             for number in range(len(self._samplers)):
                 self._sides(number, sample)
         elif self._follows_heat:
+            alone = StrandState(state, None, np.zeros(0))
             for number, pair in enumerate(self._samplers):
-                for sampler, its in zip(pair, self._states(number, state), strict=True):
-                    sampler.follow(its)
+                for sampler, its in zip(pair, self._ends(number, alone), strict=True):
+                    sampler.follow(its.thermal)
 
     def _sides(self, number: int, sample: Sample) -> tuple[Sample, Sample]:
         """Samples above and below a parameter, which their samplers note (collective)."""
-        states, strained = (
-            self._states(number, sample.state.thermal),
-            self._strained(number, sample),
-        )
-        above, below = (
-            sampler.read(StrandState(state, its, np.zeros(0)), None)
-            for sampler, state, its in zip(self._samplers[number], states, strained, strict=True)
-        )
+        ends = zip(self._samplers[number], self._ends(number, sample.state), strict=True)
+        above, below = (sampler.read(its, None) for sampler, its in ends)
         return above, below
 
     def _zone(self, time: float) -> int:
@@ -167,45 +159,26 @@ class Readings:
         starts = self._simulation.zones.starts
         return max(bisect_left(starts, time - hair) - 1, 0)
 
-    def _states(self, number: int, state: ThermalState) -> tuple[ThermalState, ThermalState]:
-        """The state above and below a parameter (collective)."""
-        variation = self._derivatives.variations[number]
+    def _ends(self, number: int, state: StrandState) -> list[StrandState]:
+        """The state above and below a parameter, each at its own time (collective)."""
+        slopes, coupled = self._derivatives.thermal, self._derivatives.coupled
+        variation, here, found = slopes.variations[number], state.thermal, []
         step = variation.parameter.step
-        return (
-            self._state(variation.above, number, state, step),
-            self._state(variation.below, number, state, -step),
-        )
-
-    def _strained(
-        self, number: int, sample: Sample
-    ) -> tuple[MechanicalState | None, MechanicalState | None]:
-        """The strained slice above and below a parameter; None of a case without."""
-        coupling, state = self._simulation.coupling, sample.state.mechanical
-        if coupling is None or state is None:
-            return None, None
-        from castfem.studies.sensitivity.differentiated_steps import FollowedMechanics
-
-        assert isinstance(coupling.mechanics, FollowedMechanics)
-        slopes = coupling.mechanics.mechanical
-        variation = self._derivatives.variations[number]
-        step = variation.parameter.step
-        # Each at its own time, for it meets its wall where it is then.
-        above, below = (
-            replace(slopes.moved(number, state, by), time=end.time(state.time))
-            for end, by in ((variation.above, step), (variation.below, -step))
-        )
-        return above, below
-
-    def _state(self, end: Varied, number: int, state: ThermalState, by: float) -> ThermalState:
-        slopes = self._derivatives
-        end.enter(self._zone(state.time))
-        return end.simulation.stepper.state_from(
-            end.time(state.time),
-            state.enthalpy + by * slopes.enthalpy[number],
-            state.rate + by * slopes.rate[number],
-            state.removed + by * float(slopes.removed[number]),
-            state.generated,
-        )
+        for end, by in ((variation.above, step), (variation.below, -step)):
+            end.enter(self._zone(here.time))
+            thermal = end.simulation.stepper.state_from(
+                end.time(here.time),
+                here.enthalpy + by * slopes.enthalpy[number],
+                here.rate + by * slopes.rate[number],
+                here.removed + by * float(slopes.removed[number]),
+                here.generated,
+            )
+            strained = state.mechanical if coupled is not None else None
+            if coupled is not None and strained is not None:
+                strained = coupled.mechanical.moved(number, strained, by)
+                strained = replace(strained, time=end.time(strained.time))
+            found.append(StrandState(thermal, strained, np.zeros(0)))
+        return found
 
     def read(self, sample: Sample) -> tuple[dict[str, Quantity], list[Derivative]]:
         """The results of a sample and their derivatives (collective)."""

@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from castfem.base.atomic_files import plain, saving, write_json, write_text
-from castfem.base.shown_quantity import Quantity, from_si, si_unit, unit_of_difference
+from castfem.base.shown_quantity import Quantity, from_si, si_unit, to_si, unit_of_difference
+from castfem.base.shown_units import Scale, scale_of
+from castfem.runs.output.folder import DERIVATIVES_NAME
 from castfem.studies.sensitivity.parameters import LEVELS, Parameter
 
 JSON_NAME, CSV_NAME = "sensitivity.json", "sensitivity.csv"
 _KINK = 1e-2  # of a derivative: how far its two sides may be apart
 _NOISE = 1e-11  # of a result: what rounding makes of it
+_DIFFERENCE = "delta_"  # before the unit of a difference of two temperatures
+_OF_TABLE = ("percent", "%")
+REFUSED = "refused"
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,3 +236,95 @@ def per(unit: str, other: str, *, level: bool = True) -> str:
     if not other:
         return own
     return f"{own}/({other})" if any(sign in other for sign in " /") else f"{own}/{other}"
+
+
+@dataclass(frozen=True, slots=True)
+class ShownRow:
+    """A derivative in the units that were chosen.
+
+    Attributes:
+        at: Value of the parameter. at_unit: Its unit.
+        spread: By how much it may differ. spread_unit: Its unit.
+        value: Derivative. error: Of it. sides: As those of a row. unit: Of these.
+    """
+
+    at: float
+    at_unit: str
+    spread: float
+    spread_unit: str
+    value: float
+    error: float
+    sides: tuple[float, float] | None
+    unit: str
+
+    @classmethod
+    def of(cls, row: Row) -> ShownRow:
+        """A derivative as it is shown."""
+        up = scale_of(unit_of_difference(row.quantity.shown_unit), row.name)
+        level, down = scales_of(row.parameter)
+        ratio = up.factor / down.factor
+        sides = None if row.sides is None else (ratio * row.sides[0], ratio * row.sides[1])
+        up_unit, down_unit = (one.unit.removeprefix(_DIFFERENCE) for one in (up, down))
+        return cls(
+            at=level(row.parameter.value),
+            at_unit=level.unit,
+            spread=down.factor * row.parameter.spread,
+            spread_unit=down_unit,
+            value=ratio * row.value,
+            error=ratio * row.error,
+            sides=sides,
+            unit=per(up_unit, down_unit, level=False),
+        )
+
+
+def scales_of(parameter: Parameter) -> tuple[Scale, Scale]:
+    """What turns the value of a parameter, and a difference of it, into what is shown."""
+    unit = parameter.unit
+    difference = "K" if unit in LEVELS else unit
+    plain = Scale(unit), Scale(difference)
+    if not unit or unit in _OF_TABLE:
+        return plain
+    try:
+        return scale_of(unit), scale_of(difference)
+    except ValueError:  # of an own property file, say
+        return plain
+
+
+@dataclass(frozen=True, slots=True)
+class Slope:
+    """The derivative of a result by a parameter.
+
+    Attributes:
+        value: In SI (K) per `unit` of the parameter; NaN where the result has none.
+        at: The parameter, in `unit`; 100 of what is multiplied as a whole.
+        unit: "percent" of what is multiplied, "" for none.
+    """
+
+    value: float
+    at: float
+    unit: str
+
+
+Slopes = Mapping[str, Mapping[str, Slope]]
+"""Name of the result to name of the parameter to derivative."""
+
+
+def read_slopes(folder: Path) -> Slopes | None:
+    """Return the derivatives that a run has carried along, empty if it could have none.
+
+    None of a run that was made without, or whose file cannot be read.
+    """
+    try:
+        content = json.loads((folder / DERIVATIVES_NAME).read_text(encoding="utf-8"))
+        if REFUSED in content:
+            return {}
+        units = {name: one["unit"] for name, one in content["quantities"].items()}
+        parameters = content["parameters"]
+        found: dict[str, dict[str, Slope]] = {name: {} for name in units}
+        for one in content["derivatives"]:
+            name, its = one["quantity"], parameters[one["parameter"]]
+            value = to_si(one["value"], unit_of_difference(units[name]))
+            found[name][one["parameter"]] = Slope(value, its["value"], its["unit"])
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+    return found

@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
+from castfem.base import log
+from castfem.base.atomic_files import plain, write_json
 from castfem.base.errors import InputError
 from castfem.fem.root import on_root
 from castfem.model import Case
 from castfem.model.build.simulation import Simulation, build
 from castfem.runs.interrupt import Interrupt, Stopped
+from castfem.runs.loop import TimeLoop
+from castfem.runs.output.folder import DERIVATIVES_NAME
 from castfem.runs.results.run_state import RunState
-from castfem.studies.sensitivity.differentiated_steps import (
-    FollowedMechanics,
-    FollowedSteps,
-    followed,
-)
-from castfem.studies.sensitivity.parameters import read_parameters
-from castfem.studies.sensitivity.perturbed_simulation import Variation, vary
+from castfem.runs.results.sample import Sample
+from castfem.studies.sensitivity.followed_run import CHECKPOINT_NAME, Derivatives, Recorder, follow
 from castfem.studies.sensitivity.readings import Readings, asked_quantities
-from castfem.studies.sensitivity.recorder import CHECKPOINT_NAME, FollowedLoop, Recorder
-from castfem.studies.sensitivity.result import Kink, Sensitivity
-from castfem.studies.sensitivity.thermal import ThermalDerivatives
+from castfem.studies.sensitivity.result import REFUSED, Sensitivity
 
 if TYPE_CHECKING:
     from castfem.base.progress import Progress
@@ -106,8 +103,6 @@ def sensitivity(
         asked = asked_quantities(simulation, of)
         derivatives = follow(simulation, to)
         freed.callback(derivatives.destroy)
-        if simulation.coupling is not None:
-            freed.callback(followed(simulation.coupling).destroy)
         path = folder / CHECKPOINT_NAME if folder is not None else None
         readings = Readings(simulation, derivatives, asked)
         recorder = Recorder(simulation, derivatives, readings, path)
@@ -118,54 +113,17 @@ def sensitivity(
         return result
 
 
-def result_of(run: RunState, derivatives: ThermalDerivatives, readings: Readings) -> Sensitivity:
+def result_of(run: RunState, derivatives: Derivatives, readings: Readings) -> Sensitivity:
     """Read the results of a run where it stands, and their derivatives (collective)."""
     assert run.sample is not None
-    simulation, counts = run.simulation, run.counts
+    simulation, counts, coupled = run.simulation, run.counts, derivatives.coupled
     values, found = readings.read(run.sample)
     return Sensitivity(
         simulation.case.title, run.position, values,
         tuple(v.parameter for v in derivatives.variations), tuple(found), counts.steps,
-        _kinks(simulation), simulation.coupling is not None, counts.windows, counts.cut_for_error,
+        () if coupled is None else tuple(coupled.mechanical.kinks), coupled is not None,
+        counts.windows, counts.cut_for_error,
     )  # fmt: skip
-
-
-def _kinks(simulation: Simulation) -> tuple[Kink, ...]:
-    """Where contact was about to change in a run."""
-    if simulation.coupling is None:
-        return ()
-    steps = simulation.coupling.mechanics
-    assert isinstance(steps, FollowedMechanics)
-    return tuple(steps.mechanical.kinks.found)
-
-
-def follow(simulation: Simulation, to: Sequence[str]) -> ThermalDerivatives:
-    """Let the steps of a simulation carry derivatives by some parameters (collective).
-
-    Raises:
-        InputError: With all parameters that cannot be used, a line each.
-    """
-    variations: list[Variation] = []
-    problems: list[str] = []
-    for parameter in read_parameters(simulation.case, simulation.steel, to):
-        try:
-            variations.append(vary(simulation, parameter))
-        except InputError as error:
-            problems += error.problems
-    if problems:
-        raise InputError(problems)
-    derivatives = ThermalDerivatives(simulation, variations)
-    simulation.steps = FollowedSteps(simulation.stepper, simulation.steps.control, derivatives)
-    if simulation.coupling is not None:
-        from castfem.studies.sensitivity.coupled import FollowedCoupling
-        from castfem.studies.sensitivity.mechanical import MechanicalDerivatives
-
-        mechanical = MechanicalDerivatives(simulation, variations)
-        coupling = FollowedCoupling(simulation, derivatives, mechanical)
-        coupling.thermal = simulation.steps
-        coupling.mechanics = FollowedMechanics(coupling.mechanics, derivatives, mechanical)
-        simulation.coupling = coupling
-    return derivatives
 
 
 def _to_the_end(
@@ -173,7 +131,7 @@ def _to_the_end(
 ) -> RunState:
     """Take the slice to the end of the followed length."""
     interrupt = Interrupt(simulation.section.comm)
-    loop = FollowedLoop(simulation, recorder, progress, interrupt)
+    loop = TimeLoop(simulation, recorder, progress, interrupt, recorder.unsampled)
     if resume:
         recorder.resume(loop.run_state)
     if progress is not None:
@@ -182,9 +140,76 @@ def _to_the_end(
         with interrupt:
             loop.run()
     except Stopped:
-        if recorder.path is not None:
-            recorder.save(loop.run_state)
-        raise
-    if recorder.path is not None:
         recorder.save(loop.run_state)
+        raise
+    recorder.save(loop.run_state)
     return loop.run_state
+
+
+class Carried:
+    """Carries derivatives along with a run (`castfem.runs.loop.Companion`).
+
+    Args:
+        simulation: The run, before it has begun.
+        of: Names of results.
+        to: Parameters, `castfem.studies.sensitivity.parameters.read_parameters`.
+        path: Of the file that is written at the end.
+
+    Raises:
+        InputError: Case, results or parameters cannot be used; the simulation is as it was.
+    """
+
+    def __init__(
+        self, simulation: Simulation, of: Sequence[str], to: Sequence[str], path: Path
+    ) -> None:
+        refuse(simulation.case)
+        asked = asked_quantities(simulation, of)
+        self._path, self._derivatives = path, follow(simulation, to)
+        self._readings = Readings(simulation, self._derivatives, asked, errors=False)
+        self._recorder = Recorder(simulation, self._derivatives, self._readings, None)
+
+    def step(self, run: RunState, sample: Sample) -> None:
+        """Take in one committed step (collective)."""
+        self._recorder.step(run, sample)
+
+    def finish(self, run: RunState) -> None:
+        """Write the derivatives (collective).
+
+        Raises:
+            RunFailure: They cannot be written.
+        """
+        content = plain(result_of(run, self._derivatives, self._readings).to_json())
+        comm = run.simulation.section.comm
+        on_root(comm, lambda: write_json(self._path, content))
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        self._derivatives.destroy()
+
+
+def carrying(
+    of: Sequence[str], to: Sequence[str], folder: Path
+) -> Callable[[Simulation], Carried | None]:
+    """Return what lets a run carry derivatives along, where it can have them.
+
+    Where it cannot, its log says why, and so does the file of the derivatives.
+
+    Args:
+        of: Names of results.
+        to: Parameters.
+        folder: Of the run.
+    """
+    path = folder / DERIVATIVES_NAME
+
+    def begin(simulation: Simulation) -> Carried | None:
+        try:
+            return Carried(simulation, of, to, path)
+        except InputError as error:
+            problems = error.problems
+        comm = simulation.section.comm
+        if comm.rank == 0:
+            log.logger.warning("the run has no derivatives: %s", "; ".join(problems))
+        on_root(comm, lambda: write_json(path, {REFUSED: problems}))
+        return None
+
+    return begin

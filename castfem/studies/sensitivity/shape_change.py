@@ -1,11 +1,15 @@
-"""What a motion of the slice does to its heat balance: conduction, surface, filled volume.
+"""What the strained slice does to the heat balance of a coupling window, differentiated.
 
+Beside the gap, which the laws of the surface see, that is the heat of viscoplastic work and what
+the motion of the slice does to conduction, surface and filled volume.
 Each is a linear form, assembled for the slice as it is; its derivative by the displacement is a
 bilinear form, assembled once for all parameters.  Surface and volume are the same throughout a
 window, conduction is that of the temperatures of a stage.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass, field
 
 import numpy as np
 import ufl
@@ -150,3 +154,45 @@ class ShapeChange:
         """Free the PETSc objects."""
         for form in (self._conducted, self._volume, *self._shares.values()):
             form.destroy()
+
+
+@dataclass(slots=True)
+class Feedback:
+    """Derivatives of what a window hands to its thermal steps, by each parameter.
+
+    Attributes:
+        duration: Of the window, s.
+        heating: Of the heat of viscoplastic work (parameters, owned), J/m3; empty without.
+        shape: Of the shape; None where heat does not follow it.
+    """
+
+    duration: float
+    heating: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    shape: ShapeChange | None = None
+
+    def of_stage(self, stage: Stage, problem: ThermalProblem) -> Array:
+        """What stands on the right of a stage (parameters or 1, owned), J/m (collective)."""
+        found: Array = np.zeros((1, len(stage.enthalpy)))
+        if self.heating.size:
+            found = stage.tau / self.duration * problem.area * self.heating
+        if self.shape is not None:
+            found = found + self.shape.of_stage(stage)
+        return found
+
+    def gained(self, share: float, change: Array, problem: ThermalProblem) -> Array:
+        """Derivatives of what leaves in a step beside that by its change of enthalpy, J/m.
+
+        Args:
+            share: Of the window that the step is.
+            change: Of the enthalpy over the step (owned,), J/m3.
+            problem: The heat balance.
+
+        Returns:
+            (parameters,) or one for all.
+        """
+        found: Array = np.zeros(1)
+        if self.heating.size:
+            found = share * (self.heating @ problem.area)
+        if self.shape is not None:
+            found = found - self.shape.filled @ (problem.area * change)
+        return found

@@ -13,11 +13,11 @@ from castfem.base.types import Array
 from castfem.fem import dof_values, reductions
 from castfem.physics.contact.linearised import GivenChanges, LinearisedContact
 from castfem.physics.contact.state import CONTACT
+from castfem.physics.mechanics.definition import Slice
 from castfem.physics.mechanics.force_operators import ForceOperators
 from castfem.physics.mechanics.planes import ScaledPlanes
 from castfem.physics.mechanics.problem import MechanicalProblem
-from castfem.studies.sensitivity.difference import slope_by_temperature
-from castfem.studies.sensitivity.perturbed_slices import SIGNS, SliceSides
+from castfem.studies.sensitivity.perturbed_slices import SIGNS, SliceSides, slope_by_temperature
 from castfem.studies.sensitivity.step_inputs import Beginning
 
 
@@ -29,13 +29,7 @@ def summed(run: MechanicalProblem, local: Array) -> Array:
 
 
 class GivenStep:
-    """Derivatives of what a step is given.
-
-    Args:
-        run: The equilibrium of the run, at the solution.
-        forces: Its operators.
-        sides: Of each parameter, begun.
-        begun: What they begin with.
+    """Derivatives of what a step is given, from what `linearised_step.LinearisedStep` is.
 
     Attributes:
         displacement: At the start (dofs, k), m.
@@ -74,24 +68,26 @@ class GivenStep:
         for number, (sides, its) in enumerate(self._pairs):
             if sides.same_planes and (not its.late[1] or run.slice.planes.steady):
                 continue
-            above, below = (
-                ScaledPlanes.of(
-                    one.planes, its.old.bending, its.times(sign * sides.by)[1], run.scales.length
+
+            def given(one: Slice, by: float, its: Beginning = its) -> Array:
+                planes = ScaledPlanes.of(
+                    one.planes, its.old.bending, its.times(by)[1], run.scales.length
                 )
-                for one, sign in zip(sides.slices, SIGNS, strict=True)
-            )
-            offset[:, number] = (above.offset - below.offset) / sides.span
-            load[:, number] = (above.load - below.load) / sides.span
+                return np.concatenate([planes.offset, planes.load])
+
+            change = sides.quotient(given)
+            offset[:, number], load[:, number] = change[:4], change[4:]
         return offset, load
 
     def _drags(self) -> Array:
-        run, found = self._run, np.zeros(self.count)
+        run = self._run
         if run.liquid is None or run.liquid.bears:
-            return found
-        for number, (sides, _) in enumerate(self._pairs):
-            above, below = (run.planes.drag_by(one.young_at_solidus()) for one in sides.slices)
-            found[number] = (above - below) / sides.span
-        return found
+            return np.zeros(self.count)
+
+        def drag(one: Slice, by: float) -> float:
+            return run.planes.drag_by(one.young_at_solidus())
+
+        return np.array([sides.quotient(drag) for sides, _ in self._pairs])
 
     def _supports(self) -> Array:
         run, constraints = self._run, self._run.constraints

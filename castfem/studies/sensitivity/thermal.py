@@ -19,18 +19,136 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from petsc4py import PETSc
+
 import numpy as np
 import numpy.typing as npt
 
+from castfem.base.errors import RunFailure
 from castfem.base.types import Array
 from castfem.fem import reductions
+from castfem.fem.bordered_system import factorise
 from castfem.model.build.simulation import Simulation
 from castfem.model.build.start import starting_enthalpy
-from castfem.physics.thermal.problem import Stage
+from castfem.physics.materials.curve import CurvePoint
+from castfem.physics.thermal.problem import Stage, ThermalProblem
 from castfem.physics.thermal.stepper import GAMMA, StepResult, ThermalState
-from castfem.studies.sensitivity.feedback import Feedback
-from castfem.studies.sensitivity.linear import StageTangent
 from castfem.studies.sensitivity.perturbed_simulation import Variation, surface_heat
+from castfem.studies.sensitivity.shape_change import Feedback
+
+
+class StageTangent:
+    """The matrix of a stage at its solution: factored once, solved with for each parameter.
+
+    With y = dtheta/dH dH/dp, the derivative of the conduction integral, it is symmetric,
+
+        A y = r,     A = diag(M / (dtheta/dH) + tau w dq/dT / k) + tau L,
+
+    and positive wherever the stage has one solution.  Where freezing is isothermal dtheta/dH = 0:
+    there y = 0, and the balance of the vertex gives its enthalpy.
+
+    Args:
+        problem: The heat balance.
+
+    Attributes:
+        matrix: That was factored last.
+        solver: With its factor.
+    """
+
+    def __init__(self, problem: ThermalProblem) -> None:
+        self._problem = problem
+        self.matrix = problem.new_matrix()
+        self.matrix.setOption(PETSc.Mat.Option.SPD, True)
+        self._diagonal = self.matrix.createVecLeft()
+        self._sides: tuple[PETSc.Mat, PETSc.Mat] | None = None
+        alone = problem.section.comm.size == 1
+        self.solver = PETSc.KSP().create(problem.section.comm)
+        self.solver.setOperators(self.matrix)
+        self.solver.setType("preonly")
+        pc = self.solver.getPC()
+        pc.setType("cholesky")
+        pc.setFactorSolverType("petsc" if alone else "mumps")
+        if alone:
+            pc.setFactorOrdering("nd")
+        self._slope: Array = np.zeros(0)
+        self._tau = 0.0
+        self._held: npt.NDArray[np.intp] = np.zeros(0, np.intp)
+        self._any_held = self._given = False
+
+    def factor(self, point: CurvePoint, slope: Array, tau: float) -> None:
+        """Factor the matrix at a solution (collective).
+
+        Args:
+            point: What belongs to the enthalpies of the solution.
+            slope: Of the heat that leaves each vertex through the surface, d/dT (owned,), W/(m K).
+            tau: Coefficient of the stage, s.
+
+        Raises:
+            RunFailure: It cannot be factored.
+        """
+        problem, matrix = self._problem, self.matrix
+        held = point.conduction_slope <= 0.0
+        held[problem.fixed] = True
+        self._held, self._slope, self._tau = np.flatnonzero(held), point.conduction_slope, tau
+        problem.conduction_matrix(tau, matrix)
+        safe = np.where(held, 1.0, self._slope) if len(self._held) else self._slope
+        self._diagonal.setArray((problem.volume + tau * slope * point.temperature_slope) / safe)
+        matrix.setDiagonal(self._diagonal, addv=PETSc.InsertMode.ADD_VALUES)
+        comm = problem.section.comm
+        self._any_held = reductions.any_of(comm, bool(len(self._held)))
+        self._given = reductions.any_of(comm, bool(len(problem.fixed)))
+        if self._any_held:
+            first = matrix.getOwnershipRange()[0]
+            matrix.zeroRowsColumns((self._held + first).astype(np.int32), diag=1.0)
+        self.solver.setOperators(matrix)
+        if why := factorise(self.solver, matrix):
+            raise RunFailure(f"the derivative of a stage cannot be solved for: {why}")
+
+    def solve(self, right: Array, fixed: Array) -> Array:
+        """DH/dp (parameters, owned); a back substitution each, all at once (collective).
+
+        Args:
+            right: Right-hand sides (parameters, owned), J/m.
+            fixed: DH/dp of the vertices whose temperature is given (parameters, n), J/m3.
+        """
+        if not (self._any_held or self._given):
+            return np.asarray(self._conduction(right) / self._slope)
+        problem, held, open_ = self._problem, self._held, right.copy()
+        known = np.zeros_like(right)  # y where it is known
+        known[:, problem.fixed] = self._slope[problem.fixed] * fixed
+        if self._given:
+            open_ -= self._tau * self._conducted(known)
+        open_[:, held] = known[:, held]
+        conduction = self._conduction(open_)
+        found = conduction / np.where(self._slope > 0.0, self._slope, 1.0)
+        left = right - self._tau * self._conducted(conduction)
+        found[:, held] = left[:, held] / problem.volume[held]
+        found[:, problem.fixed] = fixed
+        return np.asarray(found)
+
+    def _conducted(self, conduction: Array) -> Array:
+        """Heat that leaves each vertex by conduction (parameters, owned), W/m."""
+        return np.array([self._problem.conducted(one) for one in conduction])
+
+    def _conduction(self, right: Array) -> Array:
+        """Solutions y (parameters, owned) for right-hand sides (collective)."""
+        if self._sides is None:
+            sizes = self.matrix.getSizes()[0], (None, len(right))
+            pair = [PETSc.Mat().createDense(sizes, comm=self.matrix.comm) for _ in range(2)]
+            for one in pair:
+                one.setUp()
+                one.assemble()
+            self._sides = pair[0], pair[1]
+        given, found = self._sides
+        given.getDenseArray()[:] = right.T
+        given.assemble()
+        self.solver.matSolve(given, found)
+        return np.array(found.getDenseArray().T)
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        for thing in (self.solver, self.matrix, self._diagonal, *(self._sides or ())):
+            thing.destroy()
 
 
 class ThermalDerivatives:
@@ -44,7 +162,7 @@ class ThermalDerivatives:
         enthalpy: dH/dp of each parameter (parameters, owned), J/m3 per unit of it.
         rate: d(dH/dt)/dp likewise, W/m3.
         removed: Derivatives of the heat removed from the modelled part (parameters,), J/m.
-        solves: Back substitutions so far. reached: State they belong to; None before a step.
+        solves: Back substitutions so far.
         feedback: Of the mechanics on the thermal steps of a window; None without any.
     """
 
@@ -63,17 +181,17 @@ class ThermalDerivatives:
         self.removed: Array = np.zeros(len(self.variations))
         self.solves = 0
         self._begun: ThermalState | None = None
-        self.reached: ThermalState | None = None
         self.feedback: Feedback | None = None
         self._marked: tuple[Array, Array, Array] = (self.enthalpy, self.rate, self.removed)
 
-    def warming(self, number: int, state: ThermalState) -> Array:
-        """DT/dp of the vertices at the state these are of (owned,), K per unit."""
-        variation = self.variations[number]
-        found = state.point.temperature_slope * self.enthalpy[number]
-        if variation.curves is not None:
-            found = found + variation.curves.temperature(state.enthalpy) / variation.span
-        return np.asarray(found)
+    def warming(self, state: ThermalState) -> list[Array]:
+        """DT/dp of the vertices at the state these are of, by each parameter (owned,), K."""
+        found = list(state.point.temperature_slope * self.enthalpy)
+        for number, variation in enumerate(self.variations):
+            if variation.curves is not None:
+                change = variation.curves.temperature(state.enthalpy) / variation.span
+                found[number] = found[number] + change
+        return found
 
     def mark(self, state: ThermalState) -> None:
         """Keep the derivatives of a committed state: a window that fails begins there again."""
@@ -107,7 +225,7 @@ class ThermalDerivatives:
                 for i in step.moving:
                     gained[i] += step.lengthened[i] * stage.rate
                 base = started + (1.0 - GAMMA) * gained
-        self.enthalpy, self.reached = found, result.state
+        self.enthalpy = found
         comm, problem, feedback = self._simulation.section.comm, self._problem, self.feedback
         # What the strand has lost has been removed: stages close their balance to rounding.
         if feedback is None:

@@ -123,7 +123,7 @@ def _alone(job: Job, comm: MPI.Comm | None) -> Outcome:
         reported = progress if ranks.rank == 0 else None
         beside = None
         if job.derivatives is not None:
-            from castfem.studies.sensitivity.derivative_request import carrying
+            from castfem.studies.sensitivity.run import carrying
 
             beside = carrying(job.derivatives.of, job.derivatives.to, job.folder)
         begun_before = (job.folder / RUN_NAME).is_file()

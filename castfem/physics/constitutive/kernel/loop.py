@@ -6,8 +6,8 @@ import numpy as np
 
 from castfem.base.compiled import outermost
 from castfem.physics.constitutive.kernel.constants import BULK, SEEK, SHARE, SHEAR
-from castfem.physics.constitutive.kernel.point import respond
-from castfem.physics.constitutive.kernel.tensors import fill_tangent, turn_tangent
+from castfem.physics.constitutive.kernel.dual import TINY, fill
+from castfem.physics.constitutive.kernel.point import fill_tangent, respond, turn_tangent
 
 
 @outermost
@@ -50,27 +50,26 @@ def integrate_points(  # type: ignore[no-untyped-def]
 
 
 @outermost
-def difference_points(  # type: ignore[no-untyped-def]
-    kind, signed, coefficients, strain, thermal, stress_old, state_old, dt, by,
+def differentiate_points(  # type: ignore[no-untyped-def]
+    kind, signed, coefficients, strain, thermal, stress_old, state_old, dt,
     d_coefficients, d_strain, d_thermal, d_stress_old, d_state_old, d_dt,
     d_stress, d_state, d_dissipation, sources=None,
 ):  # fmt: skip
-    """Derivatives of what `integrate_points` writes, as what it is given changes in some ways.
+    """Derivatives of what `integrate_points` writes, as what it is given changes in k ways.
 
-    Central differences, for laws whose state is a tensor; `changes` has those of all others. A
-    point is solved for once; on both sides of it, since they are near, by one Newton step, whose
-    error is even in the distance. What flows goes on flowing.
+    A point is solved for; from there one step of Newton's method with numbers that have a
+    derivative (`dual`) ends where the point was, and has that of the solution. What flows goes on
+    flowing.
 
     Args:
-        kind: One of the laws of `constants`.
-        signed: As in `integrate_points`; so are the following up to `dt`.
+        kind: As in `integrate_points`; so are the following up to `dt`.
+        signed: As there.
         coefficients: (n, columns).
         strain: (n, 4).
         thermal: (n,).
-        stress_old: (n, 4), Pa.
+        stress_old: (n, 4).
         state_old: (n, states).
         dt: s.
-        by: How far to go in each way (k,).
         d_coefficients: Change in each way (k, n, columns).
         d_strain: (k, n, 4).
         d_thermal: (k, n).
@@ -82,37 +81,33 @@ def difference_points(  # type: ignore[no-untyped-def]
         d_dissipation: Out, (k, n), J/m3.
         sources: Not to be given.
     """
-    vectors = np.zeros((4, 4))
     columns, states = coefficients.shape[1], state_old.shape[1]
-    c, its_strain, its_stress, its_state = (
-        np.zeros(columns), np.zeros((1, 4)), np.zeros((1, 4)), np.zeros((1, states)),
+    vectors, stress, state = np.zeros((4, 4)), np.zeros((1, 4)), np.zeros((1, states))
+    dual = np.complex128
+    c, its_vectors = np.zeros((1, columns), dual), np.zeros((4, 4), dual)
+    its_strain, its_old, its_state_old = (
+        np.zeros((1, 4), dual), np.zeros((1, 4), dual), np.zeros((1, states), dual),
     )  # fmt: skip
-    stress, state, work = np.zeros((2, 4)), np.zeros((2, states)), np.zeros(2)
-    near, near_rate = np.zeros(strain.shape[0]), np.zeros(strain.shape[0])
+    its_stress, its_state = np.zeros((1, 4), dual), np.zeros((1, states), dual)
     for i in range(strain.shape[0]):
-        near[i], _scale, _kept, _by_old, _length, near_rate[i], _work = respond(
-            kind, signed, coefficients[i], i, strain, thermal[i], stress_old, state_old, dt, SEEK,
-            0.0, vectors, stress, state, 0,
-        )  # fmt: skip
-    for j in range(len(by)):
-        for i in range(strain.shape[0]):
-            for side in range(2):
-                step = by[j] if side == 0 else -by[j]
-                for m in range(columns):
-                    c[m] = coefficients[i, m] + step * d_coefficients[j, i, m]
-                for m in range(4):
-                    its_strain[0, m] = strain[i, m] + step * d_strain[j, i, m]
-                    its_stress[0, m] = stress_old[i, m] + step * d_stress_old[j, i, m]
-                for m in range(states):
-                    its_state[0, m] = state_old[i, m] + step * d_state_old[j, i, m]
-                work[side] = respond(
-                    kind, signed, c, 0, its_strain, thermal[i] + step * d_thermal[j, i], its_stress,
-                    its_state, dt + step * d_dt[j], near[i], near_rate[i],
-                    vectors, stress, state, side,
-                )[6]  # fmt: skip
-            span = 2.0 * by[j]
+        near, near_rate = SEEK, 0.0
+        for _ in range(2):  # the second time to rounding
+            near, _scale, _kept, _by_old, _length, near_rate, _work = respond(
+                kind, signed, coefficients[i], i, strain, thermal[i], stress_old, state_old, dt,
+                near, near_rate, vectors, stress, state, 0,
+            )  # fmt: skip
+        for j in range(len(d_dt)):
+            fill(c, coefficients, d_coefficients, i, j)
+            fill(its_strain, strain, d_strain, i, j)
+            fill(its_old, stress_old, d_stress_old, i, j)
+            fill(its_state_old, state_old, d_state_old, i, j)
+            work = respond(
+                kind, signed, c[0], 0, its_strain, complex(thermal[i], TINY * d_thermal[j, i]),
+                its_old, its_state_old, complex(dt, TINY * d_dt[j]), near, near_rate,
+                its_vectors, its_stress, its_state, 0,
+            )[6]  # fmt: skip
             for m in range(4):
-                d_stress[j, i, m] = (stress[0, m] - stress[1, m]) / span
+                d_stress[j, i, m] = its_stress[0, m].imag / TINY
             for m in range(states):
-                d_state[j, i, m] = (state[0, m] - state[1, m]) / span
-            d_dissipation[j, i] = (work[0] - work[1]) / span
+                d_state[j, i, m] = its_state[0, m].imag / TINY
+            d_dissipation[j, i] = work.imag / TINY

@@ -8,6 +8,10 @@ q = trial - 3G dp, and the law asks q = flow stress. It is solved for z = ln dp:
 whose left side is increasing and, for sums of power laws, convex with slopes between the smallest
 exponent of the law and 1: Newton from the right end ln(trial / 3G) falls onto the root without
 leaving the bracket, whatever the exponents. Where a law is not convex the bracket guards.
+
+A flow curve whose yield limit is found automatically, `hardening_laws.NortonHoff` without one, has
+a problem of its own: its flow stress depends on a rate that is remembered, [Pascon2003] (163), and
+so on the stress carried, too.
 """
 
 from __future__ import annotations
@@ -23,17 +27,25 @@ from castfem.physics.constitutive.kernel.constants import (
     HARDENING,
     HARDENING_EXPONENT,
     LAST_STEP,
+    LN_LEVEL,
+    LN_SQRT3,
     NOTHING,
     PLASTIC,
+    RATE_EXPONENT,
     ROUNDING,
     SHEAR,
     STEEL,
     STEPS,
     YIELD,
     YIELD_STRESS,
+    YOUNG,
 )
-from castfem.physics.constitutive.kernel.flow_stress import flow_stress
-from castfem.physics.constitutive.kernel.remembered_rate import return_to_curve
+from castfem.physics.constitutive.kernel.flow_stress import (
+    exp,
+    flow_stress,
+    hardening_strain,
+    strain_factor,
+)
 
 LN_2 = math.log(2.0)
 TINY_LN = -690.0  # a viscoplastic strain below exp of this is none
@@ -45,7 +57,7 @@ def _return_to_flow(  # type: ignore[no-untyped-def]
 ):
     """Solve the scalar problem of a law whose flow stress depends on dp.
 
-    From a `near` increment one Newton step is taken.
+    From a `near` increment one Newton step is taken, along the tangent there.
 
     Returns:
         dp, equivalent stress q, dq / d trial, and dq / d old.
@@ -62,7 +74,7 @@ def _return_to_flow(  # type: ignore[no-untyped-def]
         z = math.log(near)
     for _ in range(STEPS):
         increment = math.exp(z)
-        flow, slope, _by, _old = flow_stress(
+        flow, slope, by_trial, by_old = flow_stress(
             kind, c, old, aside, left, signed, trial, z, increment, ln_dt
         )
         total = flow + shear3 * increment
@@ -75,7 +87,10 @@ def _return_to_flow(  # type: ignore[no-untyped-def]
             low = z
         rise = (slope + shear3 * increment) / total if total > 0.0 else 0.0
         step = excess / rise if rise > 0.0 else math.inf
-        if abs(step) <= LAST_STEP or near > 0.0:
+        if near > 0.0:
+            increment, flow = increment - step * increment, flow - step * slope
+            break
+        if abs(step) <= LAST_STEP:
             z -= step
             break
         new = z - step
@@ -93,10 +108,11 @@ def _return_to_flow(  # type: ignore[no-untyped-def]
             z = TINY_LN
         if high - low <= ROUNDING * (1.0 + abs(z)):
             break
-    increment = math.exp(z)
-    flow, slope, by_trial, by_old = flow_stress(
-        kind, c, old, aside, left, signed, trial, z, increment, ln_dt
-    )
+    if near <= 0.0:
+        increment = math.exp(z)
+        flow, slope, by_trial, by_old = flow_stress(
+            kind, c, old, aside, left, signed, trial, z, increment, ln_dt
+        )
     stress = trial - shear3 * increment
     if stress < 0.5 * trial:  # a difference of nearly equal numbers
         stress = min(threshold + flow, 0.5 * trial)
@@ -104,6 +120,133 @@ def _return_to_flow(  # type: ignore[no-untyped-def]
     kept = (slope + shear3 * increment * by_trial) / change if change > 0.0 else 0.0
     by_old *= shear3 * increment / change if change > 0.0 else 0.0
     return increment, stress, kept, by_old
+
+
+@compiled
+def _remembered(ln_carried, ln_old, exponent, ln_stiff, total, guess):  # type: ignore[no-untyped-def]
+    """Find ln of the rate r with carried (r / old)^exponent + stiff r = total, and its derivative.
+
+    The logarithm of the left side is convex in ln r: Newton from the right end is monotone, from a
+    guess on the left it is after one step.
+    """
+    if total <= 0.0:
+        return NOTHING, 0.0
+    goal = math.log(total)
+    y = goal - ln_stiff
+    if ln_carried == NOTHING:
+        return y, 1.0 / total
+    high = min(y, ln_old + (goal - ln_carried) / exponent)
+    y = guess if high - 1.0 < guess < high else high
+    rise = 1.0
+    for _ in range(STEPS):
+        a = ln_carried + exponent * (y - ln_old)
+        b = ln_stiff + y
+        top = max(a, b)
+        left, right = math.exp(a - top), math.exp(b - top)
+        rise = (exponent * left + right) / (left + right)
+        step = (top + math.log(left + right) - goal) / rise
+        y = min(y - step, high)
+        if abs(step) <= LAST_STEP:
+            break
+    return y, 1.0 / (total * rise)
+
+
+@compiled
+def _curve_stress(  # type: ignore[no-untyped-def]
+    c, old, left, trial, drive, carried, increment, guess, ln_carried, ln_old, ln_stiff
+):
+    """Flow stress with the remembered rate at dp, derivatives by dp, trial and old, and ln rate.
+
+    `drive` is what the trial stress exceeds the carried one by. A point that carries stress but has
+    no rate yet, as one that has just solidified, remembers the rate at which the curve passes
+    through that stress: were it to take the rate of the step, a small load would make its flow
+    stress fall faster than flow unloads it, and the answer would jump.
+    """
+    shear3, young, exponent = 3.0 * c[SHEAR], c[YOUNG], c[RATE_EXPONENT]
+    gain = drive - (shear3 - young) * increment  # E times the increment of e
+    loads = gain > 0.0
+    gain = max(gain, 0.0)
+    total = carried + gain
+    y, by_total = _remembered(ln_carried, ln_old, exponent, ln_stiff, total, guess)
+    hardening, hardens = hardening_strain(old, left * increment)
+    strain = hardening + (trial - shear3 * increment) / young
+    ln_factor, by_strain = strain_factor(c, strain)
+    if y == NOTHING:
+        return 0.0, 0.0, 0.0, 0.0, y
+    stress = exp(c[LN_LEVEL] + ln_factor + exponent * (y + LN_SQRT3))
+    by_rate = exponent * by_total if loads else 0.0
+    by_increment = by_strain * (hardens * left - shear3 / young) - by_rate * (shear3 - young)
+    by_trial, by_old = by_strain / young + by_rate, by_strain * hardens
+    return stress, stress * by_increment, stress * by_trial, stress * by_old, y
+
+
+@compiled
+def return_to_curve(  # type: ignore[no-untyped-def]
+    c, old, left, before, rate_old, trial, carried, dt, near, near_rate
+):
+    """Solve the scalar problem of a point.
+
+    `before` is the strain that had hardened the carried stress at the start of the step. From a
+    `near` increment, and the rate there, Newton's steps are taken as they come.
+
+    Returns:
+        dp, equivalent stress q, dq / d trial, dq / d old, and the rate the curve was read at.
+    """
+    shear3, young, exponent = 3.0 * c[SHEAR], c[YOUNG], c[RATE_EXPONENT]
+    drive = trial - carried
+    ln_stiff = math.log(young) + math.log(dt)
+    ln_carried, ln_old = NOTHING, NOTHING
+    if carried > 0.0:
+        ln_carried = math.log(carried)
+        # The rate at which the curve passes through the stress there is; less cannot be remembered.
+        ln_factor, _by = strain_factor(c, before + carried / young)
+        ln_old = (ln_carried - c[LN_LEVEL] - ln_factor) / exponent - LN_SQRT3
+        if rate_old > 0.0:
+            ln_old = max(ln_old, math.log(rate_old))
+    args = (ln_carried, ln_old, ln_stiff)
+    increment, y, stress = max(near, 0.0), NOTHING, 0.0
+    if near > 0.0 and near_rate > 0.0:
+        y = math.log(near_rate)
+    elif near <= 0.0:
+        stress, by_increment, by_trial, by_old, y = _curve_stress(
+            c, old, left, trial, drive, carried, 0.0, NOTHING, *args
+        )
+    if near == 0.0 or (near < 0.0 and trial <= stress * (1.0 + ROUNDING)) or trial <= 0.0:
+        if drive < 0.0:  # elastic unloading is as fast as loading back
+            y = _curve_stress(c, old, left, trial, -drive, carried, 0.0, NOTHING, *args)[4]
+        return 0.0, trial, 1.0, 0.0, exp(y)
+    low, high = 0.0, trial / shear3
+    if near < 0.0:
+        increment = min((trial - stress) / shear3, high)
+    for number in range(STEPS):
+        stress, by_increment, by_trial, by_old, y = _curve_stress(
+            c, old, left, trial, drive, carried, increment, y, *args
+        )
+        excess = trial - shear3 * increment - stress
+        if excess > 0.0:
+            low = increment
+        else:
+            high = increment
+        slope = shear3 + by_increment
+        step = excess / slope if slope > 0.0 or near > 0.0 else math.inf
+        if near > 0.0:
+            increment, stress = increment + step, stress + by_increment * step
+            if number == 1:  # the rate is that of the increment before
+                break
+            continue
+        if abs(step) <= LAST_STEP * increment or high - low <= ROUNDING * high:
+            if low <= increment + step <= high:
+                increment, stress = increment + step, stress + by_increment * step
+            break
+        new = increment + step
+        increment = new if low < new < high else 0.5 * (low + high)
+    found = trial - shear3 * increment
+    if found < 0.5 * trial:
+        found = min(stress, 0.5 * trial)
+    change = shear3 + by_increment
+    kept = 1.0 - shear3 * (1.0 - by_trial) / change if change > 0.0 else 0.0
+    by_old *= shear3 / change if change > 0.0 else 0.0
+    return increment, found, kept, by_old, exp(y)
 
 
 @compiled
@@ -129,10 +272,12 @@ def solve_point(  # type: ignore[no-untyped-def]
             increment = (trial - stress) / (3.0 * c[SHEAR])
     elif kind == CURVE_GIVEN:
         if trial > c[YIELD]:
-            increment, stress, kept, by_old = _return_to_flow(
-                kind, c, *strain, trial, 0.0, math.log(dt), near
-            )
-            if stress < c[YIELD]:
+            at_limit = near > 0.0 and trial - 3.0 * c[SHEAR] * near <= c[YIELD] * (1.0 + ROUNDING)
+            if not at_limit:
+                increment, stress, kept, by_old = _return_to_flow(
+                    kind, c, *strain, trial, 0.0, math.log(dt), near
+                )
+            if at_limit or stress < c[YIELD]:
                 stress, kept, by_old = c[YIELD], 0.0, 0.0
                 increment = (trial - stress) / (3.0 * c[SHEAR])
     elif kind in (STEEL, CREEP):

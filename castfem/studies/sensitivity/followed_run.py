@@ -1,7 +1,8 @@
-"""What keeps the committed steps of a run that carries derivatives along, and its checkpoint."""
+"""A run that is followed by its derivatives: what carries and keeps them, and its checkpoint."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,28 +14,77 @@ from castfem.base.errors import InputError
 from castfem.base.types import Array
 from castfem.fem.root import on_root
 from castfem.model.build.simulation import Simulation
+from castfem.physics.coupling.staggered import StrandState
 from castfem.runs import restart
-from castfem.runs.interrupt import Interrupt
-from castfem.runs.loop import TimeLoop
 from castfem.runs.output.checkpoint import load_checkpoint, save_checkpoint
 from castfem.runs.results.run_state import RunState
 from castfem.runs.results.sample import Sample
-from castfem.studies.sensitivity.differentiated_steps import (
-    FollowedMechanics,
-    followed,
-    mark_coupled,
-)
-from castfem.studies.sensitivity.readings import Readings
+from castfem.studies.sensitivity.parameters import read_parameters
+from castfem.studies.sensitivity.perturbed_simulation import Variation, vary
 from castfem.studies.sensitivity.thermal import ThermalDerivatives
 
 if TYPE_CHECKING:
-    from castfem.base.progress import Progress
-    from castfem.physics.coupling.subcycling import SubSteps
-    from castfem.physics.mechanics.state import MechanicalResult
-    from castfem.studies.sensitivity.restart import CoupledCheckpoint
+    from castfem.studies.sensitivity.coupled import CoupledCheckpoint, CoupledDerivatives
+    from castfem.studies.sensitivity.readings import Readings
 
 CHECKPOINT_NAME = "sensitivity.checkpoint.h5"
 _SAVED = ("enthalpy", "rate")
+
+
+class Derivatives:
+    """All that is differentiated along with a run.
+
+    Args:
+        simulation: The run, whose steps and windows these go along with from now on.
+        variations: Its parameters.
+
+    Attributes:
+        thermal: Of the temperatures.
+        coupled: Of the slice and its windows; None of a run without mechanics.
+    """
+
+    def __init__(self, simulation: Simulation, variations: Sequence[Variation]) -> None:
+        self.variations = tuple(variations)
+        self.thermal = ThermalDerivatives(simulation, variations)
+        self.coupled: CoupledDerivatives | None = None
+        simulation.steps.on_kept = self.thermal.step
+        if simulation.coupling is not None:
+            from castfem.studies.sensitivity.coupled import CoupledDerivatives
+            from castfem.studies.sensitivity.mechanical import MechanicalDerivatives
+
+            mechanical = MechanicalDerivatives(simulation, variations)
+            self.coupled = CoupledDerivatives(simulation, self.thermal, mechanical)
+            simulation.coupling.observer = self.coupled
+
+    def mark(self, state: StrandState) -> None:
+        """Keep the derivatives of a committed state: what fails begins there (collective)."""
+        self.thermal.mark(state.thermal)
+        if self.coupled is not None:
+            self.coupled.mark(state)
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        self.thermal.destroy()
+        if self.coupled is not None:
+            self.coupled.destroy()
+
+
+def follow(simulation: Simulation, to: Sequence[str]) -> Derivatives:
+    """Let the steps of a simulation carry derivatives by some parameters (collective).
+
+    Raises:
+        InputError: With all parameters that cannot be used, a line each.
+    """
+    variations: list[Variation] = []
+    problems: list[str] = []
+    for parameter in read_parameters(simulation.case, simulation.steel, to):
+        try:
+            variations.append(vary(simulation, parameter))
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(problems)
+    return Derivatives(simulation, variations)
 
 
 class Recorder:
@@ -50,7 +100,7 @@ class Recorder:
     def __init__(
         self,
         simulation: Simulation,
-        derivatives: ThermalDerivatives,
+        derivatives: Derivatives,
         readings: Readings,
         path: Path | None,
     ) -> None:
@@ -62,20 +112,17 @@ class Recorder:
         """What the checkpoints of this run hold of its case; it does not change (rank 0)."""
         return self.simulation.case.physics_record()
 
-    @property
-    def reads_all(self) -> bool:
-        """Whether each step must be sampled, not the last alone."""
-        return self.path is not None or self.readings.reads_all
-
-    def mark(self, run: RunState) -> None:
-        """Keep the derivatives of a committed step: one that fails begins there (collective)."""
-        self.derivatives.mark(run.state.thermal)
-        if self.simulation.coupling is not None:
-            mark_coupled(followed(self.simulation.coupling), run.state)
+    def unsampled(self, run: RunState) -> bool:
+        """Take in a committed step if nobody asks for its results; whether so (collective)."""
+        last = run.state.time >= self.simulation.control.end
+        if self.path is not None or self.readings.reads_all or last:
+            return False
+        self.derivatives.mark(run.state)
+        return True
 
     def step(self, run: RunState, sample: Sample) -> None:
         """Take in one committed step, and save a checkpoint in turn (collective)."""
-        self.mark(run)
+        self.derivatives.mark(run.state)
         self.readings.follow(sample)
         if self.path is not None and self._every and run.counts.taken % self._every == 0:
             self.save(run)
@@ -85,8 +132,11 @@ class Recorder:
         return [[p.name, p.value, p.unit, p.step] for p in found]
 
     def save(self, run: RunState) -> None:
-        """Save state and derivatives (collective)."""
-        gather, slopes = self.simulation.section.gather, self.derivatives
+        """Save state and derivatives, if there is a checkpoint (collective)."""
+        path = self.path
+        if path is None:
+            return
+        gather, slopes = self.simulation.section.gather, self.derivatives.thermal
         meta = restart.description(run) | {
             "parameters": self._parameters(),
             "removed_by": list(slopes.removed),
@@ -94,17 +144,14 @@ class Recorder:
         }
         arrays: dict[str, Array | None] = dict(restart.arrays(run))
         if (coupled := self._coupled(run)) is not None:
-            assert run.state.mechanical is not None
-            meta["coupled"] = coupled.description(run.state.mechanical)
-            arrays |= coupled.arrays(run.state.mechanical)
+            meta["coupled"] = coupled.description()
+            arrays |= coupled.arrays()
         for name in _SAVED:
             for number, owned in enumerate(getattr(slopes, name)):
                 arrays[f"{name}_by_{number}"] = gather(owned)
         kept = {name: values for name, values in arrays.items() if values is not None}
-        path = self.path
 
         def write() -> None:
-            assert path is not None
             with saving(path):
                 path.parent.mkdir(parents=True, exist_ok=True)
             save_checkpoint(path, meta, kept, **self._physics)
@@ -137,57 +184,22 @@ class Recorder:
             np.array([np.asarray(by_node[f"{name}_by_{i}"])[nodes] for i in range(count)])
             for name in _SAVED
         ]
-        self.derivatives.restore(slopes[0], slopes[1], np.array(meta["removed_by"]))
+        self.derivatives.thermal.restore(slopes[0], slopes[1], np.array(meta["removed_by"]))
         self.readings.recall(meta["readings"])
-        coupling, coupled = self.simulation.coupling, self._coupled(run)
-        if coupling is not None and coupled is not None:
-            assert run.state.mechanical is not None
+        if (coupled := self._coupled(run)) is not None:
             if not coupled.is_whole(meta["coupled"]):
                 raise InputError(
                     f"{path}: an earlier castfem wrote it, without the derivatives of the rates; "
                     "run without --resume"
                 )
-            coupled.restore(meta["coupled"], by_node, run.state.mechanical)
-            self.derivatives.mark(run.state.thermal)
-            mark_coupled(followed(coupling), run.state)
+            coupled.restore(meta["coupled"], by_node)
+            self.derivatives.mark(run.state)
             coupled.recall_kinks(meta["coupled"])
 
     def _coupled(self, run: RunState) -> CoupledCheckpoint | None:
         """For the derivatives of the slice; None of a run without."""
-        if self.simulation.coupling is None:
+        if self.derivatives.coupled is None:
             return None
-        from castfem.studies.sensitivity.restart import CoupledCheckpoint
+        from castfem.studies.sensitivity.coupled import CoupledCheckpoint
 
-        coupling = followed(self.simulation.coupling)
-        assert isinstance(coupling.mechanics, FollowedMechanics)
-        return CoupledCheckpoint(coupling, coupling.mechanics.mechanical, run)
-
-
-class FollowedLoop(TimeLoop):
-    """The time loop of a run with derivatives: what nobody asks for on the way is not sampled.
-
-    Args:
-        simulation: What to run, followed.
-        recorder: Keeps its steps.
-        progress: What is told after each step; None for silence.
-        interrupt: Asked after each step whether to stop there.
-    """
-
-    def __init__(
-        self,
-        simulation: Simulation,
-        recorder: Recorder,
-        progress: Progress | None = None,
-        interrupt: Interrupt | None = None,
-    ) -> None:
-        super().__init__(simulation, recorder, progress, interrupt)
-        self._keeps = recorder
-
-    def _record(self, substeps: SubSteps | None, mechanical: MechanicalResult | None) -> None:
-        """See `TimeLoop`."""
-        run = self.run_state
-        if self._keeps.reads_all or run.state.time >= self.simulation.control.end:
-            super()._record(substeps, mechanical)
-            return
-        self._keeps.mark(run)
-        self._tell(substeps, mechanical)
+        return CoupledCheckpoint(self.derivatives.coupled, run)
