@@ -73,8 +73,9 @@ def _of_two(function: Any, written: Callable[..., Any]) -> None:
     overload(function, strict=False)(lambda a, b: written if DUAL in (a, b) else None)
 
 
-for _function, _written in (*COMPARED.items(), (math.hypot, _hypot)):
-    _of_two(_function, _written)
+for _comparison, _compare in COMPARED.items():
+    _of_two(_comparison, _compare)
+_of_two(math.hypot, _hypot)
 for _function, _written in (
     (math.exp, _exp), (math.log, _log), (math.expm1, _expm1), (math.log1p, _log1p),
     (math.sqrt, _sqrt),
