@@ -12,7 +12,7 @@ from castfem.base.errors import InputError
 from castfem.base.shown_units import said
 from castfem.physics.thermal.flux_laws import Radiation
 from castfem.post.plots.history import curves
-from castfem.post.report.remarks import NOT_CONVERGED, REMELTED, remarks
+from castfem.post.report.remarks import NO_SHELL, NOT_CONVERGED, REMELTED, Remark, remarks
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.derived import OPEN, spells
@@ -27,7 +27,8 @@ _MOST = 10  # lines below a table of several runs
 
 def cautions(folder: Path, summary: Summary) -> list[str]:
     """Return what to say of a run, a line each; nothing of most."""
-    found = (*summary.warnings, wide_gap(folder, summary), _even(folder))
+    bare = (_line(one) for one in _unsteady(folder, summary) if NO_SHELL in one.where)
+    found = (*summary.warnings, *bare, wide_gap(folder, summary), _even(folder))
     return [line for line in found if line]
 
 
@@ -40,7 +41,8 @@ def cautions_of_all(runs: Mapping[str, tuple[Path, Summary | None]]) -> list[str
     found: dict[str, list[str]] = {}
     for label, (folder, summary) in runs.items():
         told = [] if summary is None else cautions(folder, summary)
-        for line in (*told, *_unsteady(folder, summary)):
+        more = (*map(_line, _unsteady(folder, summary)), *_flickering(folder))
+        for line in dict.fromkeys((*told, *more)):
             found.setdefault(line, []).append(label)
     lines = [
         f"{'all runs' if 1 < len(labels) == len(runs) else ', '.join(labels)}: {line}"
@@ -52,15 +54,25 @@ def cautions_of_all(runs: Mapping[str, tuple[Path, Summary | None]]) -> list[str
     return lines
 
 
-def _unsteady(folder: Path, summary: Summary | None) -> Iterator[str]:
-    """What went back and forth in a run; nothing without a readable history."""
+def _line(one: Remark) -> str:
+    return f"{one.what}, {said(one.value, one.unit, '.2g', one.name)}: {one.where}"
+
+
+def _unsteady(folder: Path, summary: Summary | None) -> list[Remark]:
+    """What a run says of a shell that melted again and of windows; none without a history."""
+    try:
+        table = read_history(folder / HISTORY_NAME)
+    except InputError:
+        return []
+    return [one for one in remarks(table, summary) if one.what in (REMELTED, NOT_CONVERGED)]
+
+
+def _flickering(folder: Path) -> Iterator[str]:
+    """Places that lose contact again and again; none without a history."""
     try:
         table = read_history(folder / HISTORY_NAME)
     except InputError:
         return
-    for one in remarks(table, summary):
-        if one.what in (REMELTED, NOT_CONVERGED):
-            yield f"{one.what}, {said(one.value, one.unit, '.2g', one.name)}: {one.where}"
     if not has_values(table, "position"):
         return
     position = table["position"].to_numpy()

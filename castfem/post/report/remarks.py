@@ -38,6 +38,7 @@ _COARSE = 0.2  # mm; what the shell is off by less is not told
 _MORE = 1.0  # % of the surface; if less of it touches again, only the least is named
 _BULGED = 0.01  # of the section
 REMELTED = "shell melted again"
+NO_SHELL = "no shell there"
 _MELTED = 0.1  # mm; a shell that loses less on the way is not named
 _REHEATED = 5.0  # K; surfaces that heat up by less are not named
 
@@ -237,7 +238,9 @@ def _remelting(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
     rest, unit = float(table[column].iloc[end]), unit_of(table, column)
     left = f"where {said(rest, unit, '.2g', column)} are left"
     if rest <= 0.0:
-        left = "where none is left: a sign of a breakout"
+        solid = np.flatnonzero(table[column].to_numpy()[end:] > 0.0)
+        until = f"to {in_mm(position[end + solid[0]])}" if len(solid) else "on"
+        left = f"{NO_SHELL} from {in_mm(position[end])} {until}: a sign of a breakout"
     where = f"{label}, from {in_mm(position[start])} to {in_mm(position[end])}, {left}"
     yield Remark(REMELTED, value, unit, where, column)
 
