@@ -186,7 +186,7 @@ class ThermalDerivatives:
 
     def warming(self, state: ThermalState) -> list[Array]:
         """DT/dp of the vertices at the state these are of, by each parameter (owned,), K."""
-        found = list(state.point.temperature_slope * self.enthalpy)
+        found = [np.asarray(state.point.temperature_slope * one) for one in self.enthalpy]
         for number, variation in enumerate(self.variations):
             if variation.curves is not None:
                 change = variation.curves.temperature(state.enthalpy) / variation.span
