@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import logging
+import sys
 import time
 import traceback
 from collections.abc import Callable
@@ -107,7 +108,7 @@ def _alone(job: Job, comm: MPI.Comm | None) -> Outcome:
 
     from castfem.base import log
 
-    if comm is None and MPI.COMM_WORLD.size > 1:
+    if comm is None and MPI.COMM_WORLD.size > 1 and "petsc4py.PETSc" not in sys.modules:
         import petsc4py
 
         petsc4py.init(comm=MPI.COMM_SELF)  # other ranks of an executor need not come along
