@@ -114,4 +114,6 @@ def of_strand(positions: Array, places: Array, flux: Array, sides: Sides) -> Flu
         sides: Section of the wall at the meniscus.
     """
     wall = WallPlaces(places, sides)
-    return FluxMap(np.asarray(positions, float), wall.ways, np.array([wall.mean(row) for row in flux]))
+    return FluxMap(
+        np.asarray(positions, float), wall.ways, np.array([wall.mean(row) for row in flux])
+    )
