@@ -17,6 +17,7 @@ from castfem.model.shipped_cases import CASE_NAME, load
 from castfem.post.html.page import write
 from castfem.post.html.sections import sections
 from castfem.post.report.conclusions import conclusions
+from castfem.post.report.remarks import THINNEST, Remark, remarks_of
 from castfem.runs.output.history import HISTORY_NAME
 from castfem.runs.output.summary import Summary
 
@@ -27,9 +28,24 @@ def test_the_page_begins_with_them_and_ends_with_its_origin(tmp_path: Path) -> N
     heads = re.findall(r"<h2>(.*?)</h2>", page)
     assert heads[0] == "In short" and heads[-1] == "Where it comes from"
     short = page[page.index('id="short"') : page.index('id="numbers"')]
-    assert "thinnest shell, mould exit" in short and "mm" in short
+    assert "thinnest shell of the probes, mould exit" in short and "mm" in short
     origin = page[page.index('id="provenance"') :]
     assert "finished in" in origin and "finished in" not in page[: page.index('id="provenance"')]
+
+
+def test_a_place_between_the_probes_that_is_thinner_comes_first(tmp_path: Path) -> None:
+    """The page and what there is to look at name one thinnest shell, not two."""
+    folder = write_run(tmp_path / "run")
+    least = Quantity(8e-3, "mm", "thinnest shell of the probes, mould exit")
+    found = replace(summary(), quantities={**summary().quantities, "shell_least": least})
+    thin = Remark(THINNEST, 6.5, "mm", "x = 50.0, y = 20.0 mm, mould exit; mid-face: 8 mm", "shell")
+    known = [one for one in remarks_of(folder, found) if one.what != THINNEST]
+    for remark, wanted in ((thin, "6.50 mm, x = 50.0"), (replace(thin, value=8.0), "8.0")):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("castfem.post.report.conclusions.remarks_of",
+                          lambda *_, one=remark: [*known, one])  # fmt: skip
+            (text,) = (t for what, t in conclusions(folder, found) if what.startswith(THINNEST))
+        assert text.startswith(wanted)
 
 
 def test_machine_time_and_data_from_memory_stand_at_the_end(tmp_path: Path) -> None:

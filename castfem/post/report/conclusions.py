@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.constants import ROUNDING, ZERO_CELSIUS
 from castfem.base.errors import InputError
 from castfem.base.shown_units import said
 from castfem.post.plots.history import curves
 from castfem.post.report.cracks import CrackPlaces, crack_places
-from castfem.post.report.remarks import REMELTED, remarks_of
+from castfem.post.report.remarks import REMELTED, THINNEST, Remark, remarks_of
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.numbers import cells, finely
@@ -26,15 +26,25 @@ def conclusions(
     folder: Path, summary: Summary, base: tuple[str, Path, Summary] | None = None
 ) -> list[tuple[str, str]]:
     """Return what a run comes to: of what, and the sentence."""
-    least = summary.quantities.get("shell_least")  # the thinnest where the mould ends
-    known = least is not None and math.isfinite(least.value)
-    found = [(least.label, " ".join(cells("shell_least", least)))] if least and known else []
-    found += [*_pool(summary), *_unbending(folder)]
-    found += list(_worst(folder, summary, base))
     remarks = {one.what: one for one in remarks_of(folder, summary)}
-    for one in (remarks[name] for name in _REMARKS if name in remarks):
-        found.append((one.what, f"{finely(one.value, one.unit, one.name)}, {one.where}"))
-    return found
+    found = [*_shell(summary, remarks.get(THINNEST)), *_pool(summary), *_unbending(folder)]
+    found += list(_worst(folder, summary, base))
+    return found + [(name, _remark(remarks[name])) for name in _REMARKS if name in remarks]
+
+
+def _remark(one: Remark) -> str:
+    return f"{finely(one.value, one.unit, one.name)}, {one.where}"
+
+
+def _shell(summary: Summary, anywhere: Remark | None) -> Iterator[tuple[str, str]]:
+    """The thinnest shell where the mould ends: that of the whole surface where it is thinner."""
+    least = summary.quantities.get("shell_least")
+    if least is None or not math.isfinite(least.value):
+        return
+    if anywhere is not None and anywhere.value < least.shown * (1.0 - ROUNDING):
+        yield anywhere.what, _remark(anywhere)
+    else:
+        yield least.label, " ".join(cells("shell_least", least))
 
 
 def _pool(summary: Summary) -> Iterator[tuple[str, str]]:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     import pandas
 
 NOT_CONVERGED = "coupling windows not converged"
-_THINNEST, _HOTTEST = "thinnest shell", "hottest surface"
+THINNEST, _HOTTEST = "thinnest shell", "hottest surface"
 _THINNER, _HOTTER = 0.03, 3.0  # of the shell, K; less beside the probes is not named
 _COARSE = 0.2  # mm; what the shell is off by less is not told
 _MORE = 1.0  # % of the surface; if less of it touches again, only the least is named
@@ -98,9 +98,9 @@ def remarks(
     weakest = _at_exit(table, position, at, where)
     if fields is not None:
         weakest |= _between_probes(fields, at, where, weakest)
-    if _THINNEST in weakest and weakest[_THINNEST].value <= 0.0:
-        bare = weakest[_THINNEST]
-        weakest[_THINNEST] = replace(bare, where=f"no shell at all; {bare.where}")
+    if THINNEST in weakest and weakest[THINNEST].value <= 0.0:
+        bare = weakest[THINNEST]
+        weakest[THINNEST] = replace(bare, where=f"no shell at all; {bare.where}")
     return [
         *_contact(table, position),
         *_bulging(table, position),
@@ -304,7 +304,7 @@ def _largest(
 def _at_exit(table: pandas.DataFrame, position: Array, at: float, where: str) -> dict[str, Remark]:
     """The thinnest shell and the hottest place of the surface among the probes at the exit."""
     found = {}
-    for prefix, what, pick in (("shell", _THINNEST, min), ("surface_temperature", _HOTTEST, max)):
+    for prefix, what, pick in (("shell", THINNEST, min), ("surface_temperature", _HOTTEST, max)):
         values = {
             label: (float(np.interp(at, position, table[column].to_numpy())), column)
             for label, _, column in curves(table, prefix)
@@ -332,9 +332,9 @@ def _between_probes(
         return {}  # a strip has sides, but no surface beside its probe
     index, found = int(times[0]), {}
     thin = None if steel is None else thinnest(fields, steel.solidus, index)
-    known = probes.get(_THINNEST)
+    known = probes.get(THINNEST)
     if thin and known and 1e3 * thin.value < (1 - _THINNER) * known.value:
-        found[_THINNEST] = _instead(known, 1e3 * thin.value, thin, where)
+        found[THINNEST] = _instead(known, 1e3 * thin.value, thin, where)
     hot, known = hottest(fields, index), probes.get(_HOTTEST)
     if known and hot.value - ZERO_CELSIUS > known.value + _HOTTER:
         found[_HOTTEST] = _instead(known, hot.value - ZERO_CELSIUS, hot, where)

@@ -44,7 +44,8 @@ def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
         if error is None and its is not None and at >= position[-1] * (1.0 - ROUNDING):
             error = its.error
         found["shell_least"] = replace(
-            depths[thinnest], label=f"thinnest shell, {name}", shown_unit="mm",
+            depths[thinnest], label=f"thinnest shell of the probes, {name}",
+            shown_unit="mm",
             error=error,
         )  # fmt: skip
     gaps = [table[c].to_numpy() for c in probes_with(table, "gap").values()]
