@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from rich.console import Console
-from synthetic_run import write_run
+from synthetic_run import summary, write_run
 
 from castfem.api import Result
 from castfem.base.errors import InputError
@@ -50,6 +51,19 @@ def test_between_two_rows_by_straight_lines(finished_run: Path) -> None:
     row = table.iloc[7]
     exact = quantities_at(table, float(row["position"]), finished_run)
     assert exact["heat_removed"].value == pytest.approx(row["heat_removed"], rel=1e-12)
+
+
+def test_an_error_of_the_end_stands_where_the_end_is_asked_for(finished_run: Path) -> None:
+    """A mould that ends with the run has no place of its own on the way."""
+    found = summary()
+    end = 0.6
+    position = Quantity(end, "m", "position")
+    shell = replace(found.quantities["shell_mid_face"], error=2e-4)
+    found = replace(found, quantities={"position": position, "shell_mid_face": shell})
+    assert found.errors_near(end) == {"shell_mid_face": 2e-4}
+    assert found.errors_near(0.5 * end) == {}
+    at = quantities_at(read_history(finished_run / "history.csv"), end, finished_run, found)
+    assert at["shell_mid_face"].error == 2e-4
 
 
 def test_python_asks_for_a_place(finished_run: Path) -> None:

@@ -190,7 +190,11 @@ class Summary:
         for place, errors in self.errors_at.items():
             if math.isclose(place, position, rel_tol=1e-6):
                 return errors
-        return {}
+        end = self.quantities.get("position")
+        if end is None or not math.isclose(end.value, position, rel_tol=1e-6):
+            return {}
+        known = {name: quantity.error for name, quantity in self.quantities.items()}
+        return {name: error for name, error in known.items() if error is not None}
 
     def to_json(self) -> dict[str, Any]:
         """The content of the file, for `castfem.base.atomic_files.write_json`."""

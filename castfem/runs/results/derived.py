@@ -40,13 +40,9 @@ def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
     depths = {n: q for n, q in last_quantities(row, units).items() if n.startswith("shell_")}
     if depths:
         thinnest = min(depths, key=lambda shell: depths[shell].value)
-        its, error = summary.quantities.get(thinnest), summary.errors_near(at).get(thinnest)
-        if error is None and its is not None and at >= position[-1] * (1.0 - ROUNDING):
-            error = its.error
         found["shell_least"] = replace(
-            depths[thinnest], label=f"thinnest shell of the probes, {name}",
-            shown_unit="mm",
-            error=error,
+            depths[thinnest], label=f"thinnest shell of the probes, {name}", shown_unit="mm",
+            error=summary.errors_near(at).get(thinnest),
         )  # fmt: skip
     gaps = [table[c].to_numpy() for c in probes_with(table, "gap").values()]
     lost = [spell for gap in gaps for spell in spells(gap, position, OPEN)]
