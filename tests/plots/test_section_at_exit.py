@@ -28,3 +28,22 @@ def test_which_state_is_drawn(tmp_path: Path, exit_: float | None, at: float) ->
 def test_both_figures_are_drawn(tmp_path: Path) -> None:
     drawn = {path.stem for path in draw_figures(write_run(tmp_path / "run"))}
     assert {"temperature", "states"} <= drawn
+
+
+def test_the_meniscus_is_no_state_to_look_at(tmp_path: Path) -> None:
+    """With states far apart that after it is drawn, though it lies farther from the exit."""
+    folder = write_run(tmp_path / "run", steps=80)
+    with ExitStack() as files:
+        assert RunData(folder, replace(summary(), mould_exit=1e-4), files).at_exit == 1
+
+
+def test_a_stack_of_few_slices_is_not_drawn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = write_run(tmp_path / "run", steps=80)
+    with ExitStack() as files:
+        count = len(RunData(folder, None, files).fields.positions)
+    for least, there in ((count, True), (count + 1, False)):
+        monkeypatch.setattr("castfem.post.plots.figures._SLICES", least)
+        drawn = {path.stem for path in draw_figures(folder)}
+        assert ("stack" in drawn) is there and "temperature" in drawn

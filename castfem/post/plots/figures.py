@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 
     from castfem.physics.machine.rolls import Rolls
 
+_SLICES = 4  # of a stack, at least: its colours run straight from each to the next
 _SECONDARY = "\n[secondary]\n"  # in the case of a run
 _DEFECTS = "\ndefect = [", "[[machine.defect]]"  # the same, short and long
 
@@ -120,13 +121,14 @@ class RunData:
     def at_exit(self) -> int:
         """Index of the state of the fields nearest to the mould's exit, or of the last above it.
 
-        Far below its mould a strand is solid and says nothing of its shell.
+        Far below its mould a strand is solid and says nothing of its shell; at the meniscus it
+        has none.
         """
         positions = np.asarray(self.fields.positions, float)
         ends = None if self.summary is None else self.summary.mould_exit
         if ends is None or positions[-1] <= ends:
             return len(positions) - 1
-        return int(np.argmin(np.abs(positions - ends)))
+        return int(np.argmin(np.abs(positions[1:] - ends))) + 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,6 +157,11 @@ def _roll_to_roll(run: RunData) -> Picture | None:
     return draw_roll_to_roll(run.table, run.abscissa, load_case(run.folder / CASE_NAME))
 
 
+def _stack(run: RunData) -> Picture | None:
+    """The strand from its slices; too few of them say nothing of what lies between."""
+    return None if len(run.fields.positions) < _SLICES else draw_stack(run.fields, run.steel)
+
+
 def _unrolled(run: RunData) -> Picture | None:
     return draw_maps(run.maps, Abscissa(run.maps.time, run.maps.position, run.zones))
 
@@ -172,7 +179,7 @@ FIGURES = {
         Figure("shape", "Shape of the section", "fields",
                lambda run: deformation.draw_shape(run.fields, run.steel)),
         Figure("stack", "Slices stacked along the strand", "fields",
-               lambda run: draw_stack(run.fields, run.steel), shaded=True),
+               _stack, shaded=True),
         _along("surface_temperature", "Surface temperature"),
         _along("shell", "Shell: depths of solidus and liquidus"),
         _along("heat", "Heat flux, heat removed"),
