@@ -41,8 +41,8 @@ def cautions_of_all(runs: Mapping[str, tuple[Path, Summary | None]]) -> list[str
     found: dict[str, list[str]] = {}
     for label, (folder, summary) in runs.items():
         told = [] if summary is None else cautions(folder, summary)
-        more = (*map(_line, _unsteady(folder, summary)), *_flickering(folder))
-        for line in dict.fromkeys((*told, *more)):
+        restless = (*map(_line, _unsteady(folder, summary)), *_flickering(folder))
+        for line in dict.fromkeys((*told, *restless)):
             found.setdefault(line, []).append(label)
     lines = [
         f"{'all runs' if 1 < len(labels) == len(runs) else ', '.join(labels)}: {line}"
