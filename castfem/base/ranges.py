@@ -136,6 +136,8 @@ _GROUPS: Mapping[tuple[str, ...], Bounds] = {
     ("mould.tube.above", "mould.tube.corner_reach"): Bounds(
         (0.1 * _MM, 1.0), (1e-6, 10.0), "tubes have"
     ),
+    ("mould.tube.thermocouple.depth",): Bounds((0.5 * _MM, 100 * _MM), (1e-6, 1.0), "copper has"),
+    ("mould.tube.thermocouple.way",): Bounds((0.1 * _MM, 2.0), (1e-6, 10.0), "moulds measure"),
     ("mould.tube.water_coefficient",): Bounds((500.0, 2e5), (1.0, 1e9), "cooling channels have"),
     ("mould.tube.water_temperature",): Bounds(
         (273.15, 373.15), (250.0, 647.0), "cooling water has"

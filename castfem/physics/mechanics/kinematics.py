@@ -210,7 +210,7 @@ class SmallStrain(Kinematics):
         column = derivative(one, nodal) if free else None
         row = derivative(nodal, one) if free and not self.symmetric else None
         corner = derivative(other, one) if free else None
-        return Terms(work, matrix, along, column, row, corner)
+        return Parts(work, matrix, along, column, row, corner)
 
     def _rates(self) -> tuple[Array, Array]:
         """See `Kinematics`: the same for all displacements."""
@@ -292,7 +292,7 @@ class LargeStrain(Kinematics):
         along = finite_strain.virtual_work(now, fields.deviator, stress, one, *rules)
         row = derivative(nodal, one) if free else None
         corner = derivative(other, one) if free else None
-        return Terms(work, matrix, along, column, row, corner)
+        return Parts(work, matrix, along, column, row, corner)
 
     def _rates(self) -> tuple[Array, Array]:
         """See `Kinematics`: at the displacement there is."""
