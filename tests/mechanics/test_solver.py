@@ -340,8 +340,14 @@ def test_line_search_by_size_where_work_is_rounding(imbalance: float, whole: boo
 
 def test_a_guess_that_cannot_be_evaluated_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     setup = cooled()
-    sizes = iter([1.0, np.nan])
-    monkeypatch.setattr(setup.problem, "_imbalance", lambda local: next(sizes))
+    own, guessed = setup.problem._residual, iter([np.ones(1), np.full(1, np.nan)])
+
+    def residual(local: Array) -> Array:
+        """Those of the two guesses, then those of the problem."""
+        found = next(guessed, None)
+        return own(local) if found is None else found
+
+    monkeypatch.setattr(setup.problem, "_residual", residual)
     setup.problem.begin(setup.state, 1.0, setup.field(uneven))
     still = np.zeros(setup.problem.owned)
     assert setup.problem.solve([(still, np.zeros(1)), (still + np.nan, np.zeros(1))]).converged
