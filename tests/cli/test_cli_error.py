@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import math
 from pathlib import Path
 from typing import Any
@@ -73,6 +74,9 @@ def test_what_is_finished_is_not_run_again(castfem, tmp_path) -> None:
     record = json.loads(Path("out/sweep.json").read_text())
     del record["runs"]["mesh_x0.707"]
     Path("out/sweep.json").write_text(json.dumps(record))
+    assert "6 of 6 runs" in castfem(*WORDS, "-o", "out").err  # it ended, and was not noted
+    Path("out/sweep.json").write_text(json.dumps(record))
+    shutil.rmtree("out/mesh_x0.707")
     again = castfem(*WORDS, "-o", "out")
     assert again.status == 0, again.err
     assert "5 of 6 runs" in again.err
