@@ -69,7 +69,7 @@ LADDERS = {
     "windows": ({"windows 0.2 s": 2.0, AS_SHIPPED: 1.0, "windows 0.05 s": 0.5}, "windows 0.025 s"),
 }  # fmt: skip
 """Runs from which `castfem error` would tell an error, by relative size; and one that is finer."""
-MOULDS = ("taper_3", "taper_1", "taper_0", "taper_minus_1")
+MOULDS = ("taper_3", "taper_1", "taper_0", "taper_minus_1", "taper_minus_3")
 THESIS = {
     "heat_removed": ("heat, modelled part [kJ/m]", ".0f"),
     "shell_corner": ("shell, corner [mm]", ".2f"),
