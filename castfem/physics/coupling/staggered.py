@@ -220,7 +220,7 @@ class StaggeredCoupling:
             window before, and held its temperature in the first (297)-(299), Fig. 84.
 
     Attributes:
-        observer: Goes along.
+        observer: Called at each part of a window; derivatives of a run are carried along by one.
     """
 
     def __init__(
