@@ -14,9 +14,11 @@ import numpy as np
 
 import castfem
 from benchmarks.billet_run import CASES, COARSE, NAMES, QUIET
-from benchmarks.report import Output, table
+from benchmarks.optimum import folder
+from benchmarks.report import Columns, Output, table
 from castfem.model import load_case
 from castfem.studies.accuracy.estimate import estimate
+from castfem.studies.optimisation import Evaluator, Study
 
 CELLS = {
     "1.94": ("1.94", "1.94", "15.5", "19.4"),
@@ -78,6 +80,16 @@ THESIS = {
     "von_mises_max": ("peak stress [MPa]", ".2f"),
 }
 
+TAPER: Columns = {
+    "mush": "mush",
+    "best": ("best [%/m]", ".2f"),
+    "low": ("cannot be told from [%/m]", ".2f"),
+    "high": ("to [%/m]", ".2f"),
+    "stress": ("peak stress [MPa]", ".2f"),
+    "stress_error": ("its numerical error [MPa]", ".2f"),
+    "heat_error": ("error of the heat beyond the bound [MJ/m]", ".3f"),
+}
+
 
 def cells(size: str) -> tuple[str, ...]:
     """Keys that make cells of `size` mm at the surface."""
@@ -109,6 +121,20 @@ def corner(mush: str, kind: str) -> list[dict[str, Any]]:
     ]
 
 
+def best_taper(mush: str) -> dict[str, Any]:
+    """The search of `billet125/optimum_single` with one of the mushy zones: %/m, MPa, MJ/m."""
+    case = load_case(CASES / "optimum_single.toml", (f"mechanics.mush={mush}",))
+    with Evaluator(case, folder(f"single_{mush}"), processes=2) as evaluator:
+        found = Study(case, evaluator=evaluator).solve()
+    (taper,), (heat,) = found.values, found.constraints
+    assert found.objective is not None
+    return {
+        "mush": mush, "best": taper.value, "low": taper.low, "high": taper.high,
+        "stress": 1e-6 * found.objective.value, "stress_error": 1e-6 * found.objective.numerical,
+        "heat_error": 1e-6 * heat.error,
+    }  # fmt: skip
+
+
 def main(output: Output, quick: bool) -> None:
     """All cells, windows and kinds, and billets of the thesis."""
     rows: list[dict[str, Any]] = []
@@ -126,11 +152,14 @@ def main(output: Output, quick: bool) -> None:
             billets.append({"mould": NAMES[mould], "mush": mush, **found})
             print(f"  {billets[-1]}", flush=True)
     output.csv("corner_thesis", billets)
+    if not quick:
+        output.csv("corner_taper", [best_taper(mush) for mush in ("none", "skeleton")])
     show(output)
 
 
 def show(output: Output) -> None:
     """The tables, from the data."""
+    output.table("corner taper", output.rows("corner_taper"), TAPER)
     for name, first, columns in (
         ("corner", {"mush": "mush", "varied": "varied", "position": "at [mm]"}, COLUMNS),
         ("corner_thesis", {"mould": "mould", "mush": "mush"}, THESIS),
