@@ -306,7 +306,8 @@ def taken(lock: FileLock) -> bool:
     while True:
         try:
             lock.acquire(timeout=0)
-        except NotImplementedError:  # reason: filelock raises it for ENOSYS, no locks on this disk
+        # Reason: filelock answers ENOSYS, a file system that knows no locks, with this error.
+        except NotImplementedError:
             return False
         except Timeout:
             if not _has_locks(Path(lock.lock_file)):

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from benchmarks import billet_cost, billet_error, billet_trade, sweep_cost
+from benchmarks import billet_cost, billet_error, billet_trade
 from benchmarks.billet_run import Found, every, mesh
-from benchmarks.report import power
+from benchmarks.report import Output, power
 
 
 def found(**values: float) -> Found:
@@ -33,6 +35,23 @@ def test_growth_is_the_power_of_the_cells() -> None:
     assert power(rows, "seconds") == pytest.approx(1.2)
 
 
+def test_errors_stand_behind_the_values(tmp_path: Path) -> None:
+    shipped = {
+        "taper_1": found(shell_mid_face=4.8, heat_removed=9.09, von_mises_max=12.0),
+        "idealised": found(shell_mid_face=4.8, heat_removed=9.1),
+    }
+    finer = {
+        "taper_1": found(shell_mid_face=4.83, heat_removed=9.09, von_mises_max=11.5),
+        "idealised": found(shell_mid_face=4.7, heat_removed=9.0),
+    }
+    output = Output(tmp_path, "billet.md")
+    billet_error.show_errors(output, shipped, finer)
+    text = output.page.read_text(encoding="utf-8")
+    assert "| what it is [mm] | 4.80 (-0.030) | 4.80 (+0.100) |" in text
+    assert "| what it is [MJ/m] | 9.090 (0) | 9.100 (+0.1000) |" in text
+    assert "| stress [MPa] | 12.00 (+0.500) |  |" in text
+
+
 def test_faces_of_a_square_billet_are_one() -> None:
     both = found(shell_narrow_face=1.0, shell_corner=1.0, shell_mid_face=1.0, position=0.6)
     assert billet_error.main_names([both]) == ["shell_mid_face", "shell_corner"]
@@ -53,5 +72,12 @@ def test_every_mould_is_run_as_shipped_and_compared_with_the_reference() -> None
         assert set(billet_trade.reference(mould)) == set(billet_trade.COMPARED)
 
 
-def test_tapers_of_the_sweep_are_as_many_as_its_runs() -> None:
-    assert len(set(sweep_cost.tapers(32))) == 32
+def test_figure_rings_the_default() -> None:
+    rows = [
+        {"kind": one.kind, "size": one.size, "window": one.window, "seconds": 1.0 / one.size}
+        | {"worst": one.size, "von_mises_max": one.size, "default": one == billet_trade.DEFAULT}
+        for one in billet_trade.settings(quick=False)
+    ]
+    figure = billet_trade.draw({"0 %/m": rows})
+    rings = [line for line in figure.axes[0].lines if line.get_fillstyle() == "none"]
+    assert [float(line.get_xdata()[0]) for line in rings] == [1.25]

@@ -104,6 +104,12 @@ def test_a_run_that_has_not_finished_is_left_out(
     assert "locked_48: not finished, left out" in capsys.readouterr().out
 
 
+def test_the_thesis_stands_in_brackets(tmp_path: Path) -> None:
+    assert slabs._beside({"a": 34.26, "a_thesis": 41.1}, "a") == "34.3 (41.1)"
+    assert slabs._beside({"a": 34.26, "a_thesis": None}, "a") == "34.3"
+    assert Output(tmp_path).rows("slab_defects") == []
+
+
 def test_what_is_best_known_is_finer_in_cells_and_in_windows(tmp_path: Path) -> None:
     """What depends on both by itself is that of fine cells with short windows; lines by rms."""
     rows = []

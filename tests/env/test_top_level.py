@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -33,3 +34,11 @@ def test_what_was_left_in_an_archive_is_found(tmp_path: Path) -> None:
     for name in ("castfem", ".castfem", "castfem.egg-info", "results", "PKG-INFO", "notes.md"):
         (tmp_path / name).mkdir()
     assert {*present(tmp_path)} - KNOWN == {"notes.md"}
+
+
+def test_scripts_can_be_run() -> None:
+    """All that name the program that runs them; what other scripts read does not."""
+    files = [*(ROOT / "findings").glob("*.sh"), *(ROOT / "tools").glob("*.sh"), ROOT / ".ci/run"]
+    scripts = [file for file in files if file.read_bytes().startswith(b"#!")]
+    assert {file.name for file in scripts} >= {"run", "test.sh", "cobyqa_nan.sh"}
+    assert [file.name for file in scripts if not os.access(file, os.X_OK)] == []

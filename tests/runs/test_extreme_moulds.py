@@ -166,8 +166,7 @@ def test_friction_up_to_the_pressure() -> None:
 
 @pytest.mark.parametrize("name", ["taper_1", "taper_0"])
 def test_nearly_sharp_corner(name: str) -> None:
-    changes = ("section.corner_radius=0.5 mm", "casting.length=150 mm")
-    kept = sound(run_in_memory(shipped(name, *changes)))
+    kept = sound(run_in_memory(shipped(name, "section.corner_radius=0.5 mm", SHORT)))
     gap = kept.value("gap_corner")
     assert (gap > 5e-5) == (name == "taper_0")
 
@@ -223,9 +222,8 @@ def test_liquid_that_turns_with_flat_cells() -> None:
 
 
 def test_cold_mould() -> None:
-    short = "casting.length=120 mm"
-    cold = sound(run_in_memory(shipped("taper_1", short, "cooling.mould.surface.0.wall=20 degC")))
-    warm = run_in_memory(shipped("taper_1", short))
+    cold = sound(run_in_memory(shipped("taper_1", SHORT, "cooling.mould.surface.0.wall=20 degC")))
+    warm = run_in_memory(shipped("taper_1", SHORT))
     assert cold.value("heat_removed") > 1.05 * warm.value("heat_removed")
 
 
@@ -251,7 +249,7 @@ def test_a_strand_that_touches_nowhere() -> None:
 def test_contact_lost_and_regained() -> None:
     """Waves of 0.1 mm in the wall, less than three windows long: contact comes and goes."""
     waves = [(20.0 * i, 0.1 * (i % 2)) for i in range(13)]
-    kept = sound(run_in_memory(billet("taper_1", "casting.length=135 mm", wall(*waves))))
+    kept = sound(run_in_memory(billet("taper_1", 'casting.length="160 mm"', wall(*waves))))
     change = np.diff(contact(kept, "share"))
     assert (change > 0.1).sum() >= 3 and (change < -0.1).sum() >= 3
     assert kept.summary is not None and kept.summary.steps["coupling windows cut back"] < 5
