@@ -1,13 +1,16 @@
 """How libraries are imported: DOLFINx after h5py and MPI, matplotlib without a display.
 
 DOLFINx and petsc4py of PyPI find MPI only where mpi4py has loaded it, and an h5py that is loaded
-after them meets their HDF5 instead of its own.
+after them meets their HDF5 instead of its own. PETSc replaces Python's handling of signals, so that
+a closed pipe aborts the process instead of raising `BrokenPipeError`.
 """
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
+import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from types import ModuleType
@@ -35,6 +38,9 @@ class _Watch:
 
 
 def _load_earlier() -> None:
+    options = os.environ.get("PETSC_OPTIONS", "")
+    if "no_signal_handler" not in options:
+        os.environ["PETSC_OPTIONS"] = f"{options} -no_signal_handler".strip()
     try:
         import h5py  # noqa: F401
     except ValueError as error:
@@ -54,6 +60,9 @@ def watch() -> None:
     sys.meta_path.insert(0, _Watch())
     if not sys.modules.keys().isdisjoint(_LAST):
         _load_earlier()
+        main = threading.current_thread() is threading.main_thread()
+        if main and signal.getsignal(signal.SIGPIPE) is signal.SIG_IGN:
+            signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # PETSc may have its own by now
 
 
 _DISPLAY = "MPLBACKEND"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import os
 import re
 import sys
 import traceback
@@ -45,10 +44,6 @@ def execute(arguments: Sequence[str] | None = None) -> int:
     first = rank == 0 and parallel.started()[0] == 0
     if not first and not _on_all_ranks(words):
         return 0
-    # PETSc would turn a closed pipe or Ctrl-C into a page of advice on debuggers.
-    options = os.environ.get("PETSC_OPTIONS", "")
-    if "no_signal_handler" not in options:
-        os.environ["PETSC_OPTIONS"] = f"{options} -no_signal_handler".strip()
     import click
 
     from castfem.cli.app import app

@@ -162,14 +162,16 @@ def test_a_process_that_dies_costs_its_run_alone(tmp_path):
         Job("first", tmp_path / "first", variants[0].case),
         Job("second", tmp_path / "second", short),
     ]
-    ended = {}
+    ended, seen = {}, set()
 
     def tick():
-        history = tmp_path / "first" / "history.csv"
-        if not ended and history.is_file():
-            for child in psutil.Process().children():
-                if "spawn_main" in " ".join(child.cmdline()):
-                    child.kill()
+        if ended or not (tmp_path / "first" / "history.csv").is_file():
+            return
+        for child in psutil.Process().children():
+            if child.pid in seen:  # a tick ago: it has been sent its run
+                child.kill()
+            elif "spawn_main" in " ".join(child.cmdline()):
+                seen.add(child.pid)
 
     def note(job, outcome):
         ended[job.name] = outcome

@@ -76,6 +76,28 @@ def test_a_script_may_load_dolfinx_itself(tmp_path: Path) -> None:
     assert said("print('h5py')", "import castfem, dolfinx; print('dolfinx')") == "h5py\ndolfinx\n"
 
 
+PIPE = """
+import os
+from petsc4py import PETSc
+r, w = os.pipe()
+os.close(r)
+try:
+    os.write(w, b"x")
+except BrokenPipeError:
+    print("raised", flush=True)
+PETSc.Sys.getVersion()
+"""
+
+
+@pytest.mark.parametrize("order", ["castfem, dolfinx", "dolfinx, castfem"])
+def test_a_closed_pipe_raises_also_after_petsc_was_loaded(order: str) -> None:
+    """PETSc's own handler of signals would abort the script instead."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"import {order}{PIPE}"], capture_output=True, text=True
+    )
+    assert (done.stdout, done.returncode) == ("raised\n", 0), done.stderr
+
+
 HIDDEN = """
 import sys
 import castfem

@@ -94,9 +94,13 @@ class _Process:
         context = multiprocessing.get_context("spawn")  # a fork would share what MPI has set up
         self.connection, other = context.Pipe()
         self.process = context.Process(target=_serve, args=(other, noise), daemon=True)
-        with _starting, _one_thread_each():
-            self.process.start()
-        other.close()
+        try:
+            with _starting, _one_thread_each():
+                self.process.start()
+        except BrokenPipeError:
+            raise ProcessEnded("its process ended as it was started") from None
+        finally:
+            other.close()
 
     def call(self, call: Callable[[], object]) -> tuple[object, Exception | None]:
         """Make a call; return its value, and what it has raised."""
@@ -120,17 +124,17 @@ def _death(code: int | None) -> str:
 
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """Let processes that are started here compute with one thread, and PETSc leave signals be."""
-    before = dict(os.environ)
+    """Let processes that are started here compute with one thread."""
+    before = {name: os.environ.get(name) for name in _THREADS}
     os.environ.update(dict.fromkeys(_THREADS, "1"))
-    options = before.get("PETSC_OPTIONS", "")
-    if "no_signal_handler" not in options:
-        os.environ["PETSC_OPTIONS"] = f"{options} -no_signal_handler".strip()
     try:
         yield
     finally:
-        os.environ.clear()
-        os.environ.update(before)
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 def _serve(connection: Connection, noise: Path) -> None:
