@@ -32,8 +32,8 @@ CELLS = {
 KEYS = ("surface_size", "corner_size", "face_size", "core_size")
 AS_SHIPPED = "as shipped"
 WINDOWS = ("0.2", "0.05", "0.025")
-TOGETHER = {"1": "0.0714", "0.5": "0.0357"}
-"""Cells, mm, with windows, s, in the proportion of 0.7 mm and 0.05 s."""
+TOGETHER = {"0.5": "0.05"}
+"""Cells, mm, with windows, s."""
 MIDDLE = 0.2
 """A place on the way at which results are read besides the mould's exit, m."""
 KINDS: dict[str, dict[str, tuple[str, ...]]] = {

@@ -127,6 +127,54 @@ def test_the_tangent_is_that_of_differences(name: str) -> None:
         np.testing.assert_allclose(tangent[:, k], found, rtol=2e-4, atol=2e-5 * abs(tangent).max())
 
 
+def cooled(law: RadialReturn, ends: tuple[float, float], strain: float, steps: int) -> float:
+    """Equivalent stress of a point that is sheared evenly while it cools evenly, from rest."""
+    stress, state = np.zeros((1, 4)), law.initial_state(1)
+    heat, nothing = np.linspace(*ends, steps + 1)[:, None], np.zeros(1)
+    change = np.array([[0.0, 0.0, 0.0, np.sqrt(1.5) * strain / steps]])
+    for before, after in zip(heat[:-1], heat[1:], strict=True):
+        answer = law.integrate(
+            MaterialStep(change, nothing, before, after, 1.0 / steps), stress, state
+        )
+        stress, state = answer.stress.copy(), answer.state.copy()
+    return float(equivalent_stress(stress)[0])
+
+
+def test_a_skeleton_that_stiffens_bears_the_same_in_one_step_as_in_many() -> None:
+    """Exactly, where its modulus grows evenly: the mean modulus times the strain."""
+    law = ThermoElastic(Elasticity.constant(5e9, 0.0, elasticity(memory=True).solidity))
+    known = 1.5 * 5e9 * 0.5 * (SHARE + 1.0) * 1e-5
+    for steps in (1, 7):
+        assert cooled(law, (MUSHY, SOLIDUS), 1e-5, steps) == pytest.approx(known, rel=1e-9)
+
+
+def test_flow_under_an_even_stress_is_of_second_order_in_the_step() -> None:
+    """A steel that creeps ten times more slowly with each 100 K: the integral of its rate."""
+    el = Elasticity.constant(5e9, 0.3, elasticity().solidity)
+    law = NortonCreep.at_stress(
+        el, Constant(1e6), lambda t: 1e-4 * 10.0 ** ((t - SOLIDUS) / 100.0), Constant(5.0)
+    )
+    start = np.array([[0.0, 0.0, 0.0, np.sqrt(2.0 / 3.0) * 1e6]])
+
+    def strain(steps: int) -> float:
+        """Strain that keeps the stress at 1 MPa while the steel cools by 100 K in 10 s."""
+        total, state = 0.0, law.initial_state(1)
+        heat, dt = np.linspace(SOLIDUS, SOLIDUS - 100.0, steps + 1)[:, None], 10.0 / steps
+        for before, after in zip(heat[:-1], heat[1:], strict=True):
+            change = np.zeros((1, 4))
+            for _ in range(30):
+                step = MaterialStep(change, np.zeros(1), before, after, dt)
+                answer = law.integrate(step, start, state)
+                change[0, 3] -= (answer.stress[0, 3] - start[0, 3]) / answer.tangent[0, 3, 3]
+            total, state = total + change[0, 3], answer.state.copy()
+        return float(np.sqrt(2.0 / 3.0) * total)
+
+    exact = 1e-4 * 10.0 / np.log(10.0) * (1.0 - 0.1)
+    coarse, fine = (strain(steps) / exact - 1.0 for steps in (10, 20))
+    assert abs(coarse) < 3e-3
+    assert coarse / fine == pytest.approx(4.0, rel=0.05)
+
+
 def test_crystals_are_free_of_stress_at_the_moment_they_grow_together() -> None:
     """A stiffness that grows keeps the stress, not the elastic strain; one that falls scales it."""
     law, stress = ThermoElastic(elasticity()), np.array([[1e5, 2e5, -6e4, 5e4]])

@@ -216,9 +216,14 @@ class Elasticity:
         return 0.5 * young / (1.0 + poisson), young / (3.0 * (1.0 - 2.0 * poisson)), young
 
     def coefficients(self, temperature_old: Array, temperature: Array) -> list[Array]:
-        """Columns SHEAR ... FRESH of `kernel.constants` for a step, each (n,)."""
-        shear_old, bulk_old, _ = self.moduli(temperature_old)
-        shear, bulk, young = self.moduli(temperature)
+        """Columns SHEAR ... FRESH of `kernel.constants` for a step, each (n,).
+
+        A skeleton that stiffens is strained by the mean of its moduli, for it keeps the stress that
+        it had while it was softer; what is solid, or softens, keeps its elastic strain.
+        """
+        old = self.moduli(temperature_old)
+        moduli = self.moduli(temperature)
+        (shear_old, bulk_old, _), (shear, bulk, young) = old, moduli
         carry_deviator, carry_mean = shear / shear_old, bulk / bulk_old
         forgets = (temperature_old > self.solidity.coherent) & (not self.solidity.memory)
         solid = temperature_old <= self.solidity.solidus
@@ -227,4 +232,10 @@ class Elasticity:
         carry_mean = np.minimum(carry_mean, most)
         share = self.solidity.share(temperature_old, temperature)
         unhardened = (temperature_old > self.solidity.solidus).astype(float)
+        if self.solidity.is_skeleton:
+            stiffens = ~solid & (young > old[2])
+            shear, bulk, young = (
+                np.where(stiffens, 0.5 * (before + after), after)
+                for before, after in zip(old, moduli, strict=True)
+            )
         return [shear, bulk, young, carry_deviator, carry_mean, share, unhardened]

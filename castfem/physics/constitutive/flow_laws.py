@@ -143,9 +143,18 @@ class RadialReturn:
         return columns
 
     def coefficients(self, temperature_old: Array, temperature: Array) -> Array:
-        """Return the table of coefficients of a step, (n, columns), see `base.Law`."""
+        """Return the table of coefficients of a step, (n, columns), see `base.Law`.
+
+        Flow is that of the temperature at the end of the step, as in the thesis; with a skeleton,
+        of the mean of both ends. What the shell gives way under the liquid in a step is then of
+        second order: steel that has cooled, and turned from delta ferrite to austenite, meanwhile
+        flows an order of magnitude more slowly than it did before.
+        """
         columns = self.elasticity.coefficients(temperature_old, temperature)
-        solid = np.minimum(temperature, self.elasticity.solidity.solidus)
+        solidus = self.elasticity.solidity.solidus
+        solid = np.minimum(temperature, solidus)
+        if self.elasticity.solidity.is_skeleton:
+            solid = 0.5 * (solid + np.minimum(temperature_old, solidus))
         own = self.own_columns(solid)
         needed = constants.LAST[self.kind] + 1 - constants.OWN
         if len(own) != needed:  # the compiled kernel would read beyond them
