@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from castfem.physics.closed_forms import ClosedForm
     from castfem.physics.machine import Machine
     from castfem.physics.materials import Steel
+    from castfem.physics.mechanics.parts import StrainedSlice
     from castfem.physics.mechanics.stepper import MechanicalStepper
 
 
@@ -54,7 +55,8 @@ class Simulation:
         zones: The machine's cooling. probes: Lines at which results are read.
         control: Choice of the step: thermal, or with mechanics the coupling window.
         steps: Thermal steps. mechanics: The mechanical step; None for a case without.
-        coupling: Takes windows of both; likewise.
+        strained: The slice as its states are read: that of the mechanics, or one with a number
+            changed; None without mechanics. coupling: Takes windows of both; None without them.
         start_temperature: At the meniscus, K. watch: Where the time goes.
         mechanics_end: When its mechanics end, s; inf where they go on to the end of the run.
         exact: The closed form it is held against, if the case names one.
@@ -70,6 +72,7 @@ class Simulation:
     control: StepControl
     steps: ThermalSteps
     mechanics: MechanicalStepper | None
+    strained: StrainedSlice | None
     coupling: StaggeredCoupling | None
     start_temperature: float
     watch: Stopwatch
@@ -151,7 +154,8 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
     steps = ThermalSteps(stepper, thermal)
     coupling = _coupling(case, machine, steps, mechanics, zones)
     return Simulation(
-        case, machine, steel, section, stepper, zones, probes, control, steps, mechanics, coupling,
+        case, machine, steel, section, stepper, zones, probes, control, steps, mechanics,
+        None if mechanics is None else mechanics.problem, coupling,
         start_temperature=start, watch=watch, mechanics_end=mechanics_end, exact=exact,
     )  # fmt: skip
 

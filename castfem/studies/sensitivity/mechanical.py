@@ -30,9 +30,7 @@ from castfem.physics.contact.state import CONTACT
 from castfem.physics.mechanics.definition import Slice
 from castfem.physics.mechanics.force_operators import ForceOperators
 from castfem.physics.mechanics.state import MechanicalState
-from castfem.physics.mechanics.stepper import MechanicalStepper
 from castfem.physics.mechanics.surface_gap import SurfaceGap
-from castfem.physics.mechanics.varied_problem import VariedProblem
 from castfem.studies.sensitivity.linearised_step import LinearisedStep
 from castfem.studies.sensitivity.parameters import ELASTIC, EXPANSION, Parameter
 from castfem.studies.sensitivity.perturbed_simulation import Variation, Varied
@@ -124,9 +122,9 @@ class MechanicalDerivatives:
 
     def _give_mechanics(self, variation: Variation, end: Varied, by: float) -> None:
         """Let results be read off the slice on one side."""
-        its, parameter = end.simulation, variation.parameter
-        problem = VariedProblem(self._problem, self._made(its, parameter, by))
-        end.simulation = replace(its, mechanics=MechanicalStepper(problem, judge=False))
+        its = end.simulation
+        strained = self._problem.of_slice(self._made(its, variation.parameter, by))
+        end.simulation = replace(its, strained=strained)
 
     def _made(self, its: Simulation, parameter: Parameter, by: float) -> Slice:
         """The slice of a simulation in which a parameter is moved.
