@@ -41,7 +41,6 @@ MESH, STEP, COUPLING = "mesh", "step", "coupling"
 AXES = (MESH, STEP, COUPLING)
 CELLS = ("surface_size", "corner_size", "face_size", "core_size")
 _LOCAL = {"sdirk2": 3, "backward_euler": 2}  # power of the step that its error follows
-_EQUAL = 0.02  # relative; two factors that differ by less are one
 _SIZES = {
     "mesh": CELLS,
     "coupling": (
@@ -229,4 +228,4 @@ def factors_between(
 
 def _nearly_equal(ratios: Iterable[float]) -> bool:
     every = list(ratios)
-    return max(every) <= (1.0 + _EQUAL) * min(every)
+    return max(every) <= 1.02 * min(every)

@@ -28,7 +28,6 @@ from castfem.studies.sensitivity.parameters import Parameter
 
 _COOLING = ("cooling", "secondary", "machine", "mould")
 """Tables of a case in which the cooling stands."""
-_FINER = (1.0, 0.1, 0.01)  # steps to try where tables of the steel are divided otherwise
 
 
 @dataclass(slots=True)
@@ -181,7 +180,7 @@ def vary(simulation: Simulation, parameter: Parameter) -> Variation:
     Raises:
         InputError: The parameter cannot be moved, or it moves what the steps are held by.
     """
-    for finer in _FINER:
+    for finer in (1.0, 0.1, 0.01):  # where tables are divided otherwise
         step = finer * parameter.step
         tried = replace(parameter, step=step)
         below, above = (_varied(simulation, tried, sign * step) for sign in (-1.0, 1.0))

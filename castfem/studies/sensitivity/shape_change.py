@@ -24,8 +24,6 @@ from castfem.physics.thermal.boundary import Patch, Surface
 from castfem.physics.thermal.deformed_section import Shape
 from castfem.physics.thermal.problem import Stage, ThermalProblem
 
-STRAIN = 1e-6  # by which a generalized strain is moved, of which shares are all but linear
-
 
 class ByMotion:
     """Derivative of a linear form by the motion of the slice.
@@ -74,9 +72,9 @@ class ByMotion:
         value = self._shape.generalized_strains.value
         if component == 0 and not value[1:].any():  # the form goes with the thickness
             return np.asarray(here / (1.0 + value[0]))
-        given = value[component]
-        value[component] = given + STRAIN
-        change = (assemble_owned(self._form, self._owned) - here) / STRAIN
+        given, by = value[component], 1e-6  # shares are all but linear in it
+        value[component] = given + by
+        change = (assemble_owned(self._form, self._owned) - here) / by
         value[component] = given
         return np.asarray(change)
 

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 LOG_NAME = "sweep.log"
 """In a folder of runs: what libraries print in processes."""
 _TICK = 0.25  # s between two looks at the progress
-_AGAIN = 2  # how often a run is resumed that was lost with its process
 
 
 class Pending(Protocol):
@@ -191,7 +190,7 @@ def run_jobs(
                     outcome = call.result()
                 except Exception as error:
                     lost[job.name] += 1
-                    again = _submitted_again(executor, job) if lost[job.name] <= _AGAIN else None
+                    again = _submitted_again(executor, job) if lost[job.name] <= 2 else None
                     if again is not None:
                         waiting[again] = job
                         continue
