@@ -23,8 +23,8 @@ from castfem.model.build.start import given_profile
 from castfem.model.build_machine import build_machine
 from castfem.model.mechanics import Way
 from castfem.model.section import meshing
-from castfem.physics.coupling.staggered import ERROR, StaggeredCoupling
-from castfem.physics.coupling.step_control import ALLOWED_STRAIN, Adaptive, StepControl
+from castfem.physics.coupling.staggered import LIMITS, StaggeredCoupling
+from castfem.physics.coupling.step_control import Adaptive, StepControl
 from castfem.physics.coupling.subcycling import MechanicalSteps, ThermalSteps
 from castfem.physics.machine.machine import STANDING
 from castfem.physics.materials.curve import ThermalCurve
@@ -175,8 +175,8 @@ def _windows(case: Case, machine: Machine, milestones: list[float]) -> StepContr
     """Choice of the coupling windows, of equal times or of equal lengths of strand."""
     given = case.coupling.interval
     windows = partial(
-        StepControl, case.casting.duration, milestones, order=ERROR.order,
-        tolerance=case.coupling.window_error or ERROR.allowed, most=case.coupling.growth or 1.0,
+        StepControl, case.casting.duration, milestones, order=LIMITS.order,
+        tolerance=case.coupling.window_error or LIMITS.allowed, most=case.coupling.growth or 1.0,
     )  # fmt: skip
     if not isinstance(given, Way):
         return windows(fixed=given)
@@ -217,7 +217,7 @@ def _coupling(
     return StaggeredCoupling(
         steps, MechanicalSteps(mechanics, given.mechanical_step), given.dissipation, zones, gap,
         duration, given.passes, given.settled, given.order,
-        given.strain_error or ALLOWED_STRAIN,
+        given.strain_error or LIMITS.strain,
         _reach(mechanics.problem.section) if (given.growth or 1.0) > 1.0 else None,
     )  # fmt: skip
 

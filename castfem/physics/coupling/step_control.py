@@ -18,8 +18,6 @@ from dataclasses import dataclass, replace
 from castfem.base.constants import EXACT
 from castfem.base.errors import RunFailure
 
-ALLOWED_STRAIN = 1e-5  # error of the axial strain of a window that has grown, by default
-
 
 @dataclass(frozen=True, slots=True)
 class StepLimits:

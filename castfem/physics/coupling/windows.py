@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from castfem.base import log
+from castfem.base.constants import ROUNDING
 from castfem.base.errors import RunFailure
 from castfem.physics.coupling.staggered import CouplingWindow, StaggeredCoupling, StrandState
 from castfem.physics.coupling.step_control import StepControl
@@ -51,7 +52,7 @@ def take_window(
         fine = taken < min(LIMITS.shortest * coupling.window, LIMITS.fine)
         allowed = np.inf if fine else control.tolerance
         attempt = coupling.take(state, tried.end, allowed)
-        if attempt.converged and taken > (1.0 + 1e-9) * tried.base and not begins:
+        if attempt.converged and taken > (1.0 + ROUNDING) * tried.base and not begins:
             curved = coupling.curved(state, attempt.state) * control.tolerance
             attempt = replace(attempt, error=max(attempt.error, curved))
         if attempt.converged and attempt.error > allowed:

@@ -38,15 +38,14 @@ _UNMOVED, _MOVED, _WALL = "#333333", "#c0392b", "#9a9a9a"
 _SHELL = "#dfe6ec"
 
 
-def draw_von_mises(fields: Fields, steel: Steel | None, *, index: int = -1) -> Figure | None:
+def draw_von_mises(fields: Fields, steel: Steel | None) -> Figure | None:
     """Von Mises stress in what is solid, on the distorted section; mushy zone and liquid are grey.
 
     Returns:
         None in a run without stress, or while nothing is solid.
     """
-    states = range(len(fields.times) - 1, -1, -1) if index == -1 else [index]
-    each = ((state, von_mises(fields, state)) for state in states)
-    index, stress = next((one for one in each if one[1] is not None), (index, None))
+    each = ((state, von_mises(fields, state)) for state in reversed(range(len(fields.times))))
+    index, stress = next((one for one in each if one[1] is not None), (-1, None))
     if stress is None or steel is None:
         return None
     temperature = fields.values("temperature", index)
@@ -71,7 +70,7 @@ def draw_von_mises(fields: Fields, steel: Steel | None, *, index: int = -1) -> F
     return figure
 
 
-def draw_shape(fields: Fields, steel: Steel | None, *, index: int = -1) -> Figure | None:
+def draw_shape(fields: Fields, steel: Steel | None) -> Figure | None:
     """The distorted section beside its shape at the meniscus, the shell, and the largest moves.
 
     Returns:
@@ -79,12 +78,12 @@ def draw_shape(fields: Fields, steel: Steel | None, *, index: int = -1) -> Figur
     """
     if "displacement" not in fields.names:
         return None
-    distortion, factor = _magnified(fields, index)
+    distortion, factor = _magnified(fields, -1)
     if factor == 0.0:
         return None
-    temperature, moved = fields.values("temperature", index), factor * distortion.moved
+    temperature, moved = fields.values("temperature"), factor * distortion.moved
     mesh, kelvin = section_triangles(fields, temperature, mirrored=False, moved=moved)
-    figure, axes = frame(mesh, when("Shape of the section", fields, index), bar=False)
+    figure, axes = frame(mesh, when("Shape of the section", fields, -1), bar=False)
     handles = draw_outlines(axes, distortion, factor, _MOVED)
     handles += _draw_symmetry(axes, distortion)
     if steel is not None and kelvin.min() < steel.solidus:

@@ -77,16 +77,12 @@ def section_triangles(
     return Triangulation(points[:, 0], points[:, 1], table), np.tile(nodal, len(signs))
 
 
-def draw_temperature(
-    fields: Fields, steel: Steel | None, *, index: int = -1, mirrored: bool = True
-) -> Figure:
+def draw_temperature(fields: Fields, steel: Steel | None, *, index: int = -1) -> Figure:
     """The temperature field with solidus and liquidus drawn into it and into its scale.
 
     Thin white lines are isotherms, at the numbers of the scale.
     """
-    mesh, values = section_triangles(
-        fields, fields.values("temperature", index) - ZERO_CELSIUS, mirrored
-    )
+    mesh, values = section_triangles(fields, fields.values("temperature", index) - ZERO_CELSIUS)
     figure, axes = frame(mesh, when("Temperature", fields, index), bar=True)
     low, high = float(values.min()), float(values.max())
     if high - low < 1e-6:
@@ -112,14 +108,12 @@ def draw_temperature(
     return figure
 
 
-def draw_states(
-    fields: Fields, steel: Steel | None, *, index: int = -1, mirrored: bool = True
-) -> Figure | None:
+def draw_states(fields: Fields, steel: Steel | None, *, index: int = -1) -> Figure | None:
     """What is solid, mushy and liquid, with the share of each; None when the steel is unknown."""
     if steel is None:
         return None
     temperature = fields.values("temperature", index)
-    mesh, values = section_triangles(fields, temperature, mirrored)
+    mesh, values = section_triangles(fields, temperature)
     figure, axes = frame(mesh, when("State of the steel", fields, index), bar=False)
     handles = fill_states(axes, mesh, values, steel)
     for handle, share in zip(handles, state_shares(mesh, values, steel), strict=True):

@@ -18,7 +18,7 @@ from castfem.base.errors import InputError, choices
 from castfem.model import Case
 from castfem.model.mechanics import Way
 from castfem.model.section import meshing
-from castfem.physics.coupling.step_control import ALLOWED_STRAIN
+from castfem.physics.coupling.staggered import LIMITS
 
 DEFAULT = "default"
 
@@ -148,7 +148,7 @@ def _coupling(case: Case, factor: float) -> dict[str, Any]:
     if given.window_error is not None:
         found["coupling.window_error"] = _text(factor * given.window_error, "K")
     if (given.growth or 1.0) > 1.0:  # that of a window is of second order in its length
-        allowed = given.strain_error or ALLOWED_STRAIN
+        allowed = given.strain_error or LIMITS.strain
         found["coupling.strain_error"] = factor**2 * allowed
     return found
 

@@ -70,7 +70,6 @@ def find_section(
     comm: MPI.Comm,
     origin: str,
     at: float | None = None,
-    close: float = LIMITS.close,
     report: Callable[[int, Attempt], None] = lambda number, attempt: None,
 ) -> list[Attempt]:
     """Return the runs, the last of which ends as a rectangle of the case's section (collective).
@@ -80,7 +79,6 @@ def find_section(
         comm: Ranks.
         origin: What the user called the case, for messages.
         at: Position of the wanted section, m; None: the end of the mould, or of the run.
-        close: Largest deviation from it, m.
         report: Called after each run.
 
     Raises:
@@ -101,13 +99,13 @@ def find_section(
         end = outline_of(strand.outline[-1], strand.line.place, start, sides)
         found.append(Attempt(start, end, float(np.abs(end.offset).max()), strand))
         report(number, found[-1])
-        if found[-1].worst <= close:
+        if found[-1].worst <= LIMITS.close:
             return found
         start = Outline(start.ways, start.offset - end.offset)
     raise RunFailure(
         f"{origin}: after {LIMITS.runs} runs the section is still "
         f"{1e6 * found[-1].worst:.0f} um off the wanted one at "
-        f"{1e3 * at:g} mm (allowed: {1e6 * close:.0f} um)"
+        f"{1e3 * at:g} mm (allowed: {1e6 * LIMITS.close:.0f} um)"
     )
 
 

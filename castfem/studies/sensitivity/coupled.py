@@ -16,13 +16,8 @@ import numpy as np
 
 from castfem.base.types import Array
 from castfem.fem import reductions
-from castfem.physics.coupling.staggered import (
-    FACTORS,
-    CouplingObserver,
-    Relaxation,
-    StaggeredCoupling,
-    StrandState,
-)
+from castfem.physics.coupling.relaxation import FACTORS, Relaxation
+from castfem.physics.coupling.staggered import CouplingObserver, StaggeredCoupling, StrandState
 from castfem.physics.mechanics.state import MechanicalState
 from castfem.studies.sensitivity.mechanical import MechanicalDerivatives
 from castfem.studies.sensitivity.result import Kink

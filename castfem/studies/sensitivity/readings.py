@@ -9,7 +9,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -42,9 +42,6 @@ _OF_TEMPERATURE = ("metallurgical_length", "liquid_end", "mould_mean_flux")
 """Results of the whole way that hang on the temperatures alone."""
 _USUAL = ("heat_removed", "shell", "surface_temperature")
 """Results that are read if none is named."""
-
-if TYPE_CHECKING:
-    pass
 
 Asked = dict[str, tuple[QuantityDefinition, str]]
 
