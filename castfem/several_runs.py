@@ -299,7 +299,7 @@ def optimise(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundSection:
-    """The section at the meniscus whose strand has the wanted one further down."""
+    """The outline at the meniscus with which the strand has the wanted section further down."""
 
     outline: Outline  #: at the meniscus: way round a quarter and offset from the rectangle, m
     wall: WallDisplacement  #: the wall that follows the strand all round and all the way

@@ -24,6 +24,7 @@ from castfem.model.build_machine import build_machine
 from castfem.model.mechanics import Way
 from castfem.model.section import meshing
 from castfem.physics.coupling.staggered import LIMITS, StaggeredCoupling
+from castfem.physics.coupling.step_control import LIMITS as STEP_LIMITS
 from castfem.physics.coupling.step_control import Adaptive, StepControl
 from castfem.physics.coupling.subcycling import MechanicalSteps, ThermalSteps
 from castfem.physics.machine.machine import STANDING
@@ -217,7 +218,7 @@ def _coupling(
     return StaggeredCoupling(
         steps, MechanicalSteps(mechanics, given.mechanical_step), given.dissipation, zones, gap,
         duration, given.passes, given.settled, given.order,
-        given.strain_error or LIMITS.strain,
+        given.strain_error or STEP_LIMITS.strain,
         _reach(mechanics.problem.section) if (given.growth or 1.0) > 1.0 else None,
     )  # fmt: skip
 

@@ -16,6 +16,7 @@ import numpy as np
 from castfem.base.types import Array
 from castfem.fem import reductions
 from castfem.physics.coupling.relaxation import Relaxation
+from castfem.physics.coupling.step_control import LIMITS as STEP_LIMITS
 from castfem.physics.coupling.step_control import NO_STEP, StepLength
 from castfem.physics.coupling.subcycling import MechanicalSteps, SubSteps, ThermalSteps
 from castfem.physics.thermal.stepper import ThermalState
@@ -35,7 +36,6 @@ class CouplingLimits:
         order: Of this error in the length of the window.
         allowed: That error where the case gives none, K.
         beyond: Times what is allowed: the window is cut back before the gap has converged.
-        strain: Error of the axial strain in a window that has grown, where the case gives none.
         steady: Change of the rate of displacement, relative, up to which the gap at the end of a
             window is extrapolated.
         coldest: Least temperature that is extrapolated, K: a line may fall below absolute zero.
@@ -45,7 +45,6 @@ class CouplingLimits:
     order: float = 1.5
     allowed: float = 2.0
     beyond: float = 4.0
-    strain: float = 1e-5
     steady: float = 0.5
     coldest: float = 100.0
 
@@ -203,7 +202,7 @@ class StaggeredCoupling:
         max_iterations: int = 1,
         tolerance: float = 1.0,
         order: str = "thermal_first",
-        strain_error: float = LIMITS.strain,
+        strain_error: float = STEP_LIMITS.strain,
         reach: tuple[float, float] | None = None,
     ) -> None:
         self.thermal, self.mechanics, self.dissipation = thermal, mechanics, dissipation

@@ -33,7 +33,7 @@ LIMITS = WindowLimits()
 def take_window(
     coupling: StaggeredCoupling, state: StrandState, control: StepControl
 ) -> tuple[CouplingWindow, int]:
-    """A window that succeeds, cut back as often as it takes, and how often that was for a failure.
+    """Take a window, cut back until it succeeds; return also how often a failure cut it back.
 
     A window whose gap does not converge counts as a failure, but does not end the run.  A gap that
     changes too much for the window's error cuts it back as well.

@@ -163,7 +163,7 @@ def _dress(axes: list[Axes], abscissa: Abscissa) -> None:
 
 
 def _abscissa(panel: Panel) -> Abscissa:
-    """The x axis: the longest way of all runs; zones, and a time, only if all runs share them."""
+    """The x axis: the longest range of positions; zones and times only if all runs share them."""
     longest = max(panel.curves, key=lambda curve: curve.position[-1])
     tables = [curve.run.history() for curve in panel.curves]
     speeds = [float(t["position"].iloc[-1] / t["time"].iloc[-1]) for t in tables if t is not None]

@@ -28,7 +28,7 @@ def report(optimum: Optimum) -> Iterator[Table | str]:
     objective = optimum.objective
     if objective is None:
         yield (
-            f"no run has come to its end; the one that came furthest: "
+            f"no run has finished; the one that came furthest: "
             f"{_values(optimum)}. See its run.log ({optimum.best or 'of a run made elsewhere'})"
         )
         return

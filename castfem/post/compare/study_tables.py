@@ -168,7 +168,7 @@ def _part(part: Part | None, scale: Scale) -> str:
 
 
 def without_error(table: ErrorTable) -> list[str]:
-    """Return a line for each run that told nothing, and for the numbers that have no error."""
+    """Return a line for each run without results, and one for the numbers without an error."""
     lost = [
         plain_label(quantity_of(entry))
         for entry in (table.quantities[name] for name in main_names(table.quantities))

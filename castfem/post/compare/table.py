@@ -114,9 +114,9 @@ def lines(
 def _way(
     histories: Sequence[pandas.DataFrame | None], base: Run, runs: Sequence[Run]
 ) -> tuple[float, ...]:
-    """Positions [m] on the way through the base run's mould; its exit where a run goes beyond.
+    """Positions [m] within the base run's mould, and its exit if a run goes beyond it.
 
-    None above the place where the base run begins.
+    Positions above the start of the base run are left out.
     """
     table = histories[runs.index(base)]
     if table is None:

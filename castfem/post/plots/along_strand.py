@@ -113,7 +113,7 @@ def heat_totals(table: pandas.DataFrame) -> dict[str, tuple[Array, str]]:
 
 
 def rate_of(table: pandas.DataFrame) -> Array:
-    """The heat that leaves per time over each step, from all that has left."""
+    """Heat flow of each step, from the heat removed so far."""
     with np.errstate(divide="ignore", invalid="ignore"):
         rate = np.diff(table["heat_removed"].to_numpy()) / np.diff(table["time"].to_numpy())
     return np.concatenate([rate[:1], rate])

@@ -101,7 +101,7 @@ def _strand(ax: Axes, side: Side, mould_end: float | None) -> None:
 
 
 def _rolls(ax: Axes, side: Side) -> None:
-    """Every roll, those that are driven darker."""
+    """Draw all rolls, driven ones darker."""
     from matplotlib.collections import PatchCollection
     from matplotlib.patches import Circle, Patch
 

@@ -48,14 +48,14 @@ def read_share(text: str) -> float:
 
 
 def propose(table: ErrorTable, names: Sequence[str], share: float) -> Proposal:
-    """Return the quickest sizes with which the errors are small enough.
+    """Return the sizes of the shortest run whose errors are small enough.
 
-    Each part of an error goes with the order that its sizes have shown, or with the size itself.
+    Each part of an error scales with the order that its sizes have shown, or else linearly.
 
     Args:
         table: The errors of the case as it is.
-        names: Of the numbers that count.
-        share: Of each, of what it is measured by (`Entry.scale`), that its error may be.
+        names: Results that count.
+        share: Allowed error of each, over its `Entry.scale`.
     """
     entries = {
         name: table.quantities[name]

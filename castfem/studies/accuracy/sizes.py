@@ -18,7 +18,7 @@ from castfem.base.errors import InputError, choices
 from castfem.model import Case
 from castfem.model.mechanics import Way
 from castfem.model.section import meshing
-from castfem.physics.coupling.staggered import LIMITS
+from castfem.physics.coupling.step_control import LIMITS
 
 DEFAULT = "default"
 
@@ -64,7 +64,7 @@ def factors_of(word: str) -> dict[str, float]:
     """
     level = LEVELS.get(word)
     if level is None:
-        raise InputError(f"--accuracy {word}: not known; one of {choices(LEVELS)}")
+        raise InputError(f"--accuracy {word}: unknown; use one of {choices(LEVELS)}")
     return {MESH: level.cells, STEP: level.window, COUPLING: level.window}
 
 

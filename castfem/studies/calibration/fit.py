@@ -132,7 +132,7 @@ def read_free(assignment: str) -> Free:
     except ValueError:
         raise InputError(f"{where}: bounds are numbers; write {_SAMPLE}") from None
     if own and own != unit:
-        raise InputError(f"{where}: both bounds in one unit; write {_SAMPLE}")
+        raise InputError(f"{where}: both bounds need the same unit; write {_SAMPLE}")
     if not ends[0] < ends[1]:
         raise InputError(f"{where}: the lower bound must be below the upper one")
     return Free(key.strip(), *ends, unit)

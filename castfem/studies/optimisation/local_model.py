@@ -102,7 +102,7 @@ class Quadratic:
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """Where an optimum may lie along one variable, shares of its range."""
+    """Interval in which an optimum may lie along one variable, as shares of its range."""
 
     low: float
     high: float

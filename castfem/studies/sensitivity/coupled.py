@@ -87,7 +87,7 @@ class CoupledDerivatives(CouplingObserver):
             self._begun = self._gap = self._gaps_at_start(old.mechanical)
 
     def _gaps_at_start(self, state: MechanicalState) -> Array:
-        """Those of a committed state, which the window before has ended with."""
+        """Derivatives of the gap of a committed state, with which the last window has ended."""
         (slopes, gaps), marked = self._ended, self.mechanical.marked
         if slopes is marked:
             return gaps

@@ -119,7 +119,7 @@ class Fronts:
             front.add(zone, profile.isotherm_depth(level), profile.cell_at(level), slopes)
 
     def _along(self, probes: LineProbes, sample: Sample, warming: Array) -> dict[str, Array]:
-        """How the temperature along every line changes by a parameter, by conduction as it is."""
+        """Derivative of the temperature along every line, interpolated as conduction has it."""
         state = sample.state.thermal
         law = probes.conducts
         if law is None or law.even:

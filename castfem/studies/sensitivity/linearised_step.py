@@ -220,7 +220,7 @@ class LinearisedStep:
     def _slopes(
         self, i: int, moved: Moved, answers: Answers, touched: ContactChanges | None
     ) -> Slopes:
-        """What the next step takes up, but the displacement and its rates."""
+        """Derivatives that the next step begins with, without displacement and rates."""
         run, old, here, law = self._run, self._old, self._stressed, answers.inside
         dissipation = np.zeros(run.points.deviator_points)
         dissipation[here.rows[: here.deviators]] = law.dissipation[i, : here.deviators]

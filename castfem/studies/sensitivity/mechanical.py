@@ -264,7 +264,9 @@ class MechanicalDerivatives:
                 break
             more = problem.solve_linearised(np.array([following[n].right for n in asked]))
             if more is None:
-                raise RunFailure("the derivative of a mechanical step cannot be solved for")
+                raise RunFailure(
+                    "the linear system for the derivative of a mechanical step cannot be solved"
+                )
             moves[asked] += more
             left = step.evaluate(moves[asked], asked)
             for i, number in enumerate(asked):

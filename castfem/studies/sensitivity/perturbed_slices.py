@@ -190,7 +190,7 @@ class SliceSides:
         return np.asarray(found)
 
     def give(self, contact: LinearisedContact, into: GivenChanges, number: int) -> None:
-        """Put what changes beside the motion in column `number` of what contact is given."""
+        """Write the changes of contact other than by the motion into column `number`."""
         above, below = self.walls
         into.stiffness[:, number] = (above.stiffness - below.stiffness) / self.span
         into.pool[:, number] = (above.liquid.pool - below.liquid.pool) / self.span

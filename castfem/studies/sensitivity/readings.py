@@ -122,7 +122,7 @@ class Readings:
 
     @property
     def reads_all(self) -> bool:
-        """Whether samples of all steps are wanted, not of the last alone."""
+        """Whether samples of all steps are needed, not of the last alone."""
         return self._follows_heat or bool(self.fronts.fronts) or self.scatter is not None
 
     def follow(self, sample: Sample) -> None:
@@ -224,7 +224,7 @@ class Readings:
         return float(found[0][number]), float(found[1][number])
 
     def memory(self) -> dict[str, Any]:
-        """What a checkpoint must hold of what has been noted."""
+        """Notes of the steps so far, for a checkpoint."""
         noted = [[sampler.memory() for sampler in pair] for pair in self._samplers]
         found = {"results": list(self.asked), "noted": noted, "fronts": self.fronts.memory()}
         if self.scatter is not None:

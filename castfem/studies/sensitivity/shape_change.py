@@ -85,7 +85,7 @@ class ByMotion:
 
 
 class ShapeChange:
-    """Derivatives of what the shape of the slice gives its heat balance, by each parameter.
+    """Derivatives of the terms of the heat balance that the shape of the slice enters.
 
     In a stage, M (H - H_base) + tau (L theta + w q - M s) = 0, these are L, the conduction, w, the
     shares of the surface, and M, the volume that its steel fills.

@@ -146,9 +146,9 @@ def _on_ranks(
     ended: Callable[[Job, Outcome], None],
     tick: Callable[[], None],
 ) -> None:
-    """Make runs on one rank each (collective): rank 0 gives them to the others.
+    """Make runs on one rank each (collective): rank 0 distributes them to the others.
 
-    A rank that dies takes all others with it, as launchers do.
+    If one rank dies, the launcher ends all of them.
     """
     from mpi4py.futures import MPICommExecutor
 
