@@ -22,7 +22,7 @@ from castfem.model.build_mould import nominal_mould
 from castfem.physics.mould.hot.model import HotMould, HotWall
 from castfem.physics.mould.mould import Mould
 from castfem.studies.mould_fit.coupled import (
-    MOST,
+    AGREEMENT,
     Turn,
     copper_of,
     drawing,
@@ -116,7 +116,7 @@ def turns(output: Output, quick: bool) -> None:
     cells = ("casting.length=60 mm", "mould.length=60 mm") if quick else ()
     fewer = ("mould.tube.cell_size=40 mm", "mould.tube.cells_across=1") if quick else ()
     case = load_case(CASES / "hot.toml", (*QUIET, *COARSE, *cells, *fewer))
-    found = hot_mould_of(case, MPI.COMM_SELF, "hot", 2 if quick else MOST)
+    found = hot_mould_of(case, MPI.COMM_SELF, "hot", 2 if quick else AGREEMENT.most)
     assert case.mould is not None
     mould = nominal_mould(case.mould, case.section)
     output.csv("hot_mould_turns", [_row(i, turn) for i, turn in enumerate(found, start=1)])

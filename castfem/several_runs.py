@@ -299,7 +299,7 @@ def optimise(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundSection:
-    """The section at the meniscus whose strand has the wanted one further down."""
+    """The outline at the meniscus with which the strand has the wanted section further down."""
 
     outline: Outline  #: at the meniscus: way round a quarter and offset from the rectangle, m
     wall: WallDisplacement  #: the wall that follows the strand all round and all the way
@@ -384,11 +384,11 @@ def mould_at_work(
     from mpi4py import MPI
 
     from castfem.model.build_mould import nominal_mould
-    from castfem.studies.mould_fit.coupled import MOST, drawing, hot_mould_of, table_of
+    from castfem.studies.mould_fit.coupled import AGREEMENT, drawing, hot_mould_of, table_of
 
     sound = as_case(case, "mould_at_work")
     table = table_of(sound, "mould_at_work")
     comm = MPI.COMM_WORLD if comm is None else comm
-    turns = hot_mould_of(sound, comm, "mould_at_work", MOST if coupled else 1)
+    turns = hot_mould_of(sound, comm, "mould_at_work", AGREEMENT.most if coupled else 1)
     found = drawing(table, nominal_mould(table, sound.section), turns[-1].wall)
     return MouldAtWork(found.cold, found.hot, found.displacement, tuple(turns))

@@ -94,7 +94,7 @@ def read_csv(path: Path) -> CsvFile:
     except OSError as error:
         raise UnreadableError(error.strerror or str(error)) from None
     except UnicodeDecodeError:
-        raise UnreadableError("not a text in UTF-8; save it as that (CSV UTF-8)") from None
+        raise UnreadableError("is not UTF-8 text; save it in that encoding (CSV UTF-8)") from None
     kept = [
         (number, line)
         for number, line in enumerate(lines, start=1)

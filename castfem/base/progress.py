@@ -100,9 +100,9 @@ class Progress:
         left = (self._total - self._position) * (now - since) / (self._position - place)
         if left > 3600.0:
             _logger.warning(
-                "at this pace the run takes some %.1f hours more; Ctrl-C stops it and --resume "
-                "goes on; larger cells, steps and coupling windows (--accuracy coarse) or a "
-                "shorter casting.length take less",
+                "at this rate the run takes about %.1f more hours; Ctrl-C stops it and --resume "
+                "continues it; larger cells, steps and coupling windows (--accuracy coarse) or a "
+                "shorter casting.length make it faster",
                 left / 3600.0,
             )
 

@@ -293,7 +293,7 @@ class PercentKind(Kind):
     """A share in per cent: a plain number of per cents, `0.18`, or with its sign, `"0.18 %"`."""
 
     def read(self, given: object) -> float:
-        """Return the number of per cents, or raise ValueError."""
+        """Return the percentage, or raise ValueError."""
         share = units.parse(given, "1", kind=(self.label, self.sample))
         signed = isinstance(given, str) and units.split(given)[1]
         return self.bounded(100.0 * share if signed else share)

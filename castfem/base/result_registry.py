@@ -128,7 +128,7 @@ class QuantityDefinition:
         return "1" if unit == "-" else unit
 
     def named(self, probe: str = "") -> str:
-        """Its name, at a probe or of the whole slice."""
+        """Name of the result, at a probe or of the whole slice."""
         return f"{self.name}_{probe}" if probe else self.name
 
     @property

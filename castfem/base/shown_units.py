@@ -101,7 +101,7 @@ class ShownUnits:
             raise ValueError('"plant", "si", or a table such as {temperature = "degF"} is needed')
         system = table.get("system", "plant")
         if system not in SYSTEMS:
-            raise ValueError(f'"{system}" is no system of units: "plant" or "si"')
+            raise ValueError(f'"{system}" is not a system of units; use "plant" or "si"')
         own = {str(key): unit for key, unit in table.items() if key != "system"}
         for key, unit in own.items():
             if not isinstance(unit, str):
@@ -257,7 +257,7 @@ def documented(plain: str) -> str:
 
 
 def difference_of(unit: str) -> str:
-    """The unit in which two values in a unit differ: K for K and degC."""
+    """Unit of the difference of two values in a unit: K for K and degC."""
     if unit in ("degC", "K"):
         return "K"
     return f"{_DIFFERENCE}{unit}" if unit.startswith("deg") and _measures(unit, "K") else unit

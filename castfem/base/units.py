@@ -337,7 +337,7 @@ def factor_and_zero(si: str, unit: str) -> tuple[float, float]:
 
 
 def in_mm(length: float) -> str:
-    """Return a length, m, as messages have it: in mm, to nine digits."""
+    """Return a length, m, as messages show it: in mm, with nine digits."""
     return f"{1e3 * length:.9g} mm"
 
 

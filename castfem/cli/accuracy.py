@@ -79,7 +79,7 @@ def _done(ladder: Ladder, options: Options, comm: MPI.Intracomm | None) -> int:
     target = ladder.record.folder
 
     def noted(job: Job, outcome: Outcome) -> None:
-        """Keep what is known so far, for one who looks before the dear runs have ended."""
+        """Write what is known so far, for users who look before the expensive runs have ended."""
         entry = ladder.record.entries.get(BASE)
         if entry is not None and entry.physics:
             ladder.table().write(target)

@@ -117,7 +117,7 @@ def show(folder: Path, at: tuple[str, ...], units: tuple[str, ...]) -> None:
             show_errors(folder)
         return
     if (folder / SWEEP_NAME).is_file() and not (folder / RUN_NAME).is_file():
-        raise InputError(f"{folder}: it is a sweep: castfem compare {folder}")
+        raise InputError(f"{folder}: is a sweep; use castfem compare {folder}")
     from castfem.runs.results.places import read_positions
 
     with chosen(units):

@@ -105,7 +105,7 @@ def draw_hot_mould(case: Case, picture: Path, origin: str, *, coupled: bool) -> 
     from castfem.model.wall_shape import write_wall
     from castfem.physics.mould.hot.vtk_file import write_tube
     from castfem.post.plots.mould import draw_hot
-    from castfem.studies.mould_fit.coupled import MOST, hot_mould_of, table_of
+    from castfem.studies.mould_fit.coupled import AGREEMENT, hot_mould_of, table_of
     from castfem.studies.mould_fit.coupled import drawing as drawn
 
     check_picture(picture)
@@ -116,7 +116,7 @@ def draw_hot_mould(case: Case, picture: Path, origin: str, *, coupled: bool) -> 
         if first and turn.strand is not None:
             print(f"iteration {number}: {_changed(turn)}", flush=True)
 
-    turns = hot_mould_of(case, comm, origin, MOST if coupled else 1, progress)
+    turns = hot_mould_of(case, comm, origin, AGREEMENT.most if coupled else 1, progress)
     wall, solid = turns[-1].wall, picture.with_suffix(".vtu")
     write_tube(solid, wall)
     if not first:

@@ -96,8 +96,8 @@ def _meet() -> None:
 def console(*, quiet: bool = False) -> Console:
     """Return standard output for tables, without markup.
 
-    A launcher gives its ranks a terminal of their own, wherever its own output goes: under one,
-    nothing but plain text is printed.
+    A launcher may give its ranks a terminal even where its own output is redirected: under a
+    launcher only plain text is printed.
     """
     from rich.console import Console
 

@@ -127,7 +127,10 @@ def strand(folder: Path, output: Path | None, every: str) -> None:
             "open fields.xdmf; or run the case with [machine] (docs/machine.md)"
         )
     if target.suffix != ".vtu":
-        raise InputError(f"{target}: the strand is an unstructured grid of VTK; end it in .vtu")
+        raise InputError(
+            f"{target}: the strand is written as an unstructured VTK grid; "
+            "choose a name that ends in .vtu"
+        )
     side = Side(rolls, thickness, case.casting.length)
     points, cells = write_strand(folder, target, side, distance)
     print(f"{target}: {points} points, {cells} cells")

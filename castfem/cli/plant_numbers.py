@@ -1,4 +1,4 @@
-"""The heat of a mould and the spray water of a case in the numbers of a plant."""
+"""Mould heat and spray water of a case in the units of a plant."""
 
 from __future__ import annotations
 

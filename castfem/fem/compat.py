@@ -258,8 +258,8 @@ def assemble_matrix(form: fem.Form) -> Any:
     return matrix
 
 
-def without_zeros(matrix: Any, relative: float = 1e-12) -> Any:
-    """Copy of an AIJ matrix without entries below `relative` times its largest; frees `matrix`.
+def without_zeros(matrix: Any) -> Any:
+    """Copy of an AIJ matrix without entries below 1e-12 of its largest; frees `matrix`.
 
     On rectangles the vertex rule leaves half of the pattern of a bilinear element empty, and a
     factorisation pays for what the pattern holds.
@@ -269,7 +269,7 @@ def without_zeros(matrix: Any, relative: float = 1e-12) -> Any:
     starts, columns, values = matrix.getValuesCSR()
     comm = matrix.comm.tompi4py()
     largest = comm.allreduce(float(np.abs(values).max(initial=0.0)), op=MPI.MAX)
-    keep = np.abs(values) > relative * largest
+    keep = np.abs(values) > 1e-12 * largest
     rows = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
     counts = np.bincount(rows[keep], minlength=len(starts) - 1)
     starts = np.concatenate([[0], np.cumsum(counts)]).astype(starts.dtype)

@@ -124,7 +124,7 @@ def _wall(case: Case, law: HeatLaw) -> Faults:
 
 
 def _thin_gap(conductivity: float, coefficient: float | Table) -> Faults:
-    """Yield a gap so thin that rounding decides on the heat."""
+    """Yield a gap so thin that rounding determines the heat flux."""
     best = max(coefficient.values) if isinstance(coefficient, Table) else coefficient
     halving = conductivity / best if best > 0.0 else math.inf
     if halving < 1e-7:  # m: surfaces are a hundred times as rough

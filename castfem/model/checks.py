@@ -1,8 +1,8 @@
-"""The checks of a case: functions that stand beside their tables and enter themselves here.
+"""The checks of a case: functions beside their tables, which register themselves here.
 
-A check is given the case, a table of it and yields what is wrong, as pairs of the key within that
-table ("" for the table itself, "/a.b" for a key of the case) and a text. Of a faulty case the
-values that could not be read are `Unreadable`: a check that asks for one ends there, others go on.
+A check takes the case and one of its tables and yields what is wrong, as pairs of the key within
+that table ("" for the table itself, "/a.b" for a key of the case) and a text. Values of a faulty
+case that could not be read are `Unreadable`: a check that uses one ends there, the others go on.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ class Defect(Variants):
     kinds: ClassVar[dict[str, Any]] = {}
 
     def on(self, pairs: list[Pair]) -> None:
-        """Change the pairs that have the defect; what a faulty case does not tell is left."""
+        """Change the pairs that have the defect; values missing in a faulty case stay."""
 
     def watered(self, rows: tuple[Row, ...]) -> tuple[Row, ...]:
         """Return the rows of nozzles."""

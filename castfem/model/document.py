@@ -146,7 +146,7 @@ def _load(path: Path, document: Document) -> dict[str, Any] | None:
         document.faults.append(f"{label}: cannot be read: {error.strerror}")
     except UnicodeDecodeError as error:
         line = error.object[: error.start].count(b"\n") + 1
-        document.faults.append(f"{label}: line {line}: not a text in UTF-8; save it as that")
+        document.faults.append(f"{label}: line {line}: is not UTF-8 text; save it in that encoding")
     except tomllib.TOMLDecodeError as error:
         document.faults.append(f"{label}: {_syntax(str(error), text)}")
     return None

@@ -78,7 +78,7 @@ def gathered(rows: Array) -> WallDisplacement:
     if len(rows) != len(positions) * len(ways):
         raise ValueError(
             f"{len(rows)} rows do not make {len(positions)} positions of {len(ways)} places each; "
-            "every place stands once at every position"
+            "each place is needed once at each position"
         )
     order = np.lexsort((rows[:, 1], rows[:, 0]))
     moved = rows[order, 2:].reshape(len(positions), len(ways), 2)

@@ -276,8 +276,9 @@ def _tell_of_idle_ranks(simulation: Simulation) -> None:
     each = reductions.total(comm, simulation.section.owned) / comm.size
     if comm.size > 1 and each < 1000 and comm.rank == 0:
         log.logger.info(
-            "%.0f vertices on each of %d ranks: so few are slower than one rank, which waits for "
-            "no other (docs/benchmarks.md); several runs at once: castfem sweep", each, comm.size,
+            "%.0f vertices on each of %d ranks: so few are slower than one rank, for the ranks "
+            "wait for each other (docs/benchmarks.md); castfem sweep makes several runs at once",
+            each, comm.size,
         )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from castfem.studies.accuracy.estimate import FEW, LEAST, SAFETY, convergence_index, estimate
+from castfem.studies.accuracy.estimate import RULES, convergence_index, estimate
 
 R = 2.0**0.5
 
@@ -17,36 +17,36 @@ def test_pure_power_is_found(order: float, sizes: tuple[float, ...]) -> None:
     """Of v = 5 + 3 x^p the error at 1 is 3, and what is stated is that with its factor."""
     found = estimate({x: 5.0 + 3.0 * x**order for x in sizes})
     assert found.order == pytest.approx(order)
-    assert found.error == pytest.approx(SAFETY * 3.0)
+    assert found.error == pytest.approx(RULES.safety * 3.0)
     assert found.scaled(0.5) == pytest.approx(found.error * 0.5**order)
 
 
 def test_a_higher_order_than_the_schemes_have_is_not_believed() -> None:
     """That of 2 is taken; and the spread speaks where two values agree by accident."""
     some = {x: x**2.5 for x in (R, 1.0, 1.0 / R)}
-    assert estimate(some).error > SAFETY * (some[1.0] - some[1.0 / R]) / (1.0 - 0.5**1.25)
+    assert estimate(some).error > RULES.safety * (some[1.0] - some[1.0 / R]) / (1.0 - 0.5**1.25)
     lucky = estimate({R: 9.0, 1.0: 5.0, 1.0 / R: 4.6})
     assert lucky.order is not None and lucky.order > 2.0
-    assert lucky.error == pytest.approx(LEAST * 4.4)
+    assert lucky.error == pytest.approx(RULES.least * 4.4)
 
 
 def test_without_an_order_the_differences_are_stated() -> None:
     found = estimate({R: 4.0, 1.0: 5.0, 1.0 / R: 4.7})
     assert found.order is None
-    assert found.error == pytest.approx(max(FEW * 0.3, 0.5))
+    assert found.error == pytest.approx(max(RULES.few * 0.3, 0.5))
     coarse = estimate({R: 1.0, 1.0: 5.0, 1.0 / R: 4.7})
     assert coarse.error == pytest.approx(2.0)
     slow = estimate({R: 4.0, 1.0: 5.0, 1.0 / R: 6.0})  # goes on as fast as before
     assert slow.order is None
-    assert slow.error == pytest.approx(FEW)
+    assert slow.error == pytest.approx(RULES.few)
     longest = estimate({1.0: 5.0, 0.5: 4.0, 0.25: 4.5})  # the case has the largest
-    assert longest.error == pytest.approx(FEW)
+    assert longest.error == pytest.approx(RULES.few)
     finest = estimate({1.0: 5.0, 2.0: 4.0, 4.0: 4.5})  # the finer run has failed
-    assert finest.error == pytest.approx(FEW)
+    assert finest.error == pytest.approx(RULES.few)
 
 
 def test_few_sizes() -> None:
-    assert estimate({1.0: 5.0, 2.0: 5.5}).error == pytest.approx(FEW * 0.5)
+    assert estimate({1.0: 5.0, 2.0: 5.5}).error == pytest.approx(RULES.few * 0.5)
     assert math.isnan(estimate({1.0: 5.0}).error)
     assert math.isnan(estimate({1.0: math.nan, 2.0: 5.5, 0.5: 5.0}).error)
 
@@ -55,7 +55,7 @@ def test_sizes_need_not_have_one_ratio() -> None:
     """Meshes have whole numbers of cells."""
     found = estimate({x: 5.0 - 3.0 * x**1.5 for x in (1.9, 1.0, 0.77)})
     assert found.order == pytest.approx(1.5)
-    assert found.error == pytest.approx(SAFETY * 3.0)
+    assert found.error == pytest.approx(RULES.safety * 3.0)
 
 
 def test_the_same_everywhere_has_no_error() -> None:
@@ -67,16 +67,16 @@ def test_convergence_index_of_a_pure_power(order: float) -> None:
     """Of v = 5 + 3 x^p the error at 1 is 3, whatever the sizes; two of them take it for order 1."""
     for sizes in ((1.0, 2 / 3, 5 / 12), (1.5, 1.0, 0.625), (2.4, 1.6, 1.0)):
         found = convergence_index({x: 5.0 + 3.0 * x**order for x in sizes})
-        assert found == pytest.approx(SAFETY * 3.0)
-    assert convergence_index({1.0: 8.0, 0.5: 6.5}) == pytest.approx(SAFETY * 3.0)
+        assert found == pytest.approx(RULES.safety * 3.0)
+    assert convergence_index({1.0: 8.0, 0.5: 6.5}) == pytest.approx(RULES.safety * 3.0)
 
 
 def test_convergence_index_without_an_order() -> None:
     """The finest size tells, or the next coarser one; no finer one lies beyond what is stated."""
-    assert convergence_index({1.0: 0.0, 0.75: 1.0, 0.5: -1.0}) == pytest.approx(SAFETY * 2.0)
+    assert convergence_index({1.0: 0.0, 0.75: 1.0, 0.5: -1.0}) == pytest.approx(RULES.safety * 2.0)
     assert convergence_index({1.0: 0.0, 0.75: 5.0, 0.5: 1.0}) == 5.0
-    assert convergence_index({1.5: 9.0, 1.0: 0.0, 0.5: 1.0}) == pytest.approx(SAFETY * 2.0)
-    assert convergence_index({1.0: 0.0, 1.5: 1.0}) == pytest.approx(SAFETY * 2.0)
-    assert convergence_index({1.0: 0.0, 0.5: math.nan, 2.0: 1.0}) == pytest.approx(SAFETY)
+    assert convergence_index({1.5: 9.0, 1.0: 0.0, 0.5: 1.0}) == pytest.approx(RULES.safety * 2.0)
+    assert convergence_index({1.0: 0.0, 1.5: 1.0}) == pytest.approx(RULES.safety * 2.0)
+    assert convergence_index({1.0: 0.0, 0.5: math.nan, 2.0: 1.0}) == pytest.approx(RULES.safety)
     assert math.isnan(convergence_index({1.0: 0.0, 0.5: math.nan}))
     assert math.isnan(convergence_index({1.0: math.nan, 0.5: 0.0}))

@@ -11,7 +11,7 @@ from castfem.base.shown_quantity import Quantity
 from castfem.model import load_case
 from castfem.runs.output.summary import Summary
 from castfem.studies.accuracy import sizes
-from castfem.studies.accuracy.estimate import SAFETY
+from castfem.studies.accuracy.estimate import RULES
 from castfem.studies.accuracy.ladder import Level, levels
 from castfem.studies.accuracy.table import gather
 
@@ -112,8 +112,8 @@ def test_shorter_windows_are_not_charged_with_their_steps() -> None:
     results = {level.name: result(level) for level in rungs}
     parts = gather(case, rungs, results, ()).quantities["heat"].parts
     assert parts["coupling"].order == pytest.approx(1.0)
-    assert parts["coupling"].error == pytest.approx(SAFETY * 2.0)
-    assert parts["step"].error == pytest.approx(SAFETY * 7.0)
+    assert parts["coupling"].error == pytest.approx(RULES.safety * 2.0)
+    assert parts["step"].error == pytest.approx(RULES.safety * 7.0)
     assert parts["mesh"].error == 0.0
 
 

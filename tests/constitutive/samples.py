@@ -172,3 +172,20 @@ def one(
         np.zeros((1, 4)) if stress is None else stress,
         law.initial_state(1) if state is None else state,
     )
+
+
+def norton_relaxation(
+    time: npt.ArrayLike, stress: float, young: float, factor: float, exponent: float
+) -> Array:
+    """Stress of a bar held at its length under Norton creep, Pa.
+
+    Args:
+        time: s.
+        stress: At time 0, Pa.
+        young: Young's modulus, Pa.
+        factor: Creep rate at 1 Pa, 1/s.
+        exponent: Of the stress, not 1.
+    """
+    m = exponent - 1.0
+    loss = m * young * factor * stress**m * np.asarray(time, float)
+    return np.asarray(stress * (1.0 + loss) ** (-1.0 / m))

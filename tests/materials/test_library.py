@@ -195,7 +195,7 @@ def test_syntax_error_names_the_line(write):
 
 def test_not_utf8(tmp_path):
     (tmp_path / "own.toml").write_bytes(b'description = "a"\n# \xff\n')
-    assert "own.toml: line 2: not a text in UTF-8" in only("own.toml", tmp_path)
+    assert "own.toml: line 2: is not UTF-8 text" in only("own.toml", tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from constitutive.samples import norton_relaxation
 
 from castfem.base.tables import Constant
 from castfem.base.types import Array
 from castfem.physics.constitutive.base import rotation
-from castfem.physics.constitutive.curves import norton_relaxation
 from castfem.physics.constitutive.elasticity import Elasticity
 from castfem.physics.constitutive.flow_laws import NortonCreep, PerfectlyPlastic
 from castfem.physics.constitutive.hardening_laws import UnifiedSteel

@@ -324,7 +324,7 @@ def test_a_table_that_is_there_twice_is_named_as_it_is_written(write, text, said
 def test_not_utf8(tmp_path):
     path = tmp_path / "latin.toml"
     path.write_bytes(b'title = "x"\n# \xe9\n')
-    with pytest.raises(InputError, match="line 2: not a text in UTF-8"):
+    with pytest.raises(InputError, match="line 2: is not UTF-8 text"):
         load_case(path)
 
 

@@ -12,7 +12,7 @@ from castfem.model.shown_units import read_choice
 @pytest.mark.parametrize(
     ("value", "told"),
     [
-        ('"imperial"', 'output.units: "imperial" is no system of units'),
+        ('"imperial"', 'output.units: "imperial" is not a system of units'),
         ('{ shell = "MPa" }', "output.units.shell: 'MPa' is the unit of a pressure"),
         ('{ shel = "mm" }', "output.units.shel: .*did you mean shell"),
         ('{ length = "ells" }', "output.units: length: unit 'ells' is not known"),

@@ -10,14 +10,7 @@ import pytest
 from castfem.base.errors import InputError
 from castfem.model import Case, load_case
 from castfem.model.build_mould import build_mould, nominal_mould
-from castfem.studies.mould_fit.coupled import (
-    HEAT,
-    SHAPE,
-    Turn,
-    drawing,
-    flux_of,
-    hot_mould_of,
-)
+from castfem.studies.mould_fit.coupled import AGREEMENT, Turn, drawing, flux_of, hot_mould_of
 from castfem.studies.mould_fit.follow import follow
 
 from .coarse import CASES, coarse
@@ -77,7 +70,7 @@ def test_flux_of_a_run_is_the_heat_it_removes() -> None:
 
 def test_they_agree_after_a_few_turns(turns: list[Turn]) -> None:
     assert 3 <= len(turns) <= 6
-    assert turns[-1].moved < SHAPE and abs(turns[-1].heat) < HEAT
+    assert turns[-1].moved < AGREEMENT.shape and abs(turns[-1].heat) < AGREEMENT.heat
     assert turns[1].moved > turns[-1].moved
     assert all(turn.strand is not None for turn in turns)
 

@@ -18,8 +18,9 @@ from castfem.model.wall_shape import WallShape, write_wall
 from castfem.physics.mould import DisplacedMould
 from castfem.studies.mould_fit.follow import follow
 from castfem.studies.mould_fit.section import (
-    CLOSE,
+    LIMITS,
     Attempt,
+    SectionLimits,
     find_section,
     natural_wall,
     outline_of,
@@ -42,7 +43,7 @@ def attempts() -> list[Attempt]:
 
 def test_square_is_found_in_a_few_runs(attempts: list[Attempt]) -> None:
     assert 2 <= len(attempts) <= 6
-    assert attempts[0].worst > 10.0 * CLOSE and attempts[-1].worst <= CLOSE
+    assert attempts[0].worst > 10.0 * LIMITS.close and attempts[-1].worst <= LIMITS.close
     assert not attempts[0].start.offset.any()
     # What stood out in the first run is taken back at the meniscus.
     taken = attempts[-1].start.offset + attempts[0].end.offset
@@ -64,14 +65,14 @@ def test_forward_run_of_the_written_outline(attempts: list[Attempt], tmp_path: P
     found = follow(case, MPI.COMM_SELF)
     sides = sides_of_section(case.section)  # type: ignore[arg-type]
     end = outline_of(found.outline[-1], found.line.place, attempts[-1].start, sides)
-    assert np.abs(end.offset).max() <= CLOSE
-    assert found.value("size_mid_face") == pytest.approx(0.125, abs=2.0 * CLOSE)
+    assert np.abs(end.offset).max() <= LIMITS.close
+    assert found.value("size_mid_face") == pytest.approx(0.125, abs=2.0 * LIMITS.close)
     diagonal = np.sqrt(2.0) * (0.125 - 0.01) + 0.01
-    assert found.value("size_corner") == pytest.approx(diagonal, abs=2.0 * CLOSE)
+    assert found.value("size_corner") == pytest.approx(diagonal, abs=2.0 * LIMITS.close)
     again = load_case_of(case, tmp_path)
     assert again.physics_hash() == case.physics_hash()
     plain = follow(billet(f"casting.length={AT} m"), MPI.COMM_SELF)
-    assert abs(plain.value("size_mid_face") - 0.125) > 5.0 * CLOSE
+    assert abs(plain.value("size_mid_face") - 0.125) > 5.0 * LIMITS.close
 
 
 def load_case_of(case: Case, folder: Path) -> Case:
@@ -129,7 +130,7 @@ def test_cases_that_cannot_be_asked(name: str, words: str) -> None:
 
 
 def test_section_that_cannot_be_had_says_how_far_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("castfem.studies.mould_fit.section.MOST", 1)
+    monkeypatch.setattr("castfem.studies.mould_fit.section.LIMITS", SectionLimits(runs=1))
     with pytest.raises(RunFailure, match=r"mine: after 1 runs the section is still \d+ um off"):
         find_section(billet(), MPI.COMM_SELF, "mine", 0.06)
 

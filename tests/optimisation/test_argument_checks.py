@@ -175,4 +175,4 @@ def test_what_is_no_result(given: Any, line: str) -> None:
 
 
 def test_runs_of_which_nothing_is_told():
-    assert "solve: obtain gave no results of" in said(lambda: study().solve(obtain=lambda w: None))
+    assert "solve: obtain gave no results for" in said(lambda: study().solve(obtain=lambda w: None))

@@ -148,7 +148,7 @@ def test_a_case_finds_the_coefficient_of_its_twin(
         ("casting.speed", "write KEY=LOW..HIGH UNIT"),
         ("casting.speed=3 m/min", "write KEY=LOW..HIGH UNIT"),
         ("casting.speed=4..2 m/min", "lower bound must be below"),
-        ("casting.speed=2 m/s..4 m/min", "both bounds in one unit"),
+        ("casting.speed=2 m/s..4 m/min", "both bounds need the same unit"),
         ("casting.speed=a..b", "bounds are numbers"),
     ],
 )

@@ -10,7 +10,7 @@ from small_case import small
 from castfem.base.types import Array
 from castfem.post.compare.optimum_tables import report
 from castfem.studies.optimisation import Evaluation, Optimum, RunRequest, Study
-from castfem.studies.optimisation.local_model import REACH, Quadratic, nearest
+from castfem.studies.optimisation.local_model import MODEL, Quadratic, nearest
 
 CENTRE, STEP = np.array([0.5, 0.4]), np.array([0.05, 0.1])
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
@@ -18,7 +18,7 @@ SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
 
 def quadratic(*margins: tuple[float, float, float]) -> Quadratic:
     """A cost, and margins a + b dx + c dy in steps from the optimum."""
-    grid = np.linspace(-REACH, REACH, 5)
+    grid = np.linspace(-MODEL.reach, MODEL.reach, 5)
     steps = np.array([[a, b] for a in grid for b in grid])
     values = [
         np.sum(steps, axis=1),
@@ -58,7 +58,7 @@ def test_an_optimum_that_keeps_its_margins_stays():
 
 def test_a_bound_out_of_reach_is_missed_least():
     found = nearest(quadratic((0.0, 1.0, 0.0)), np.array([-100.0]), [True])
-    assert in_steps(found)[0] == pytest.approx(REACH, abs=0.01)
+    assert in_steps(found)[0] == pytest.approx(MODEL.reach, abs=0.01)
 
 
 def kinked(wanted: RunRequest) -> dict[str, float]:

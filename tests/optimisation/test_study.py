@@ -12,7 +12,7 @@ from known_results import HEAT, SPEED, STRESS, Given, bowl, covered, solve, stud
 from castfem.base.atomic_files import plain
 from castfem.base.shown_quantity import Quantity
 from castfem.post.compare.optimum_tables import report
-from castfem.studies.accuracy.estimate import SAFETY
+from castfem.studies.accuracy.estimate import RULES
 from castfem.studies.accuracy.sizes import LEVELS
 from castfem.studies.optimisation import Evaluation, RunRequest
 from castfem.studies.optimisation.numerical_error import NumericalError, error, sides
@@ -84,12 +84,12 @@ def test_interval_holds_the_converged_optimum(fidelity: str, order: float):
     (value,), (kept,) = found.values, found.constraints
     cells = LEVELS[fidelity].cells ** order
     assert value.value == pytest.approx(4.4 - 0.1 * cells, abs=0.01)
-    stated = SAFETY * 0.1 * cells
+    stated = RULES.safety * 0.1 * cells
     if order >= 1.0:
         assert kept.result.numerical == pytest.approx(1e6 * stated, rel=1e-3)
     else:  # that of first order is stated, which is less
         stated = 1e-6 * kept.result.numerical
-        assert 0.1 * cells < stated < SAFETY * 0.1 * cells
+        assert 0.1 * cells < stated < RULES.safety * 0.1 * cells
     assert found.checked == ("default" if fidelity == "fine" else "fine")
     there = LEVELS[found.checked].cells ** order
     assert kept.checked == pytest.approx(kept.left + 0.1e6 * (there - cells))

@@ -252,10 +252,10 @@ def test_a_record_with_a_wrong_type_is_told_by_its_key(tmp_path, key, value, sai
     begun(tmp_path).close()
     path = tmp_path / "run.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {key: value}))
-    with pytest.raises(InputError, match=rf"run\.json: {said}, .*put it right"):
+    with pytest.raises(InputError, match=rf"run\.json: {said}, .*correct it"):
         RunRecord.load(tmp_path)
     for resume in (False, True):
-        with pytest.raises(InputError, match="put it right"):
+        with pytest.raises(InputError, match="correct it"):
             begun(tmp_path, resume=resume)
 
 

@@ -11,6 +11,7 @@ import pytest
 from synthetic_run import summary, write_run
 
 from castfem.post.plots.figures import RunData, draw_figures
+from castfem.post.plots.style import Style
 
 
 @pytest.mark.parametrize(
@@ -44,6 +45,6 @@ def test_a_stack_of_few_slices_is_not_drawn(
     with ExitStack() as files:
         count = len(RunData(folder, None, files).fields.positions)
     for least, there in ((count, True), (count + 1, False)):
-        monkeypatch.setattr("castfem.post.plots.figures._SLICES", least)
+        monkeypatch.setattr("castfem.post.plots.figures.STYLE", Style(slices=least))
         drawn = {path.stem for path in draw_figures(folder)}
         assert ("stack" in drawn) is there and "temperature" in drawn

@@ -44,13 +44,13 @@ def test_results_of_a_thermal_run(thermal: Simulation) -> None:
 def test_results_of_a_slice_in_its_mould(thermal: Simulation) -> None:
     case = load("billet125/taper_1")
     law = SimpleNamespace(data=object())
-    problem = SimpleNamespace(
+    strained = SimpleNamespace(
         slice=SimpleNamespace(
             law=law, interactions=[SimpleNamespace(has_friction=True)], planes=PlainPlanes()
         )
     )
     like = SimpleNamespace(
-        case=case, mechanics=SimpleNamespace(problem=problem), probes=thermal.probes,
+        case=case, strained=strained, probes=thermal.probes,
         centred_probes=thermal.centred_probes,
     )  # fmt: skip
     having = sorted(names_of(like))

@@ -66,8 +66,8 @@ def test_the_rate_is_that_of_the_strain(tmp_path: Path) -> None:
     try:
         kept = Kept()
         TimeLoop(simulation, kept).run()  # type: ignore[arg-type]
-        assert simulation.mechanics is not None
-        sampler = MechanicalSampler(simulation.mechanics, simulation.probes, ("mid_face",))
+        assert simulation.strained is not None
+        sampler = MechanicalSampler(simulation.strained, simulation.probes, ("mid_face",))
         before, now = (state.mechanical for state in kept.states[-2:])
         assert before is not None and now is not None
         change = sampler.strain(now) - sampler.strain(before)

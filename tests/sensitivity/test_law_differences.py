@@ -10,7 +10,7 @@ from castfem.physics.materials.curve import ThermalCurve
 from castfem.physics.thermal.boundary import Cooling, Patch
 from castfem.physics.thermal.flux_laws import Contact, Convection, SurfaceLaw
 from castfem.studies.sensitivity.perturbed_simulation import CurveDifference, same_laws
-from castfem.studies.sensitivity.perturbed_slices import WARMER, slope, slope_by_temperature
+from castfem.studies.sensitivity.perturbed_slices import DIFFERENCES, slope, slope_by_temperature
 
 
 def _curve(solidus: float, slope: float = 0.0, jump: float = 0.0) -> ThermalCurve:
@@ -68,7 +68,7 @@ def test_a_slope_beside_a_jump_or_a_kink_is_that_of_the_side_that_changes_less()
     def bends(t: Array) -> Array:
         return np.where(t > 1000.0, 5.0, 2.0) * (t - 1000.0)
 
-    at = np.array([900.0, 1000.0, 1000.0 + 0.5 * WARMER])
+    at = np.array([900.0, 1000.0, 1000.0 + 0.5 * DIFFERENCES.warmer])
     assert slope_by_temperature(jumps, at, jumps(at)) == pytest.approx([3.0, 3.0, 3.0], rel=1e-3)
     assert slope_by_temperature(bends, at, bends(at))[:2] == pytest.approx([2.0, 2.0])
     smooth = slope(np.array([1.0201]), np.array([1.0]), np.array([0.9801]), 0.01)

@@ -354,7 +354,7 @@ def test_a_weak_parameter_stands_beside_what_newton_left(monkeypatch: pytest.Mon
     names = ["von_mises_max", "axial_strain", "heat_removed"]
     known = together().gradient
     loose = billet().with_({"mechanics.tolerance": 1e-6})
-    monkeypatch.setattr(mechanical, "NARROW", 5e-5)
+    monkeypatch.setattr(mechanical, "TOLERANCES", mechanical.StepTolerances(narrow=5e-5))
     weak = castfem.sensitivities(loose, "casting.superheat", ",".join(names)).gradient
     for name in names:
         slope = known[name]["casting.superheat"]

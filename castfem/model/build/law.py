@@ -72,7 +72,7 @@ def _elasticity(table: Mechanics, steel: Steel, solidity: Solidity) -> Elasticit
 
 
 def try_solver(table: str, options: Options) -> None:
-    """Try the options of `thermal.solver` or `mechanics.solver`, merged over ours of one rank.
+    """Try the options of `thermal.solver` or `mechanics.solver` over the defaults of one rank.
 
     Args:
         table: "thermal" or "mechanics".

@@ -23,8 +23,9 @@ from castfem.model.build.start import given_profile
 from castfem.model.build_machine import build_machine
 from castfem.model.mechanics import Way
 from castfem.model.section import meshing
-from castfem.physics.coupling.staggered import ERROR, StaggeredCoupling
-from castfem.physics.coupling.step_control import ALLOWED_STRAIN, Adaptive, StepControl
+from castfem.physics.coupling.staggered import LIMITS, StaggeredCoupling
+from castfem.physics.coupling.step_control import LIMITS as STEP_LIMITS
+from castfem.physics.coupling.step_control import Adaptive, StepControl
 from castfem.physics.coupling.subcycling import MechanicalSteps, ThermalSteps
 from castfem.physics.machine.machine import STANDING
 from castfem.physics.materials.curve import ThermalCurve
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     from castfem.physics.closed_forms import ClosedForm
     from castfem.physics.machine import Machine
     from castfem.physics.materials import Steel
+    from castfem.physics.mechanics.parts import StrainedSlice
     from castfem.physics.mechanics.stepper import MechanicalStepper
 
 
@@ -54,7 +56,8 @@ class Simulation:
         zones: The machine's cooling. probes: Lines at which results are read.
         control: Choice of the step: thermal, or with mechanics the coupling window.
         steps: Thermal steps. mechanics: The mechanical step; None for a case without.
-        coupling: Takes windows of both; likewise.
+        strained: The slice as its states are read: that of the mechanics, or one with a number
+            changed; None without mechanics. coupling: Takes windows of both; None without them.
         start_temperature: At the meniscus, K. watch: Where the time goes.
         mechanics_end: When its mechanics end, s; inf where they go on to the end of the run.
         exact: The closed form it is held against, if the case names one.
@@ -70,6 +73,7 @@ class Simulation:
     control: StepControl
     steps: ThermalSteps
     mechanics: MechanicalStepper | None
+    strained: StrainedSlice | None
     coupling: StaggeredCoupling | None
     start_temperature: float
     watch: Stopwatch
@@ -151,7 +155,8 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
     steps = ThermalSteps(stepper, thermal)
     coupling = _coupling(case, machine, steps, mechanics, zones)
     return Simulation(
-        case, machine, steel, section, stepper, zones, probes, control, steps, mechanics, coupling,
+        case, machine, steel, section, stepper, zones, probes, control, steps, mechanics,
+        None if mechanics is None else mechanics.problem, coupling,
         start_temperature=start, watch=watch, mechanics_end=mechanics_end, exact=exact,
     )  # fmt: skip
 
@@ -171,8 +176,8 @@ def _windows(case: Case, machine: Machine, milestones: list[float]) -> StepContr
     """Choice of the coupling windows, of equal times or of equal lengths of strand."""
     given = case.coupling.interval
     windows = partial(
-        StepControl, case.casting.duration, milestones, order=ERROR.order,
-        tolerance=case.coupling.window_error or ERROR.allowed, most=case.coupling.growth or 1.0,
+        StepControl, case.casting.duration, milestones, order=LIMITS.order,
+        tolerance=case.coupling.window_error or LIMITS.allowed, most=case.coupling.growth or 1.0,
     )  # fmt: skip
     if not isinstance(given, Way):
         return windows(fixed=given)
@@ -213,7 +218,7 @@ def _coupling(
     return StaggeredCoupling(
         steps, MechanicalSteps(mechanics, given.mechanical_step), given.dissipation, zones, gap,
         duration, given.passes, given.settled, given.order,
-        given.strain_error or ALLOWED_STRAIN,
+        given.strain_error or STEP_LIMITS.strain,
         _reach(mechanics.problem.section) if (given.growth or 1.0) > 1.0 else None,
     )  # fmt: skip
 

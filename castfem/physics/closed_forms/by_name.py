@@ -171,8 +171,8 @@ def _half_space(steel: Steel, surface: float, start: float) -> ClosedForm:
         or max(abs(steel.liquidus - melting), start - melting) > 1.0  # K
     ):
         raise InputError(
-            'verification.closed_form: "weiner_boley" is of its own constants: steel.name = '
-            f'"weiner_boley", a surface of {half_space.SURFACE:g} degC, and a melt at '
+            'verification.closed_form: "weiner_boley" has constants of its own; it needs '
+            f'steel.name = "weiner_boley", a surface of {half_space.SURFACE:g} degC, and a melt at '
             f"{half_space.MELTING:g} degC"
         )
     exact = HalfSpace()

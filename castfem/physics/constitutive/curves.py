@@ -166,20 +166,3 @@ class DeltaFerrite:
         return np.asarray(
             np.exp(self.ln_level + np.log(rate) / self.stress_exponent) * hard**self.hardening
         )
-
-
-def norton_relaxation(
-    time: npt.ArrayLike, stress: float, young: float, factor: float, exponent: float
-) -> Array:
-    """Stress of a bar held at its length under Norton creep, Pa.
-
-    Args:
-        time: s.
-        stress: At time 0, Pa.
-        young: Young's modulus, Pa.
-        factor: Creep rate at 1 Pa, 1/s.
-        exponent: Of the stress, not 1.
-    """
-    m = exponent - 1.0
-    loss = m * young * factor * stress**m * np.asarray(time, float)
-    return np.asarray(stress * (1.0 + loss) ** (-1.0 / m))

@@ -385,6 +385,6 @@ def _parse(name: str, base: Path, holds: str) -> tuple[dict[str, Any], str]:
     except OSError as error:
         raise InputError(f"{label}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
-        raise InputError(f"{label}: not a text in UTF-8; save it as that") from None
+        raise InputError(f"{label}: is not UTF-8 text; save it in that encoding") from None
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{label}: {error}") from None

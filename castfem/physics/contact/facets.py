@@ -224,13 +224,12 @@ class SurfaceMean:
 
     Args:
         facets: The facets' points (collective).
-        length: Over which, m; where three facets are longer, over these.
     """
 
-    def __init__(self, facets: Facets, length: float = LENGTH) -> None:
+    def __init__(self, facets: Facets) -> None:
         self._comm, self._own = facets.section.comm, facets.position
         facet = facets.weight.reshape(-1, facets.per_facet).sum(axis=1)
-        half = 0.5 * np.maximum(length, 3.0 * np.repeat(facet, facets.per_facet))
+        half = 0.5 * np.maximum(LENGTH, 3.0 * np.repeat(facet, facets.per_facet))
         self._places = self.gathered(facets.position)
         self._pieces, self._halves = self.gathered(facets.weight), self.gathered(half)
         self._tree = cKDTree(self._places)

@@ -208,7 +208,7 @@ class Interaction(ABC):
         return reductions.totals(self.section.comm, work) - resistance
 
     def _work_form(self) -> fem.Form:
-        """Its work on the direction that the motion holds, compiled when it is asked for first."""
+        """Work on the direction that the motion holds; compiled at first use."""
         if self._generalized_work is None:
             form = self.virtual_work(of_generalized_strains(self._motion.one, self.section.mesh))
             self._generalized_work = self.section.compile(f"{self.name}.generalized_work", form)

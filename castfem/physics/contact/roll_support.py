@@ -176,7 +176,9 @@ class RollSupport(SurfaceInteraction):
     def __post_init__(self) -> None:
         """Check the range."""
         if not self.between[0] < self.between[1]:
-            raise InputError(f"rolls: between {self.between[0]:g} and {self.between[1]:g} m: none")
+            raise InputError(
+                f"rolls: there are none between {self.between[0]:g} and {self.between[1]:g} m"
+            )
 
     def active(self, time: float) -> bool:
         """Whether a step that ends at `time` (s) is borne."""

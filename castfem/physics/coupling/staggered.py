@@ -11,13 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Protocol
 
-from mpi4py import MPI
-
 import numpy as np
 
-from castfem.base.types import Array, Flags
+from castfem.base.types import Array
 from castfem.fem import reductions
-from castfem.physics.coupling.step_control import ALLOWED_STRAIN, NO_STEP, StepLength
+from castfem.physics.coupling.relaxation import Relaxation
+from castfem.physics.coupling.step_control import LIMITS as STEP_LIMITS
+from castfem.physics.coupling.step_control import NO_STEP, StepLength
 from castfem.physics.coupling.subcycling import MechanicalSteps, SubSteps, ThermalSteps
 from castfem.physics.thermal.stepper import ThermalState
 
@@ -26,20 +26,30 @@ if TYPE_CHECKING:
     from castfem.physics.mechanics.surface_gap import SurfaceGap
 
 
-FACTORS = (0.02, 1.0)  # of the relaxation: smallest and largest
-
-
 @dataclass(frozen=True, slots=True)
-class WindowError:
-    """Error of the surface temperature in a window, for the gap was held at its mean."""
+class CouplingLimits:
+    """Errors of a coupling window, and what it begins with.
 
-    share: float = 1.0 / 6.0  # of what the change of flux does, which comes evenly
-    order: float = 1.5  # in the length of the window
-    allowed: float = 2.0  # K, where the case gives none
-    beyond: float = 4.0  # times what is allowed: cut back before the gap has converged
+    Attributes:
+        share: Error of the surface temperature for the gap that was held at its mean, over what the
+            change of flux does: the flux varies linearly over a window.
+        order: Of this error in the length of the window.
+        allowed: That error where the case gives none, K.
+        beyond: Times what is allowed: the window is cut back before the gap has converged.
+        steady: Change of the rate of displacement, relative, up to which the gap at the end of a
+            window is extrapolated.
+        coldest: Least temperature that is extrapolated, K: a line may fall below absolute zero.
+    """
+
+    share: float = 1.0 / 6.0
+    order: float = 1.5
+    allowed: float = 2.0
+    beyond: float = 4.0
+    steady: float = 0.5
+    coldest: float = 100.0
 
 
-ERROR = WindowError()
+LIMITS = CouplingLimits()
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,48 +144,6 @@ class CooledSurface(Protocol):
         """Cool the surface where it is now."""
 
 
-def difference(one: Array, other: Array) -> Array:
-    """One gap less another; 0 where both are without a wall."""
-    with np.errstate(invalid="ignore"):
-        return np.nan_to_num(one - other, nan=0.0)
-
-
-class Relaxation:
-    """Aitken's dynamic relaxation of a field that is looked for by repetition.
-
-    [Kuettler2008] (44).
-
-    Args:
-        comm: Ranks that have the field.
-        weight: Of each value in sums: the surface that is its own, so that a section and a part
-            of it that symmetry leaves are relaxed alike, and so are fine and coarse meshes.
-
-    Attributes:
-        factor: By which the last residual was multiplied.
-        residual: What was found last less what was tried; None before.
-        reached: Where both are finite.
-    """
-
-    def __init__(self, comm: MPI.Comm, weight: Array) -> None:
-        self._comm, self.weight, self.factor = comm, weight, 1.0
-        self.residual: Array | None = None
-        self.reached: Flags = np.zeros(0, np.bool_)
-
-    def __call__(self, tried: Array, found: Array) -> Array:
-        """What to try next, after `found` has come of `tried` (collective)."""
-        self.reached = np.isfinite(tried) & np.isfinite(found)
-        residual = np.where(self.reached, difference(found, tried), 0.0)
-        if self.residual is not None:
-            change = residual - self.residual
-            weighted = self.weight * change
-            sums = [float(self.residual @ weighted), float(change @ weighted)]
-            along, size = reductions.totals(self._comm, sums)
-            if size > 0.0:
-                self.factor = float(np.clip(-self.factor * along / size, *FACTORS))
-        self.residual = residual
-        return np.where(self.reached, tried + self.factor * residual, found)
-
-
 class CouplingObserver:
     """What goes along with the windows of a coupling; this one does nothing."""
 
@@ -234,7 +202,7 @@ class StaggeredCoupling:
         max_iterations: int = 1,
         tolerance: float = 1.0,
         order: str = "thermal_first",
-        strain_error: float = ALLOWED_STRAIN,
+        strain_error: float = STEP_LIMITS.strain,
         reach: tuple[float, float] | None = None,
     ) -> None:
         self.thermal, self.mechanics, self.dissipation = thermal, mechanics, dissipation
@@ -273,9 +241,9 @@ class StaggeredCoupling:
             assert ended is not None
             mean = 0.5 * (begun + ended)
             if self.max_iterations > 1:
-                error = ERROR.share * self._misjudged(old.time, taken.state, begun, ended)
+                error = LIMITS.share * self._misjudged(old.time, taken.state, begun, ended)
                 taken = replace(taken, error=error)
-            if taken.error > ERROR.beyond * allowed:
+            if taken.error > LIMITS.beyond * allowed:
                 break
             if self._misjudged(old.time, taken.state, gap, mean) <= self.tolerance:
                 break
@@ -298,7 +266,7 @@ class StaggeredCoupling:
             begun: Its gap (owned,), m.
             end: Of the window, s.
         """
-        if not old.unsteadiness < 0.5:
+        if not old.unsteadiness < LIMITS.steady:
             return begun
         ahead = self.mechanics.stepper.going_on(old, end)
         ended = self.gap_of(ahead)
@@ -350,7 +318,7 @@ class StaggeredCoupling:
     def _expected(self, old: StrandState, end: float) -> Array:
         """Temperatures at `end` if the slice goes on cooling as before (owned,), K."""
         found = old.thermal.point.temperature + (end - old.time) * old.trend
-        return np.maximum(found, 100.0)  # what is expected may lie below absolute zero
+        return np.maximum(found, LIMITS.coldest)
 
     def gap_of(self, state: MechanicalState) -> Array | None:
         """Gap to the wall at the owned vertices (owned,), m, 0 off the surface; None without one.

@@ -18,8 +18,6 @@ from dataclasses import dataclass, replace
 from castfem.base.constants import EXACT
 from castfem.base.errors import RunFailure
 
-ALLOWED_STRAIN = 1e-5  # error of the axial strain of a window that has grown, by default
-
 
 @dataclass(frozen=True, slots=True)
 class StepLimits:
@@ -31,6 +29,7 @@ class StepLimits:
     failed: float = 0.25  # what is left of the step when the solver fails
     rounding: float = 1e-6  # of the smallest step: how far rounding takes a step from it
     rungs: tuple[float, ...] = (1.0, 1.25, 1.6)  # of the ladder, from one to its double
+    strain: float = 1e-5  # axial, error in a window that has grown, where the case gives none
 
 
 LIMITS = StepLimits()
@@ -66,7 +65,7 @@ class Adaptive:
 
 @dataclass(frozen=True, slots=True)
 class StepLength:
-    """Length of the next step as learnt so far: `step` (s), and how many times that it may be."""
+    """Length of the next step as learnt so far: `step` (s), and the factor it may grow by."""
 
     step: float
     growth: float = 1.0

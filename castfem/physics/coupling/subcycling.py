@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from mpi4py import MPI
 
 from castfem.base import log
-from castfem.base.constants import same_instant
+from castfem.base.constants import ROUNDING, same_instant
 from castfem.base.types import Array
 from castfem.physics.coupling.step_control import Proposal, StepControl, StepLength
 from castfem.physics.thermal.stepper import StepResult, ThermalState, ThermalStepper
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from castfem.physics.mechanics.state import MechanicalResult, MechanicalState
     from castfem.physics.mechanics.stepper import MechanicalStepper
 
-ROUNDING = 1e-9  # of a step: how much longer it may be
 FALLS = "the heat flux falls so steeply as the surface warms that the step has several solutions"
 Moment = tuple[float, Array]  # a time, s, and temperatures of the owned vertices then, K
 

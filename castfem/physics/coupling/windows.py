@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from castfem.base import log
+from castfem.base.constants import ROUNDING
 from castfem.base.errors import RunFailure
 from castfem.physics.coupling.staggered import CouplingWindow, StaggeredCoupling, StrandState
 from castfem.physics.coupling.step_control import StepControl
@@ -32,7 +33,7 @@ LIMITS = WindowLimits()
 def take_window(
     coupling: StaggeredCoupling, state: StrandState, control: StepControl
 ) -> tuple[CouplingWindow, int]:
-    """A window that succeeds, cut back as often as it takes, and how often that was for a failure.
+    """Take a window, cut back until it succeeds; return also how often a failure cut it back.
 
     A window whose gap does not converge counts as a failure, but does not end the run.  A gap that
     changes too much for the window's error cuts it back as well.
@@ -51,7 +52,7 @@ def take_window(
         fine = taken < min(LIMITS.shortest * coupling.window, LIMITS.fine)
         allowed = np.inf if fine else control.tolerance
         attempt = coupling.take(state, tried.end, allowed)
-        if attempt.converged and taken > (1.0 + 1e-9) * tried.base and not begins:
+        if attempt.converged and taken > (1.0 + ROUNDING) * tried.base and not begins:
             curved = coupling.curved(state, attempt.state) * control.tolerance
             attempt = replace(attempt, error=max(attempt.error, curved))
         if attempt.converged and attempt.error > allowed:

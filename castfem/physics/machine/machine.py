@@ -1,4 +1,4 @@
-"""The machine as the slice passes it: where it is at a time, and what it finds there."""
+"""The machine as the slice passes through it: its position at a time, and what acts there."""
 
 from __future__ import annotations
 

@@ -188,7 +188,7 @@ def _known(columns: Mapping[str, Sequence[Any]]) -> str | None:
     for name in columns:
         if name == "radius":
             raise _ColumnError(
-                f"column 'radius': say of which face it is, {', '.join(RADII)} (a radius of the "
+                f"column 'radius': say which face it is for: {', '.join(RADII)} (a radius of the "
                 "centreline taken for that of the extrados is half the thickness off)"
             )
         if name not in COLUMNS:

@@ -129,7 +129,9 @@ def _parse(path: Path, label: str) -> dict[str, Any]:
         raise InputError(f"{label}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError as error:
         line = error.object[: error.start].count(b"\n") + 1
-        raise InputError(f"{label}: line {line}: not a text in UTF-8; save it as that") from None
+        raise InputError(
+            f"{label}: line {line}: is not UTF-8 text; save it in that encoding"
+        ) from None
     except tomllib.TOMLDecodeError as error:
         what, _, place = str(error).partition(" (at ")
         raise InputError(f"{label}: {place.rstrip(')')}: {what}") from None

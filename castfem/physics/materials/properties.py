@@ -90,7 +90,7 @@ class ByFormula:
 
 
 def named(name: str, diagram: IronCarbon | None = None, **parameters: float) -> ByFormula:
-    """Return the property by the formula `name`, parameters left out at their defaults."""
+    """Return the property by the formula `name`, with defaults for parameters left out."""
     formula = FORMULAS[name]
     defaults = {key: p.default for key, p in formula.parameters.items()}
     return ByFormula(formula, {**defaults, **parameters}, diagram)

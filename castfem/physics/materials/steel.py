@@ -48,7 +48,7 @@ class Steel:
 
     Temperatures are in K, of any shape; results have the same shape.  At a temperature where a
     property jumps (isothermal freezing, peritectic) `side` picks the hotter ("above") or the colder
-    ("below") state; "above" unless told otherwise.
+    ("below") state; "above" by default.
 
     Attributes:
         name: Name of the set, or of its file.

@@ -114,7 +114,7 @@ class Interactions:
         return next((reason for one in self._each if (reason := one.refusal())), "")
 
     def evaluate(self) -> float:
-        """Act on the displacement there is; stress that rounding makes of it, Pa (collective)."""
+        """Evaluate all at the displacement; return the rounding of stress, Pa (collective)."""
         return sum((one.evaluate() for one in self._each), start=0.0)
 
     def work_on(self, directions: Array) -> Array:
@@ -126,11 +126,11 @@ class Interactions:
         return any([one.hold(on) for one in self._each])  # all of them are told
 
     def evaluated(self) -> Found:
-        """What was evaluated last, for `kink`."""
+        """Results of the last evaluation, for `kink`."""
         return tuple(one.evaluated() for one in self._each)
 
     def kink(self, base: Found) -> float:
-        """Work of tractions since `base`, less what their tangents there foresaw (collective)."""
+        """Work of tractions since `base`, less what their tangents there predict (collective)."""
         parts = zip(self._each, base, strict=True)
         return sum((one.kink(before) for one, before in parts), start=0.0)
 
@@ -154,7 +154,7 @@ class Interactions:
         return tuple(found)
 
     def _prefixes(self) -> Iterator[str]:
-        """What tells the arrays of the second of a kind, and of those after it, from the first."""
+        """Prefixes that distinguish the arrays of several interactions of one kind."""
         names: list[str] = []
         for one in self._each:
             yield f"{names.count(one.name) + 1}_" if one.name in names else ""

@@ -120,7 +120,7 @@ class FedLiquid:
         return self._of_cells(marked) > 0.0
 
     def _of_cells(self, marked: Flags) -> Array:
-        """At each local node how many of these own cells of all ranks it has (collective)."""
+        """Number of these own cells, of all ranks, at each local node (collective)."""
         marks, size = self._marks.x, self._space.dofmap.bs
         marks.array[:] = 0.0
         marks.array.reshape(-1, size)[self._nodes[marked]] = 1.0

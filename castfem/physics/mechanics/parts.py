@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import Literal
 
+import numpy as np
 from dolfinx import fem
 
+from castfem.base.types import Array
 from castfem.fem import dof_values
 from castfem.fem.section import Section
+from castfem.physics.contact.wall_contact import WallContact
 from castfem.physics.mechanics.definition import Slice
 from castfem.physics.mechanics.fields import Fields
 from castfem.physics.mechanics.interactions import Interactions
@@ -21,8 +24,50 @@ from castfem.physics.mechanics.scaling import Scales
 from castfem.physics.mechanics.supports import SPRING, Constraints, SurfaceLoads, symmetry_supports
 
 
-class SliceParts:
-    """The parts of one slice on one section.
+class StrainedSlice:
+    """A slice on its mesh: what its states are read with.
+
+    Args:
+        section: The distributed section.
+        slice_: Material, supports and loads.
+        space: Space of the displacement.
+        points: Quadrature points.
+        interactions: What acts on the surface.
+    """
+
+    def __init__(
+        self,
+        section: Section,
+        slice_: Slice,
+        space: fem.FunctionSpace,
+        points: Points,
+        interactions: Interactions,
+    ) -> None:
+        self.section, self.slice, self.space = section, slice_, space
+        self.points, self.interactions = points, interactions
+
+    def of_slice(self, slice_: Slice) -> StrainedSlice:
+        """A slice with other numbers on the same mesh; its interactions are of the same kinds.
+
+        Raises:
+            InputError: One of the interactions has no derivatives.
+        """
+        interactions = self.interactions.of_slice(slice_.interactions, slice_)
+        return StrainedSlice(self.section, slice_, self.space, self.points, interactions)
+
+    @property
+    def contact(self) -> WallContact | None:
+        """Contact with the wall of a mould; None without one."""
+        return self.interactions.wall
+
+    def at_points(self, temperature: Array) -> Array:
+        """Temperatures at the points from those of the owned vertices."""
+        local = dof_values.with_ghosts(self.section.vertex_space, temperature)
+        return np.asarray(self.points.vertex @ local)
+
+
+class SliceParts(StrainedSlice):
+    """The parts of one slice on one section, from which its equilibrium is built.
 
     Args:
         section: The distributed section.
@@ -32,9 +77,9 @@ class SliceParts:
             where one of them holds the section, points where none does.
 
     Attributes:
-        space: Space of the displacement. points: Quadrature points. scales: Sizes.
+        scales: Sizes of the section, by which unknowns and residuals are measured.
         owned: This rank's own displacement unknowns. free: Free generalized strains.
-        fields: What the forms see. loads: On the surface. interactions: What acts on it.
+        fields: What the forms see. loads: On the surface.
         kinematics: From displacement to strain. constraints: What holds the slice.
         planes: Equilibrium along the free generalized strains.
         liquid: Where the liquid is fed; None where it is an elastic body.
@@ -46,19 +91,18 @@ class SliceParts:
     def __init__(
         self, section: Section, slice_: Slice, springs: float | Literal["as held"] | None
     ) -> None:
-        self.section, self.slice = section, slice_
         check_strains(slice_.planes.free, section.groups)
-        self.free = len(slice_.planes.free)
-        self.space = fem.functionspace(section.mesh, displacement_element(section.cell))
-        self.owned = dof_values.owned_of(self.space)
+        space = fem.functionspace(section.mesh, displacement_element(section.cell))
         rules = slice_.integration or Integration.of(section.cell, section.order)
-        self.points = Points(section, self.space, rules)
-        self.scales = Scales(self.points, self.space)
-        pressed = slice_.ferrostatic is not None
-        self.fields = Fields.on(section, self.space, self.points, pressed)
+        points = Points(section, space, rules)
+        self.fields = Fields.on(section, space, points, slice_.ferrostatic is not None)
+        interactions = Interactions.build(section, slice_.interactions, slice_, self.fields)
+        super().__init__(section, slice_, space, points, interactions)
+        self.free = len(slice_.planes.free)
+        self.owned = dof_values.owned_of(space)
+        self.scales = Scales(points, space)
         held_outside = slice_.ferrostatic is not None and slice_.ferrostatic.outside == "held"
         self.loads = SurfaceLoads.on(section, list(slice_.loads), held_outside)
-        self.interactions = Interactions.build(section, slice_.interactions, slice_, self.fields)
         kind = LargeStrain if slice_.large_strain else SmallStrain
         self.kinematics = kind(
             section, self.points, self.fields, self.loads, self.free > 0, self.interactions,

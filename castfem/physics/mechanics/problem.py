@@ -16,12 +16,11 @@ from dolfinx import fem, la
 
 from castfem.base.stopwatch import Stopwatch
 from castfem.base.types import Array
-from castfem.fem import dof_values, reductions
+from castfem.fem import reductions
 from castfem.fem.bordered_system import BorderedSystem
 from castfem.fem.section import Section
 from castfem.fem.snes import Options, SnesSolver, SolveResult, try_options
 from castfem.physics.constitutive.base import Response
-from castfem.physics.contact.wall_contact import WallContact
 from castfem.physics.mechanics.definition import Slice
 from castfem.physics.mechanics.fields import AXIAL
 from castfem.physics.mechanics.liquid import FedLiquid
@@ -112,19 +111,9 @@ class MechanicalProblem(SliceParts):
         """Of the law, at the active points."""
         return self._material.response
 
-    @property
-    def contact(self) -> WallContact | None:
-        """Contact with the wall of a mould; None without one."""
-        return self.interactions.wall
-
     def _take_law(self) -> None:
         active = self.active
         self._material = Material(self.slice.law, active.count, active.deviator_points)
-
-    def at_points(self, temperature: Array) -> Array:
-        """Temperatures at the points from those of the owned vertices."""
-        local = dof_values.with_ghosts(self.section.vertex_space, temperature)
-        return np.asarray(self.points.vertex @ local)
 
     def begin(self, old: MechanicalState, time: float, temperature: Array) -> None:
         """Prepare a step from the committed state `old` to `time` and new temperatures."""

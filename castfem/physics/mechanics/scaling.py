@@ -33,7 +33,7 @@ def over(value: float, allowed: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class StressScale:
-    """How large the stress is.
+    """Magnitude of the stress.
 
     Attributes:
         typical: Mean stress weighted with itself, Pa: what is met where there is stress at all,

@@ -117,7 +117,7 @@ class MechanicalStepper:
         )
 
     def _guesses(self, old: MechanicalState) -> list[tuple[Array, Array]]:
-        """Where to start: where the last rates lead if they were steady, else one of two."""
+        """Starts of Newton's method: extrapolated, and the old state unless rates are steady."""
         still = (old.displacement[: self.problem.owned], old.scalars)
         if not self.extrapolate or np.isinf(old.unsteadiness):
             return [still]

@@ -330,7 +330,7 @@ class SurfaceLoads:
             scalar.value = pressure.value(time)
 
     def pressing(self, section: Section) -> list[tuple[tuple[int, ...], Any]]:
-        """Tags and value of all that presses on the surface."""
+        """Tags and value of each pressure on the surface."""
         found: list[tuple[tuple[int, ...], Any]] = [(tags, p) for tags, p, _ in self.pressures]
         if self.liquid is not None:
             found.append((tuple(section.matching(section.outer_groups)), self.liquid))

@@ -25,7 +25,7 @@ from castfem.physics.mechanics.supports import Constraints
 
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """What the pressure in the cells without stress does, the same throughout a step.
+    """Forces of the pressure in the cells without stress, constant throughout a step.
 
     Attributes:
         forces: On this rank's nodes, ghosts included, N/m.

@@ -39,7 +39,7 @@ NO_SHELL = "there is no shell yet that could bear a load: let that begin later, 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """How far a description of strain carries.
+    """Range in which a description of strain is valid.
 
     Attributes:
         name: What messages call it. strain: What solid may have borne since it froze.
@@ -221,7 +221,7 @@ class Validity:
         )
 
     def _pressed(self, state: MechanicalState) -> list[Judged]:
-        """Elastic strain along each axis that pressure on the surface would make."""
+        """Elastic strain along each axis that pressure on the surface would cause."""
         if not self._interactions:
             return []
         local = dof_values.with_ghosts(self._points.section.vertex_space, state.temperature)

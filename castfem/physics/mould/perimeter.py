@@ -19,16 +19,16 @@ RIGHT, CORNER, UPPER = range(3)
 """Pieces of a quarter."""
 
 
-def sides_of(cavity: Cavity, tapers: Tapers, position: float, scale: float = 1.0) -> Sides:
+def sides_of(cavity: Cavity, tapers: Tapers, position: float) -> Sides:
     """Return the sizes of a cavity at a position; those of a round are all its radius.
 
     Raises:
         ValueError: The shape is none whose wall can be offset to a tube.
     """
     if isinstance(cavity, RectangleCavity):
-        return cavity.sides(tapers, position, scale)
+        return cavity.sides(tapers, position, 1.0)
     if isinstance(cavity, RoundCavity):
-        radius = 0.5 * cavity.dimensions(tapers, position, scale)["diameter"]
+        radius = 0.5 * cavity.dimensions(tapers, position, 1.0)["diameter"]
         return Sides((radius, radius), (radius, radius), radius)
     raise ValueError("only a rectangle or a round has a wall in three pieces, not a beam blank")
 

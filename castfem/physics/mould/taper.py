@@ -43,7 +43,7 @@ class TaperSegment:
 
 
 class TaperProfile(Protocol):
-    """How a linear dimension of the cavity goes with the position below the meniscus."""
+    """A linear dimension of the cavity as a function of the position below the meniscus."""
 
     def half(self, position: float, start: float) -> float:
         """Return half the dimension at a position, m, that is `start` at the meniscus."""

@@ -35,7 +35,7 @@ DEFECT = (
 
 @dataclass(frozen=True, slots=True)
 class RangeLimits:
-    """How far temperatures may leave what old temperatures and surroundings allow."""
+    """How far temperatures may exceed the bounds set by old temperatures and surroundings."""
 
     sheared: float = 0.01  # of the range: a sheared mesh keeps the maximum principle but for that
     warmer: float = 2.0  # heat generated inside, over what it warms at the capacity of reference
@@ -244,10 +244,10 @@ class ThermalStepper:
         owned = places[: len(new.point.temperature), :2]
         _, x, y = reductions.peak(self.comm, -new.point.temperature, owned)
         return (
-            "more heat is taken than there is: below absolute zero at "
-            f"x = {1e3 * x:.4g} mm, y = {1e3 * y:.4g} mm; a given flux does not fall as the steel "
-            'grows cold: let it be less there or end before (law = "flux", over position), or give '
-            "a law that knows the surroundings (contact, convection, spray)"
+            "more heat is taken than there is: the temperature is below absolute zero at "
+            f"x = {1e3 * x:.4g} mm, y = {1e3 * y:.4g} mm; a prescribed flux does not decrease as "
+            'the steel cools: reduce it there or end it earlier (law = "flux", over position), or '
+            "use a law with an ambient temperature (contact, convection, spray)"
         )
 
     def stray(self, new: ThermalState) -> str:
@@ -356,7 +356,7 @@ class ThermalStepper:
     def _error(self, old: ThermalState, stages: list[Stage], dt: float) -> float:
         """Estimated temperature error of the step at the worst vertex, K.
 
-        The rates at the start, the first stage and the end make a quadrature of third order; its
+        The rates at the start, the first stage and the end form a quadrature of third order; its
         difference to the second-order step is the estimate.  For backward Euler the trapezoidal
         rule takes its place.
         """

@@ -4,22 +4,39 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
+from castfem.base.constants import EXACT, ROUNDING
 from castfem.runs.results.numbers import shown
 
-_FINEST, _LARGEST = 1e-4, 1e4  # beyond them a number is printed with its power of ten
-_ALL = 7  # significant digits that a result has at most
-_LOST = 0.05  # by rounding, of a value or a difference: then two digits of it are printed
-_ROUNDING = 1e-9  # of a power of ten
-_SAME = 1e-12  # relative: rounding
-_VALUE = 9  # digits of a variable; it is rounded to those of its range
+
+@dataclass(frozen=True, slots=True)
+class Digits:
+    """How many digits numbers of optima are printed with.
+
+    Attributes:
+        finest: Smallest number that is printed without its power of ten.
+        largest: From here on the power is printed, too.
+        result: Significant digits of a result at most.
+        variable: The same of a variable, which is rounded to those of its range.
+        lost: Rounding, over a value or a difference, from which two digits of it are printed.
+    """
+
+    finest: float = 1e-4
+    largest: float = 1e4
+    result: int = 7
+    variable: int = 9
+    lost: float = 0.05
+
+
+DIGITS = Digits()
 
 
 def significant(value: float, digits: int, sign: str = "") -> str:
     """A difference with so many digits that count, zeros at the end left out; "?" for NaN."""
     if not math.isfinite(value):
         return "?"
-    if value == 0.0 or not _FINEST <= abs(value) < _LARGEST:
+    if value == 0.0 or not DIGITS.finest <= abs(value) < DIGITS.largest:
         return f"{value + 0.0:{sign}.{digits}g}"
     text = f"{value:{sign}.{max(0, digits - 1 - _power(value))}f}"
     return text.rstrip("0").rstrip(".") if "." in text else text
@@ -38,14 +55,14 @@ def result(value: float, unit: str, apart: float = 0.0) -> str:
         return usual
     usual_decimals = len(usual.partition(".")[2])
     lost = abs(float(usual) - value)
-    least = 1 - _power(value) if lost > _LOST * abs(value) else 0
-    if abs(apart) > _SAME * abs(value) and lost > _LOST * abs(apart):
-        least = max(least, min(1 - _power(apart), _ALL - 1 - _power(value)))
+    least = 1 - _power(value) if lost > DIGITS.lost * abs(value) else 0
+    if abs(apart) > EXACT * abs(value) and lost > DIGITS.lost * abs(apart):
+        least = max(least, min(1 - _power(apart), DIGITS.result - 1 - _power(value)))
     if least <= usual_decimals:
         return usual
-    return (
-        f"{value:.{least}f}" if abs(value) >= _FINEST else f"{value:.{least + _power(value) + 1}g}"
-    )
+    if abs(value) >= DIGITS.finest:
+        return f"{value:.{least}f}"
+    return f"{value:.{least + _power(value) + 1}g}"
 
 
 def column(values: Sequence[float], unit: str) -> list[str]:
@@ -59,17 +76,17 @@ def column(values: Sequence[float], unit: str) -> list[str]:
 
 def variable(value: float) -> str:
     """A value of a variable."""
-    return f"{value:.{_VALUE}g}"
+    return f"{value:.{DIGITS.variable}g}"
 
 
 def ends(low: float, high: float) -> tuple[str, str]:
     """The ends of an interval: four digits, or those that two digits of its width need."""
     digits, largest = 4, max(abs(low), abs(high))
     if 0.0 < high - low < largest:
-        digits = min(max(4, _power(largest) - _power(high - low) + 2), _VALUE)
+        digits = min(max(4, _power(largest) - _power(high - low) + 2), DIGITS.variable)
     return f"{low:.{digits}g}", f"{high:.{digits}g}"
 
 
 def _power(value: float) -> int:
     """The power of ten of the first digit."""
-    return math.floor(math.log10(abs(value)) + _ROUNDING)
+    return math.floor(math.log10(abs(value)) + ROUNDING)

@@ -28,7 +28,6 @@ _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#
 # Each run has its own dashes, too: through the gaps one sees what lies below, and a print in grey
 # can be read.
 _DASHES: tuple[Any, ...] = ("-", (0, (7, 2)), (0, (4, 1.5, 1, 1.5)), (0, (3, 2)), (0, (1, 1.2)))
-_SINGLE, _SEVERAL, _LINE = 3.4, 2.1, 0.22  # inches: height of a panel, of each, of the legend
 _PERCENT = ("contact_share", "contact_sticking", "axial_strain")  # fractions drawn in %
 
 
@@ -90,9 +89,9 @@ def _draw_figure(
     columns = 3 if longest < 30 else 2 if longest < 50 else 1
     figure, axes = new_panels(
         len(panels),
-        _SINGLE if len(panels) == 1 else _SEVERAL,
+        3.4 if len(panels) == 1 else 2.1,
         above=0.28,
-        below=0.1 + _LINE * math.ceil(len(order) / columns),
+        below=0.1 + 0.22 * math.ceil(len(order) / columns),
     )
     abscissa = _abscissa(panels[0])
     for panel, ax in zip(panels, axes, strict=True):
@@ -164,7 +163,7 @@ def _dress(axes: list[Axes], abscissa: Abscissa) -> None:
 
 
 def _abscissa(panel: Panel) -> Abscissa:
-    """The x axis: the longest way of all runs; zones, and a time, only if all runs share them."""
+    """The x axis: the longest range of positions; zones and times only if all runs share them."""
     longest = max(panel.curves, key=lambda curve: curve.position[-1])
     tables = [curve.run.history() for curve in panel.curves]
     speeds = [float(t["position"].iloc[-1] / t["time"].iloc[-1]) for t in tables if t is not None]

@@ -14,16 +14,14 @@ import pandas
 
 from castfem.base.result_registry import AT_FRACTION
 from castfem.post.compare.runs import Run
-from castfem.post.plots.along_strand import CLOSED, rate_of
+from castfem.post.plots.along_strand import rate_of
 from castfem.post.plots.history import open_front
+from castfem.post.plots.style import STYLE
 
 _PLACES = ("mid_face", "narrow_face", "corner", "max", "min", "mean", "core")
 _LAST = ("max", "min", "mean")  # places that are none: their panels come after the others
 _NOT_DRAWN = ("time", "position", "step", "cooling_power", "penetration", "solidus_cell")
 _FRONTS = ("shell", "liquidus_depth")
-_STEADY = 1e-6  # relative; what varies by less is the same all the way and in all runs
-_ROUNDING = 1e-6  # kN, kN/m; the solver leaves so much force on a free strand, and less
-_PERCENT = 1.0  # %, the least that the axis of a share spans
 _NOT_DRAWN_ENDINGS = ("error", "newton", "iterations", "newton_mechanics")
 
 
@@ -49,22 +47,18 @@ FIGURES = (
     Definition("heat_flux", "Heat flux out of the surface", "heat flux", zero=True),
     Definition("heat_rate", "Heat leaving the strand", "heat leaving", zero=True),
     Definition("heat_removed", "Heat removed since the meniscus", "heat removed", zero=True),
-    Definition(
-        "heat_share", "Heat removed since the meniscus, {base} = 100 %", "share", span=_PERCENT
-    ),
+    Definition("heat_share", "Heat removed since the meniscus, {base} = 100 %", "share", span=1.0),
     Definition("von_mises", "Von Mises stress", "stress", zero=True),
     Definition("stress", "Stress", "stress"),
     Definition("displacement", "Displacement of the surface, outwards", "displacement"),
     Definition("size", "Size of the section", "size"),
-    Definition("gap", "Gap between strand and mould", "gap", zero=True, span=CLOSED),
+    Definition("gap", "Gap between strand and mould", "gap", zero=True, span=STYLE.gap),
     Definition("contact_pressure", "Contact pressure", "pressure", True, _HOTTEST),
     Definition(
         "mean_contact_pressure", "Contact pressure, mean over 5 mm", "pressure", True, _HOTTEST
     ),
-    Definition("contact_share", "Share of the surface in contact", "share", True, span=_PERCENT),
-    Definition(
-        "contact_sticking", "Share of the surface that sticks", "share", True, span=_PERCENT
-    ),
+    Definition("contact_share", "Share of the surface in contact", "share", True, span=1.0),
+    Definition("contact_sticking", "Share of the surface that sticks", "share", True, span=1.0),
     Definition("axial_strain", "Axial strain", "strain"),
     Definition("axial_stress", "Axial stress at the surface", "stress"),
     Definition("effort", "Axial effort between rolls and drives", "effort"),
@@ -156,10 +150,10 @@ def _vary(curves: Sequence[Curve], units: Set[str]) -> bool:
     values = values[np.isfinite(values)]
     largest = float(np.abs(values).max(initial=0.0))
     if units & {"kN", "kN/m"}:
-        return largest > _ROUNDING
+        return largest > STYLE.force
     if largest == 0.0:
         return len(values) > 0 and "mm" in units
-    return float(np.ptp(values)) > _STEADY * largest
+    return float(np.ptp(values)) > 1e-6 * largest  # else the same all the way and in all runs
 
 
 def _ordered(grouped: dict[str, list[Panel]]) -> list[tuple[Definition, list[Panel]]]:

@@ -16,10 +16,9 @@ if TYPE_CHECKING:
     from castfem.studies.optimisation.optimum import Front
 
 MOULD_NAME, FRONT_NAME = "mould.csv", "front.csv"
-_EVERY = 0.05  # m
 
 
-def mould_table(case: Case, every: float = _EVERY) -> tuple[list[str], list[list[float]]]:
+def mould_table(case: Case, every: float = 0.05) -> tuple[list[str], list[list[float]]]:
     """Return headings and rows of a mould: distance from the meniscus and inner sizes, mm.
 
     The sizes are those of the mould at work, and beside them those of the workshop if it is given

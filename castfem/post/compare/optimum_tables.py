@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
+from castfem.base.constants import EXACT, ROUNDING
 from castfem.base.shown_units import Scale, label_shown, scale_of
 from castfem.base.table import Table
 from castfem.post.compare.digits import column, ends, result, significant, variable
@@ -19,11 +20,6 @@ from castfem.studies.optimisation.optimum import (
     unit_name,
 )  # fmt: skip
 
-_VAGUE = 0.25  # of 5 to 95 %, some three standard deviations: an error of that size hides them
-_ROUNDING = 1e-12  # of a result
-_SIGMAS = 4.0  # of noise, that a handful of runs may lie apart by it
-_APART = 3.0  # of noise: two runs differ by that much of it in one case of thirty
-_BOUND = 1e-9  # of a bound: rounding
 _FAR = " (which bars better places)"  # a constraint that binds, but not where the optimum is
 
 
@@ -32,7 +28,7 @@ def report(optimum: Optimum) -> Iterator[Table | str]:
     objective = optimum.objective
     if objective is None:
         yield (
-            f"no run has come to its end; the one that came furthest: "
+            f"no run has finished; the one that came furthest: "
             f"{_values(optimum)}. See its run.log ({optimum.best or 'of a run made elsewhere'})"
         )
         return
@@ -98,7 +94,7 @@ def _falls(optimum: Optimum, value: Value, number: int, one: ConstraintStatus) -
         return 0
     inward = min(steps, key=lambda step: abs(step.value - value.value))
     gained = one.left - inward.left[number]
-    noise = _APART * one.result.noise + _BOUND * abs(one.bound)
+    noise = 3.0 * one.result.noise + ROUNDING * abs(one.bound)  # once in thirty by chance
     return 0 if abs(gained) <= noise else int(math.copysign(1, gained))
 
 
@@ -135,7 +131,7 @@ def interval(value: Value) -> str:
 
 def _difference(known: ResultWithError, value: float) -> str:
     """A difference in the unit of a result; what is rounding alone counts as none."""
-    if abs(value) <= _ROUNDING * abs(known.value):
+    if abs(value) <= EXACT * abs(known.value):
         value = 0.0
     return significant(known.chosen_difference(value), 2)
 
@@ -227,7 +223,7 @@ def _remarks(optimum: Optimum, objective: ResultWithError) -> Iterator[str]:
         apart = f"{_difference(known, value - known.value)} {known.difference_unit}"
         yield f"{known.name} lies {apart} below {name}, its maximum"
     span = [abs(step.objective) for step in optimum.neighbours if math.isfinite(step.objective)]
-    if span and max(span) <= _SIGMAS * objective.noise:
+    if span and max(span) <= 4.0 * objective.noise:
         yield "all about it the objective changes by no more than its noise: it is flat here"
 
 
@@ -275,7 +271,7 @@ def _spread(optimum: Optimum, spread: Spread) -> Iterator[Table | str]:
     ]
     yield Table(heads, indices)
     widths = {row.name: row.change[1] - row.change[0] for row in spread.rows}
-    vague = [one.name for one in spread.rows if (one.error or 0.0) > _VAGUE * widths[one.name]]
+    vague = [one.name for one in spread.rows if (one.error or 0.0) > 0.25 * widths[one.name]]
     if vague:
         yield (
             f"the error of the fit is as large as the spread of {', '.join(vague)}: these are "

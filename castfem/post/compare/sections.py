@@ -33,16 +33,20 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.tri import Triangulation
 
-_SLENDER = 5.0  # ratio of the sides from which the picture of a strip would say nothing
-_MOVES = 0.25  # of a section, by which its surface may seem to move: one factor is for all runs
-_TITLE = 34  # characters as wide as a section
-_CLOSED = 1e-6  # m; a gap below is none
-_ACROSS = 3  # sections side by side
-_CELL = 2.2  # inches, the longer side of a section
-_LEFT, _RIGHT, _ABOVE, _BELOW = 0.6, 1.0, 0.7, 1.0  # inches around them all
-_BESIDE, _BETWEEN = 0.4, 0.65  # inches from one to the next
-_MARGIN = 0.04  # of a section
-_ENTRY = 1.7  # inches; of the legend
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Inches around sections side by side (`right` with a scale of colours), and between them."""
+
+    left: float = 0.6
+    right: float = 1.0
+    above: float = 0.7
+    below: float = 1.0
+    beside: float = 0.4
+    between: float = 0.65
+
+
+GRID = Grid()
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +125,7 @@ def draw_sections(runs: Sequence[Run], words: Callable[[str], str]) -> dict[str,
     if len(sections) < len(runs):
         return {}
     sides = np.max([np.ptp(section.places, axis=0) for section in sections], axis=0)
-    if max(sides) > _SLENDER * min(sides):
+    if max(sides) > 5.0 * min(sides):  # a strip would say nothing
         return {}
     titled = {words(section.label): section for section in sections}
     figures = {"temperature": _draw_temperature(titled)}
@@ -167,7 +171,7 @@ def _side_by_side(
         found = draw(ax, section)
         shades = found.shades or shades
         handles |= {str(handle.get_label()): handle for handle in found.handles}
-        short = len(name) + len(found.words) < _TITLE
+        short = len(name) + len(found.words) < 34  # characters as wide as a section
         apart = ": " if short else ":\n"
         ax.set_title(name + (apart + found.words if found.words else ""), fontsize=9)
     if scale:
@@ -197,7 +201,8 @@ def _draw_temperature(sections: Mapping[str, Section]) -> Figure:
 def _draw_shape(sections: Mapping[str, Section]) -> Figure:
     """The distorted sections, coloured by temperature, in their moulds; one factor for all."""
     shapes = [section.distortion for section in sections.values()]
-    factor = min(shape.factor(_MOVES) for shape in shapes if shape is not None)
+    # of a section; one factor for all runs
+    factor = min(shape.factor(0.25) for shape in shapes if shape is not None)
     extents = [
         section.places if shape is None else shape.places(factor)
         for section, shape in zip(sections.values(), shapes, strict=True)
@@ -220,7 +225,7 @@ def _gap_text(gap: float) -> str:
     """The largest gap [m] in words; nothing without a mould."""
     if math.isnan(gap):
         return ""
-    if gap < _CLOSED:
+    if gap < 1e-6:  # m
         return "no gap"
     small = small_gap(1e3 * gap, scale_of("mm", "gap").unit)
     return f"gap up to {said(1e3 * gap, 'mm', '.2f', 'gap') if small is None else f'{small} µm'}"
@@ -273,21 +278,21 @@ def places(
         margin: Leave some room around what is shown.
     """
     sides = np.max([np.ptp(places, axis=0) for places in drawn], axis=0)
-    around = _MARGIN * float(sides.max()) if margin else 0.0
+    around = 0.04 * float(sides.max()) if margin else 0.0
     sides = sides + 2.0 * around
-    wide, high = (_CELL * side / sides.max() for side in sides)
-    across = 2 if len(drawn) == 4 else min(_ACROSS, len(drawn))
+    wide, high = (2.2 * side / sides.max() for side in sides)  # inches, the longer side
+    across = 2 if len(drawn) == 4 else min(3, len(drawn))
     down = math.ceil(len(drawn) / across)
-    right = _RIGHT if bar else 0.2
-    width = _LEFT + across * wide + (across - 1) * _BESIDE + right
-    height = _ABOVE + down * high + (down - 1) * _BETWEEN + _BELOW
+    right = GRID.right if bar else 0.2
+    width = GRID.left + across * wide + (across - 1) * GRID.beside + right
+    height = GRID.above + down * high + (down - 1) * GRID.between + GRID.below
     figure = new_figure(width, height, layout="none")
     figure.suptitle(title, fontsize=10.5, y=1.0 - 0.12 / height)
     axes = []
     for number, shown in enumerate(drawn):
         row, column = divmod(number, across)
-        left = _LEFT + column * (wide + _BESIDE)
-        bottom = _BELOW + (down - 1 - row) * (high + _BETWEEN)
+        left = GRID.left + column * (wide + GRID.beside)
+        bottom = GRID.below + (down - 1 - row) * (high + GRID.between)
         ax = figure.add_axes((left / width, bottom / height, wide / width, high / height))
         ax.grid(False)
         ax.tick_params(labelsize=8)
@@ -305,15 +310,15 @@ def places(
 def bar(figure: Figure, shades: Any, label: str) -> None:
     """The scale of the colours to the right of all sections."""
     width, height = figure.get_size_inches()
-    left = width - _RIGHT + 0.15
-    tall = height - _ABOVE - _BELOW
-    place = figure.add_axes((left / width, _BELOW / height, 0.14 / width, tall / height))
+    left = width - GRID.right + 0.15
+    tall = height - GRID.above - GRID.below
+    place = figure.add_axes((left / width, GRID.below / height, 0.14 / width, tall / height))
     figure.colorbar(shades, cax=place, label=label)
 
 
 def legend(figure: Figure, handles: Mapping[str, Any]) -> None:
     """The legend below everything, on as many lines as it needs."""
-    fitting = max(1, int(figure.get_size_inches()[0] / _ENTRY))
+    fitting = max(1, int(figure.get_size_inches()[0] / 1.7))  # inches of an entry
     rows = math.ceil(len(handles) / fitting)
     figure.legend(
         list(handles.values()),

@@ -19,8 +19,6 @@ from castfem.studies.sweep.results import TABLE_NAME, Row, varied
 if TYPE_CHECKING:
     import pandas
 
-_LEAST = 4  # results that are shown before what was varied has columns of its own
-_GAP = 2  # between columns
 _Column = tuple[str, list[str]]
 """Heading and cells."""
 
@@ -35,7 +33,7 @@ def sweep_table(table: Sequence[Row], width: int) -> Table:
     columns, results = _leading_columns(table), _main_columns(table)
     remarks = [_remark(row) for row in table]
     left = width - min(30, max(map(len, remarks)))
-    wanted = sum(map(_width, results[:_LEAST]))
+    wanted = sum(map(_width, results[:4]))  # shown before what was varied has its own
     if left - sum(map(_width, columns)) < wanted:
         columns = _folded(columns)
     room = left - sum(map(_width, columns))
@@ -121,7 +119,7 @@ def _header(name: str, unit: str) -> str:
 def _width(column: _Column) -> int:
     """How wide a column is, with the gap behind it."""
     heading, cells = column
-    return max(len(line) for text in (heading, *cells) for line in text.split("\n")) + _GAP
+    return max(len(line) for text in (heading, *cells) for line in text.split("\n")) + 2
 
 
 def _remark(row: Row) -> str:
@@ -170,7 +168,7 @@ def _part(part: Part | None, scale: Scale) -> str:
 
 
 def without_error(table: ErrorTable) -> list[str]:
-    """Return a line for each run that told nothing, and for the numbers that have no error."""
+    """Return a line for each run without results, and one for the numbers without an error."""
     lost = [
         plain_label(quantity_of(entry))
         for entry in (table.quantities[name] for name in main_names(table.quantities))

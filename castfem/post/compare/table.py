@@ -31,9 +31,7 @@ CSV_NAME = "compare.csv"
 RATIOS = ("heat_removed", "heat_removed_slice")  # also shown as a share of the base run's
 SHARE = "% of base"
 _ALONG = "size_"  # quantities that are also shown on the way through the mould
-_WAY = (1 / 3, 2 / 3)  # where, of the mould
 _IDEAL = "idealised"  # label, or in the title, of a run whose mould has no gap
-_ALIKE = 1e-4  # relative; speeds and lengths that differ by less are the same
 _SAME = 1e-6  # relative; positions that differ by less are one
 
 
@@ -116,9 +114,9 @@ def lines(
 def _way(
     histories: Sequence[pandas.DataFrame | None], base: Run, runs: Sequence[Run]
 ) -> tuple[float, ...]:
-    """Positions [m] on the way through the base run's mould; its exit where a run goes beyond.
+    """Positions [m] within the base run's mould, and its exit if a run goes beyond it.
 
-    None above the place where the base run begins.
+    Positions above the start of the base run are left out.
     """
     table = histories[runs.index(base)]
     if table is None:
@@ -127,7 +125,7 @@ def _way(
     ends = [float(t["position"].iloc[-1]) for t in histories if t is not None]
     beyond = any(last > end * (1 + _SAME) for last in ends)
     start = float(table["position"].iloc[0]) * (1 - _SAME)
-    return tuple(s * end for s in _WAY if s * end >= start) + ((end,) if beyond else ())
+    return tuple(s * end for s in (1 / 3, 2 / 3) if s * end >= start) + ((end,) if beyond else ())
 
 
 def _line(
@@ -191,7 +189,7 @@ def _may_be_judged(run: Run, base: Run) -> bool:
     """Whether a bound on a share holds for this one: it is of an idealised mould, cast alike."""
     ideal = base.label == _IDEAL or _IDEAL in base.summary.title.lower()
     one, other = run.speed_and_length(), base.speed_and_length()
-    return ideal and (one == other or bool(one and other and np.allclose(one, other, rtol=_ALIKE)))
+    return ideal and (one == other or bool(one and other and np.allclose(one, other, rtol=1e-4)))
 
 
 def _ratio(line: Line, base: int, judged: Sequence[bool]) -> Line:

@@ -18,14 +18,21 @@ from castfem.post.compare.figures import Curve, Panel, figures
 from castfem.post.compare.runs import Run
 from castfem.post.plots.style import probe_colours
 
-WIDTH, HEIGHT = 720, 260
-LEFT, RIGHT, TOP, BOTTOM = 64, 12, 10, 40
-_POINTS, _FEWEST = 240, 30  # of a curve; more are not seen on 640 pixels
-_ROOM = 1_200_000  # bytes of all curves of a page
-_EACH = 30  # bytes of a point: once in the drawing, once for the pointer
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """Size of a chart, and the margins of what is drawn in it, pixels."""
+
+    width: int = 720
+    height: int = 260
+    left: int = 64
+    right: int = 12
+    top: int = 10
+    bottom: int = 40
+
+
+FRAME = Frame()
 _DASHES = ("", "7 4", "2 3", "9 3 2 3")
-_TICKS = 6
-_DIGITS, _MOST_DIGITS = 4, 15  # of the number of a mark
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +75,8 @@ def charts(runs: Sequence[Run]) -> list[Chart]:
     found = []
     drawn = figures(runs, runs[0], least=1)
     count = sum(len(panel.curves) for _, panels in drawn for panel in panels)
-    points = min(_POINTS, max(_FEWEST, _ROOM // (_EACH * max(1, count))))
+    # All curves take 1.2 MB at most, a point 30 bytes; more than 240 are not seen on 640 pixels.
+    points = min(240, max(30, 1_200_000 // (30 * max(1, count))))
     for definition, panels in drawn:
         if len(runs) == 1 and definition.quantity == "heat_share":
             continue
@@ -139,11 +147,14 @@ def chart(title: str, label: str, series: Sequence[Series], *, zero: bool) -> Ch
     across, up = marks(left, right), marks(low, high)
     low, high = min(low, up[0]), max(high, up[-1])
 
+    inner_width = FRAME.width - FRAME.left - FRAME.right
+    inner_height = FRAME.height - FRAME.top - FRAME.bottom
+
     def place_x(value: float) -> float:
-        return LEFT + (WIDTH - LEFT - RIGHT) * (value - left) / (right - left)
+        return FRAME.left + inner_width * (value - left) / (right - left)
 
     def place_y(value: float) -> float:
-        return HEIGHT - BOTTOM - (HEIGHT - TOP - BOTTOM) * (value - low) / (high - low)
+        return FRAME.height - FRAME.bottom - inner_height * (value - low) / (high - low)
 
     return Chart(
         title,
@@ -165,9 +176,9 @@ def ticks(values: Sequence[float], place: Callable[[float], float]) -> tuple[Tic
     """Marks with as many digits as tell one from the next."""
     texts = next(
         texts
-        for digits in range(_DIGITS, _MOST_DIGITS + 1)
+        for digits in range(4, 15 + 1)
         if len(set(texts := [f"{value:.{digits}g}" for value in values])) == len(values)
-        or digits == _MOST_DIGITS
+        or digits == 15
     )
     return tuple(Tick(place(value), text) for value, text in zip(values, texts, strict=True))
 
@@ -179,7 +190,7 @@ def _span(low: float, high: float) -> tuple[float, float]:
     return low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0)
 
 
-def marks(low: float, high: float, most: int = _TICKS) -> list[float]:
+def marks(low: float, high: float, most: int = 6) -> list[float]:
     """Round numbers from below `low` to beyond `high`, with at most so many steps."""
     own_matplotlib()
     from matplotlib.ticker import MaxNLocator

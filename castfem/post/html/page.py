@@ -6,7 +6,7 @@ import base64
 import json
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -42,8 +42,6 @@ from castfem.runs.results.run_case import units_of_run
 
 REPORT_NAME = "report.html"
 LARGEST = 3_000_000  # bytes of a page; pictures beyond it are left out
-_CURVES = 60  # charts of a page at most
-_SIZES = ("width", "height", "left", "right", "top", "bottom")  # of a chart
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,15 +117,15 @@ def _content(runs: Sequence[Run], at_work: AtWork | None, at: Sequence[float]) -
         if not there:
             raise InputError(f"{runs[0].folder}: the run has not been at {place_said(position)}")
         tables.append((f"place{number}", f"At {place_said(position)}", _numbers(runs, there)))
-    charts = drawn.charts(runs)[:_CURVES] if runs else []
+    charts = drawn.charts(runs)[:60] if runs else []
     drawn_sections = sections([run.folder for run in runs])
     keys = [(key, *values) for key, values in differing_keys(runs)] if len(runs) > 1 else []
     heads = ("key", *(run.label for run in runs))
-    size = {name: getattr(drawn, name.upper()) for name in _SIZES}
+    size = asdict(drawn.FRAME)
     along = plain_unit(scale_of("m", "position").unit)
     in_mm = scale_of("mm", "position").unit == "mm"
     place = f'Number(x.toPrecision(4)) + " {along}"'
-    words = {name: str(getattr(drawn, name)) for name in ("WIDTH", "LEFT", "RIGHT")}
+    words = {name: str(size[name.lower()]) for name in ("WIDTH", "LEFT", "RIGHT")}
     words["PLACE"] = '(1000 * x).toFixed(0) + " mm"' if in_mm else place
     script = _text("report.js")
     for name, value in words.items():

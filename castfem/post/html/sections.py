@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.constants import ROUNDING, ZERO_CELSIUS
 from castfem.base.libraries import own_matplotlib
 from castfem.base.shown_units import place_said, plain_unit, scale_of
 from castfem.post.html.charts import Tick, marks, ticks
@@ -20,12 +20,6 @@ from castfem.runs.output.fields import Fields
 from castfem.runs.output.layout import UNITS
 from castfem.runs.output.summary import Summary
 
-STATES = 16  # places at most
-_CELLS = 6000  # beyond it the page would be slow
-_ROOM, _EACH = 1_200_000, 110  # bytes of all sections of a page, and of a cell
-_SHADES = 24  # of a scale of colours
-_PICTURE, _BETWEEN = 460.0, 46.0  # width or height of the drawing, and from mark to mark
-_LITTLE = 1e-9  # of rounding, mm
 _SHOWN = {"temperature": "inferno", "von_mises": "viridis", "solid_fraction": "cividis"}
 _SCALED = {"K": ("degC", 1.0, -ZERO_CELSIUS), "Pa": ("MPa", 1e-6, 0.0), "-": ("", 1.0, 0.0)}
 _CORNERS = {"triangle": 3, "quadrilateral": 4}
@@ -84,11 +78,13 @@ def _read(folder: Path, runs: int) -> tuple[Section, dict[str, NDArray[np.float6
         return None
     with Fields(folder) as fields:
         names = [name for name in _SHOWN if name in fields.names and fields.centre(name) == "point"]
-        if not names or not 0 < len(fields.cells) <= min(_CELLS, _ROOM // (_EACH * runs)):
+        # Beyond 6000 cells a page is slow; a cell takes 110 bytes, all sections 1.2 MB at most.
+        most = min(6000, 1_200_000 // (110 * runs))
+        if not names or not 0 < len(fields.cells) <= most:
             return None
         corners = fields.cells[:, : _CORNERS[fields.cell]]
         count = len(fields.times)
-        places = min(max(1, STATES // runs), count)
+        places = min(max(1, 16 // runs), count)
         evenly = np.linspace(count - 1, 0, places).round().astype(int)
         states = np.asarray(fields.positions, float)
         marks = [int(np.argmin(np.abs(states - at))) for at in _marks(folder, float(states[-1]))]
@@ -123,15 +119,15 @@ def _drawing(
     low, high = points.min(axis=0), points.max(axis=0)
     middle = 0.5 * (low + high) * (part not in ("quarter", "half"), part != "quarter")
     half = np.abs(np.vstack([low, high]) - middle).max(axis=0)
-    scale = 0.5 * _PICTURE / half.max()
+    scale = 230.0 / half.max()
     flat = (points - middle) * scale * np.array([1.0, -1.0])
     width, height = (float(f"{2 * scale * h:.1f}") for h in half)
     polygons = (" ".join(f"{x:.1f},{y:.1f}" for x, y in flat[cell]) for cell in corners)
     shown, axes = scale_of("mm"), []
     for name, sign, at, reach in zip("xy", (1.0, -1.0), middle, half, strict=True):
         left, right = (float(shown(1e3 * end)) for end in (at - reach, at + reach))
-        numbers = marks(left, right, max(2, int(2.0 * reach * scale / _BETWEEN)))
-        inside = [v for v in numbers if left - _LITTLE <= v <= right + _LITTLE]
+        numbers = marks(left, right, max(2, int(2.0 * reach * scale / 46.0)))
+        inside = [v for v in numbers if left - ROUNDING <= v <= right + ROUNDING]
         each, zero = sign * 2.0 * reach * scale / (right - left), 0.5 * (left + right)
 
         def place(value: float, each: float = each, zero: float = zero) -> float:
@@ -163,14 +159,14 @@ def _field(
     if high - low < 1e-9 * max(1.0, abs(high)):
         high = low + 1.0
     levels = np.round(65535 * (values - low) / (high - low)).astype("<u2")
-    palette = colormaps[_SHOWN[name]]
+    palette, shades = colormaps[_SHOWN[name]], 24
     return {
         "name": name.replace("von_mises", "von Mises stress").replace("_", " "),
         "unit": plain_unit(scale.unit),
         "low": float(f"{low:.6g}"),
         "high": float(f"{high:.6g}"),
         "ends": [f"{low:.4g}", f"{high:.4g}"],
-        "palette": [to_hex(palette(i / (_SHADES - 1))) for i in range(_SHADES)],
-        "first": [min(_SHADES - 1, int(_SHADES * int(level) / 65536)) for level in levels[start]],
+        "palette": [to_hex(palette(i / (shades - 1))) for i in range(shades)],
+        "first": [min(shades - 1, int(shades * int(level) / 65536)) for level in levels[start]],
         "values": base64.b64encode(levels.tobytes()).decode("ascii"),
     }

@@ -24,7 +24,7 @@ from castfem.post.plots.history import (
     prefix_for,
 )
 from castfem.post.plots.section import Steel
-from castfem.post.plots.style import LIQUIDUS_COLOUR, SOLIDUS_COLOUR, Abscissa, new_figure
+from castfem.post.plots.style import LIQUIDUS_COLOUR, SOLIDUS_COLOUR, STYLE, Abscissa, new_figure
 from castfem.runs.results.labels import STAIR, has_values, unit_of
 
 if TYPE_CHECKING:
@@ -35,13 +35,8 @@ if TYPE_CHECKING:
 _THERMAL, _MECHANICAL, _GREY = "#0072b2", "#d55e00", "#444444"
 _DOTS: dict[str, Any] = {"marker": ".", "linestyle": "none"}
 _WHOLE: dict[str, Any] = {"color": _GREY, "linestyle": ":", "linewidth": 1.5}  # of the section
-_MANY = 150  # steps; their Newton iterations would blacken a line plot
 _MEAN_PRESSURE = "mean_contact_pressure_max"
-CLOSED = 0.01  # mm, the least the axis of the gap reaches: what is less is no gap to look at
-_HELD = 1e-6  # mm; a surface that moves by less is held, as that of a strip
-_NOTHING = 1e-6  # kN; a free strand carries less, the rounding of the solver
 _PLACES = {"intrados": "#0072b2", "centre": "#7f7f7f", "extrados": "#d55e00"}
-_APART = 0.15  # of the axis beyond the faces, which the neutral axis is drawn within
 
 
 def draw_surface_temperature(
@@ -118,7 +113,7 @@ def heat_totals(table: pandas.DataFrame) -> dict[str, tuple[Array, str]]:
 
 
 def rate_of(table: pandas.DataFrame) -> Array:
-    """The heat that leaves per time over each step, from all that has left."""
+    """Heat flow of each step, from the heat removed so far."""
     with np.errstate(divide="ignore", invalid="ignore"):
         rate = np.diff(table["heat_removed"].to_numpy()) / np.diff(table["time"].to_numpy())
     return np.concatenate([rate[:1], rate])
@@ -134,7 +129,7 @@ def draw_steps(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None)
         panels.append(Panel([Line(step, "", style)], *axis_of(table, "step"), finish=finish))
     named = {"newton": ("temperature", _THERMAL), "newton_mechanics": ("mechanics", _MECHANICAL)}
     kinds: dict[str, Any] = {"linewidth": 1.0, "drawstyle": "steps-pre"}
-    if len(table) > _MANY:
+    if len(table) > 150:  # Newton iterations of more steps would blacken a line plot
         kinds = {**_DOTS, "markersize": 2.5}
     lines = _by_colour(table, named, **kinds)
     if lines:
@@ -250,7 +245,7 @@ def draw_size(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) 
         (label, colour, name)
         for label, colour, name in curves(table, "displacement")
         if name.replace("displacement", "size", 1) not in table
-        and float(np.ptp(table[name].dropna())) > _HELD
+        and float(np.ptp(table[name].dropna())) > STYLE.held
     ]
     if others:
         lines = [Line(table[n].to_numpy(), label, {"color": c}) for label, c, n in others]
@@ -262,7 +257,7 @@ def draw_size(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) 
 def draw_axial(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
     """Strain of the slice along the strand, and the force that goes with it."""
     force = column(table, "axial_force", color=_THERMAL)
-    loaded = bool(force) and float(np.nanmax(np.abs(force[0].values))) > _NOTHING
+    loaded = bool(force) and float(np.nanmax(np.abs(force[0].values))) > STYLE.force
     panels = []
     if has_values(table, "axial_strain"):
         label = "free slice, no axial force" if force and not loaded else ""
@@ -280,7 +275,7 @@ def draw_contact(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | Non
     highest = _MEAN_PRESSURE if mean else "contact_pressure_max"
     panels = []
     for prefix, largest, words, reach in (
-        ("gap", "gap_max", "largest anywhere", CLOSED),
+        ("gap", "gap_max", "largest anywhere", STYLE.gap),
         ("contact_pressure", highest, "largest anywhere" + ", over 5 mm" * mean, 0.0),
     ):
         lines = [*at_probes(table, prefix), *column(table, largest, words, **_WHOLE)]
@@ -351,7 +346,7 @@ def _within_faces(table: pandas.DataFrame) -> Callable[[Axes], None]:
             inside, away = ("top", -4) if end > 0.0 else ("bottom", 4)
             panel.annotate(name, (0.01, end), (0, away), xycoords=panel.get_yaxis_transform(),
                            textcoords="offset points", va=inside, fontsize=8.5)  # fmt: skip
-        panel.set_ylim(-(1.0 + _APART) * half, (1.0 + _APART) * half)
+        panel.set_ylim(-1.15 * half, 1.15 * half)
 
     return finish
 

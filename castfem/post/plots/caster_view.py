@@ -24,7 +24,7 @@ from castfem.post.plots.maps import (
     index_values,
     temperature_colours,
 )
-from castfem.post.plots.style import new_figure
+from castfem.post.plots.style import STYLE, new_figure
 from castfem.runs.output.surface_line import SurfaceLine
 from castfem.runs.output.surface_maps import SurfaceMaps
 
@@ -33,15 +33,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _AZIMUTH, _ELEVATION = np.radians(-48.0), np.radians(27.0)  # from where it is seen
-_WIDTH = 11.5  # inches of a picture of two
-_ROWS = 260  # of the strand, at most
 _NOTHING = "#ececec"  # where an index is zero
 _ROLL, _DRIVEN, _DEFECT = "#9aa5b1", "#1f4e79", "#c1121f"
 _ROUND = np.linspace(0.0, 2.0 * np.pi, 21)
-_OVER = 0.06  # m by which a roll is longer than the strand is wide
-_AROUND = 0.3  # m around the picture
-_BESIDE = 8.0  # points from a roll to its number
-_EDGE = 1e-6  # of the section: a plane of symmetry, at which it is mirrored
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +82,7 @@ def view_of(maps: SurfaceMaps, side: Side, rows: Indices) -> View:
 
 def mirrored(line: SurfaceLine) -> list[tuple[float, float]]:
     """Signs of x and y of all parts of the section, by the planes at which the surface ends."""
-    near = _EDGE * float(np.ptp(line.place))
+    near = 1e-6 * float(np.ptp(line.place))
     signs = [(1.0, 1.0)]
     for axis in (0, 1):
         if not line.closed and line.place[:, axis].min() >= -near:
@@ -126,12 +120,12 @@ def draw_caster(maps: SurfaceMaps, rolls: Rolls | None = None) -> Figure | None:
     rolls = stations.rolls if rolls is None else rolls
     if stations.rolls is None or rolls is None or not stations.thickness or len(onward) < 2:
         return None
-    rows = onward[np.unique(np.linspace(0, len(onward) - 1, _ROWS).round().astype(int))]
+    rows = onward[np.unique(np.linspace(0, len(onward) - 1, 260).round().astype(int))]  # at most
     side = Side(rolls, stations.thickness, float(maps.position[-1]))
     view = view_of(maps, side, rows)
     names = [name for name in ("temperature", "I1") if name in maps.names()]
-    spans = np.ptp(_everything(view), axis=0) + 2.0 * _AROUND
-    wide = _WIDTH / 2.0
+    spans = np.ptp(_everything(view), axis=0) + 2.0 * STYLE.caster
+    wide = 5.75  # inches of a picture
     figure = new_figure(wide * len(names), wide * float(spans[1] / spans[0]) + 0.7)
     panels = figure.subplots(1, len(names), squeeze=False)[0]
     for panel, name in zip(panels, names, strict=True):
@@ -142,7 +136,7 @@ def draw_caster(maps: SurfaceMaps, rolls: Rolls | None = None) -> Figure | None:
 def _everything(view: View) -> Array:
     """Points that the picture must hold (n, 2)."""
     ends = [
-        projected(_circle(centre, 0.5 * pair.diameter, sign * (view.half + _OVER)))[0]
+        projected(_circle(centre, 0.5 * pair.diameter, sign * (view.half + STYLE.roll_end)))[0]
         for pair in view.pairs
         for centre in view.side.across(pair.position, 0.5 * pair.diameter)
         for sign in (-1.0, 1.0)
@@ -181,8 +175,12 @@ def _draw(panel: Axes, maps: SurfaceMaps, view: View, name: str) -> None:
     _draw_rolls(panel, view, inner=True)
     _draw_numbers(panel, view)
     places = _everything(view)
-    panel.set_xlim(float(places[:, 0].min()) - _AROUND, float(places[:, 0].max()) + _AROUND)
-    panel.set_ylim(float(places[:, 1].min()) - _AROUND, float(places[:, 1].max()) + _AROUND)
+    panel.set_xlim(
+        float(places[:, 0].min()) - STYLE.caster, float(places[:, 0].max()) + STYLE.caster
+    )
+    panel.set_ylim(
+        float(places[:, 1].min()) - STYLE.caster, float(places[:, 1].max()) + STYLE.caster
+    )
     panel.set_aspect("equal")
     panel.set_axis_off()
     figure = panel.figure.get_figure(root=True)
@@ -204,13 +202,13 @@ def _draw_rolls(panel: Axes, view: View, inner: bool) -> None:
     for pair in (pair for pair in view.pairs if not pair.lost):
         centres, radius = view.side.across(pair.position, 0.5 * pair.diameter), 0.5 * pair.diameter
         near, far = (
-            projected(_circle(centres[int(inner)], radius, sign * (view.half + _OVER)))[0]
+            projected(_circle(centres[int(inner)], radius, sign * (view.half + STYLE.roll_end)))[0]
             for sign in (-1.0, 1.0)
         )
         both = np.concatenate([near, far])
         bodies.append(both[ConvexHull(both).vertices])
         for centre in centres if inner else ():
-            end = _circle(centre, radius, -(view.half + _OVER))
+            end = _circle(centre, radius, -(view.half + STYLE.roll_end))
             colour = _DEFECT if pair.defect else _DRIVEN if pair.driven else _ROLL
             ends[colour].append(projected(end)[0])
     veil: dict[str, Any] = {"alpha": 0.13} if inner else {}
@@ -226,10 +224,10 @@ def _draw_numbers(panel: Axes, view: View) -> None:
             break
         pair = view.pairs[i]
         outer, inner = (
-            projected(np.array([x, -(view.half + _OVER), z]))[0]
+            projected(np.array([x, -(view.half + STYLE.roll_end), z]))[0]
             for x, z in view.side.across(pair.position, pair.diameter)
         )
-        off = _BESIDE * (outer - inner) / np.linalg.norm(outer - inner)
+        off = 8.0 * (outer - inner) / np.linalg.norm(outer - inner)  # points
         panel.annotate(
             f"#{i + 1}", (outer[0], outer[1]), (off[0], off[1]), textcoords="offset points",
             fontsize=6.5, color=_DEFECT if pair.defect else "k", ha="center", va="center",

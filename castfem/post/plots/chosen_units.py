@@ -15,10 +15,10 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, Formatter, Locator, LogLocator, NullLocator
 
+from castfem.base.constants import ROUNDING
 from castfem.base.shown_units import Scale, documented, plain_unit, scale_of
 
 _UNIT = re.compile(r"\[([^\[\]]+)\](?=\s*$)")
-_ROUNDING = 1e-9  # of the span of an axis: what is less is zero
 
 
 class ScaledLocator(Locator):
@@ -54,7 +54,7 @@ class ScaledFormatter(Formatter):
         assert self.axis is not None
         low, high = (self._scale(end) for end in self.axis.get_view_interval())
         shown = float(self._scale(x))
-        return f"{0.0 if abs(shown) < _ROUNDING * abs(high - low) else shown:.4g}"
+        return f"{0.0 if abs(shown) < ROUNDING * abs(high - low) else shown:.4g}"
 
 
 def in_chosen_units(figure: Figure) -> None:

@@ -34,23 +34,18 @@ if TYPE_CHECKING:
 
 SOFT = ("#d9d9d9", "#efefef")  # mushy, liquid: no scale of stress applies to them
 STRESS_MAP = "viridis"
-_BANDS = 12  # of the scale of stress, at most
 _UNMOVED, _MOVED, _WALL = "#333333", "#c0392b", "#9a9a9a"
 _SHELL = "#dfe6ec"
-_MARGIN = 0.05  # around the section, of its larger side
-_INWARDS = 0.36  # of the way to the centre: where the name of a displacement stands
-_UNCLEAR = 4.0  # ratio of the sides from which axes of equal scale leave no room for a shape
 
 
-def draw_von_mises(fields: Fields, steel: Steel | None, *, index: int = -1) -> Figure | None:
+def draw_von_mises(fields: Fields, steel: Steel | None) -> Figure | None:
     """Von Mises stress in what is solid, on the distorted section; mushy zone and liquid are grey.
 
     Returns:
         None in a run without stress, or while nothing is solid.
     """
-    states = range(len(fields.times) - 1, -1, -1) if index == -1 else [index]
-    each = ((state, von_mises(fields, state)) for state in states)
-    index, stress = next((one for one in each if one[1] is not None), (index, None))
+    each = ((state, von_mises(fields, state)) for state in reversed(range(len(fields.times))))
+    index, stress = next((one for one in each if one[1] is not None), (-1, None))
     if stress is None or steel is None:
         return None
     temperature = fields.values("temperature", index)
@@ -75,7 +70,7 @@ def draw_von_mises(fields: Fields, steel: Steel | None, *, index: int = -1) -> F
     return figure
 
 
-def draw_shape(fields: Fields, steel: Steel | None, *, index: int = -1) -> Figure | None:
+def draw_shape(fields: Fields, steel: Steel | None) -> Figure | None:
     """The distorted section beside its shape at the meniscus, the shell, and the largest moves.
 
     Returns:
@@ -83,12 +78,12 @@ def draw_shape(fields: Fields, steel: Steel | None, *, index: int = -1) -> Figur
     """
     if "displacement" not in fields.names:
         return None
-    distortion, factor = _magnified(fields, index)
+    distortion, factor = _magnified(fields, -1)
     if factor == 0.0:
         return None
-    temperature, moved = fields.values("temperature", index), factor * distortion.moved
+    temperature, moved = fields.values("temperature"), factor * distortion.moved
     mesh, kelvin = section_triangles(fields, temperature, mirrored=False, moved=moved)
-    figure, axes = frame(mesh, when("Shape of the section", fields, index), bar=False)
+    figure, axes = frame(mesh, when("Shape of the section", fields, -1), bar=False)
     handles = draw_outlines(axes, distortion, factor, _MOVED)
     handles += _draw_symmetry(axes, distortion)
     if steel is not None and kelvin.min() < steel.solidus:
@@ -118,7 +113,7 @@ def stress_levels(largest: float) -> Array:
     scale = scale_of("MPa", "von_mises")
     largest = scale(largest)
 
-    locator = MaxNLocator(_BANDS, steps=[1, 2, 2.5, 5, 10])
+    locator = MaxNLocator(12, steps=[1, 2, 2.5, 5, 10])
     ticks = np.asarray(locator.tick_values(0.0, max(largest, 1e-6)), dtype=np.float64)
     ticks = ticks[ticks >= 0.0]
     levels = ticks[: int(np.searchsorted(ticks, largest * (1 - 1e-9))) + 1]
@@ -129,7 +124,7 @@ def _magnified(fields: Fields, index: int) -> tuple[Distortion, float]:
     """The distortion, and the factor to draw it with (0: a mere line)."""
     distortion = Distortion.of(fields, index)
     sides = np.ptp(distortion.points, axis=0)
-    line = sides.max() > _UNCLEAR * sides.min() and not distortion.outline.cuts
+    line = sides.max() > 4.0 * sides.min() and not distortion.outline.cuts
     return distortion, 0.0 if line else distortion.factor()
 
 
@@ -197,7 +192,7 @@ def _draw_symmetry(axes: Axes, distortion: Distortion) -> list[Line2D]:
 def _fit(axes: Axes, distortion: Distortion, factor: float) -> None:
     """Limits that show all shapes, with a margin."""
     places = distortion.places(factor)
-    margin = _MARGIN * float(np.ptp(places, axis=0).max())
+    margin = 0.05 * float(np.ptp(places, axis=0).max())
     axes.set_xlim(places[:, 0].min() - margin, places[:, 0].max() + margin)
     axes.set_ylim(places[:, 1].min() - margin, places[:, 1].max() + margin)
 
@@ -210,7 +205,7 @@ def _name_extremes(axes: Axes, distortion: Distortion, factor: float) -> None:
     centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
     for number in _extremes(outward, places[nodes]):
         point = 1e3 * (places[nodes[number]] + factor * moved[nodes[number]])
-        name = point + _INWARDS * (1e3 * centre - point)  # off the shell, as long as that is thin
+        name = point + 0.36 * (1e3 * centre - point)  # off the shell, as long as that is thin
         axes.annotate(
             _signed(float(outward[number])),
             xy=(point[0], point[1]),

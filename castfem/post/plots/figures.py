@@ -26,7 +26,7 @@ from castfem.post.plots.maps import draw_maps
 from castfem.post.plots.secondary import draw_roll_to_roll
 from castfem.post.plots.section import Steel
 from castfem.post.plots.strand import draw_stack
-from castfem.post.plots.style import Abscissa, look, save
+from castfem.post.plots.style import STYLE, Abscissa, look, save
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.folder import ALL_FIGURES, FIGURES_NAME, MAPS_NAME, ROWS_NAME
 from castfem.runs.output.history import HISTORY_NAME, read_history
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 
     from castfem.physics.machine.rolls import Rolls
 
-_SLICES = 4  # of a stack, at least: its colours run straight from each to the next
 _SECONDARY = "\n[secondary]\n"  # in the case of a run
 _DEFECTS = "\ndefect = [", "[[machine.defect]]"  # the same, short and long
 
@@ -159,7 +158,7 @@ def _roll_to_roll(run: RunData) -> Picture | None:
 
 def _stack(run: RunData) -> Picture | None:
     """The strand from its slices; too few of them say nothing of what lies between."""
-    return None if len(run.fields.positions) < _SLICES else draw_stack(run.fields, run.steel)
+    return None if len(run.fields.positions) < STYLE.slices else draw_stack(run.fields, run.steel)
 
 
 def _unrolled(run: RunData) -> Picture | None:

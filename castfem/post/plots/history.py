@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from castfem.base.constants import ROUNDING
 from castfem.base.result_registry import find, probe_label
 from castfem.base.types import Array
 from castfem.post.plots.legend import place_legend
@@ -22,12 +23,6 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-_NAMED = 3  # probes with one curve that are all named
-_JUMP = 0.2  # of the way to the middle: what a front goes at once when the pool closes
-_END = 1e-9  # relative
-_ROWS = 2  # in which it stays there: one alone may be the first shell
-_CLEAR = 0.02  # of the largest value: what is less below zero is drawn as zero
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +71,7 @@ class Panel:
         values = np.concatenate([line.values for line in self.lines])
         finite = values[np.isfinite(values)]
         size = float(np.abs(finite).max(initial=self.reach))
-        return bool((finite < -_CLEAR * size).any())
+        return bool((finite < -0.02 * size).any())
 
 
 def drawn(panels: Sequence[Panel], height: float, abscissa: Abscissa) -> Figure | None:
@@ -143,7 +138,7 @@ def curves(table: pandas.DataFrame, prefix: str) -> list[tuple[str, str, str]]:
 
 def _listed(names: list[str]) -> str:
     """Names as in a sentence; the first stands for more than three."""
-    if len(names) > _NAMED:
+    if len(names) > 3:
         return f"{names[0]} and {len(names) - 1} others"
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
@@ -160,8 +155,9 @@ def open_front(depth: Array) -> Array:
     """
     known = np.flatnonzero(np.isfinite(depth))
     values = depth[known]
-    same = int(np.argmax(values[::-1] < values[-1:] * (1.0 - _END))) if known.size else 0
-    if same < _ROWS or values[-same - 1] > (1.0 - _JUMP) * values[-1]:
+    same = int(np.argmax(values[::-1] < values[-1:] * (1.0 - ROUNDING))) if known.size else 0
+    # one row alone may be the first shell
+    if same < 2 or values[-same - 1] > 0.8 * values[-1]:
         return depth
     found = depth.copy()
     found[known[-same:]] = np.nan

@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_ROOM = 0.1  # inches around a legend
-
 
 def low_legend(figure: Figure, handles: list[Any]) -> None:
     """Gives a figure its legend below all, in as many columns as fit into its width."""
@@ -85,7 +83,7 @@ def _legend_size(panel: Axes, columns: int) -> tuple[float, float]:
     assert isinstance(canvas, FigureCanvasAgg)
     legend = panel.legend(loc="upper left", ncols=columns)
     box = legend.get_window_extent(canvas.get_renderer())  # type: ignore[no-untyped-call]
-    around, room = panel.get_window_extent(), 2.0 * _ROOM * figure.dpi
+    around, room = panel.get_window_extent(), 0.2 * figure.dpi  # inches in all
     return float((box.width + room) / around.width), float((box.height + room) / around.height)
 
 

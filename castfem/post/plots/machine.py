@@ -32,9 +32,6 @@ _COLOURS = {
 _COPPER, _ROLL, _DRIVEN, _WATER = "#b87333", "#9aa5b1", "#1f4e79", "#2f9bd8"
 _DEFECT = "#c1121f"
 _RESISTANCE, _POTENTIAL, _EFFORT, _LEFT = "#d55e00", "#1f4e79", "#0072b2", "#c6d4e1"
-_WIDTH = 11.0  # inches
-_EVERY, _BESIDE = 5, 11.0  # rolls of which one is numbered; its number off the roll, points
-_MARK = 0.6  # beyond the intrados, to which a mark goes, m
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +60,8 @@ def draw(
     side = Side(rolls, thickness, max((place for place, _ in marks), default=0.0))
     with look():
         span = np.ptp(side.extrados, axis=0) + 1.0
-        figure = new_figure(_WIDTH, float(np.clip(_WIDTH * span[1] / span[0], 4.0, 11.0)) + 0.6)
+        width = 11.0  # inches
+        figure = new_figure(width, float(np.clip(width * span[1] / span[0], 4.0, 11.0)) + 0.6)
         ax = figure.subplots()
         _strand(ax, side, mould_end)
         _rolls(ax, side)
@@ -103,7 +101,7 @@ def _strand(ax: Axes, side: Side, mould_end: float | None) -> None:
 
 
 def _rolls(ax: Axes, side: Side) -> None:
-    """Every roll, those that are driven darker."""
+    """Draw all rolls, driven ones darker."""
     from matplotlib.collections import PatchCollection
     from matplotlib.patches import Circle, Patch
 
@@ -125,7 +123,7 @@ def _rolls(ax: Axes, side: Side) -> None:
 def _marks(ax: Axes, side: Side, marks: Sequence[tuple[float, str]]) -> None:
     """A line across the strand at each marked position, with its words beyond the intrados."""
     for after, (place, words) in enumerate(sorted(marks, reverse=True)):
-        beyond = (1.0 + 0.7 * after) * _MARK  # words stand one above the other
+        beyond = (1.0 + 0.7 * after) * 0.6  # m; words stand one above the other
         line = np.array([side.across(place, 0.0)[0], side.across(place, beyond)[1]])
         ax.plot(*line.T, color="k", linewidth=2.0)
         ax.annotate(words, line[1], (4, 2), textcoords="offset points", fontsize=8.5)
@@ -136,7 +134,7 @@ def _numbers(ax: Axes, side: Side) -> None:
     for i in numbered(side.rolls):
         pair = side.rolls.pairs[i]
         x, y = side.across(pair.position, pair.diameter)[0]
-        off = -_BESIDE * side.at(side.inward, pair.position)
+        off = -11.0 * side.at(side.inward, pair.position)  # points
         ax.annotate(
             f"#{i + 1}", (x, y), (off[0], off[1]), textcoords="offset points", fontsize=7.5,
             color=_DEFECT if pair.defect else "k", ha="center", va="center",
@@ -153,7 +151,7 @@ def numbered(rolls: Rolls) -> list[int]:
     for more in (
         [i for i, pair in enumerate(pairs) if pair.driven],
         [0, len(pairs) - 1],
-        range(_EVERY - 1, len(pairs), _EVERY),
+        range(4, len(pairs), 5),
     ):
         found |= {i for i in more if not {i - 1, i + 1} & found}
     return sorted(found)

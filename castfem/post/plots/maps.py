@@ -17,7 +17,7 @@ from castfem.base.shown_quantity import from_si
 from castfem.base.shown_units import plain_unit, scale_of
 from castfem.base.types import Array, Indices
 from castfem.physics.machine.stations import Stations
-from castfem.post.plots.style import Abscissa, dress, new_panels
+from castfem.post.plots.style import STYLE, Abscissa, dress, new_panels
 from castfem.runs.output.surface_line import SurfaceLine
 from castfem.runs.output.surface_maps import IN_BAND, SurfaceMap, SurfaceMaps
 
@@ -27,10 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.colors import Colormap, Normalize
     from matplotlib.figure import Figure
 
-_HEIGHT = 1.75  # inches of a panel
-_BAR, _RIGHT = 0.02, 0.84  # of the width: of a scale, and where the panels end
-_SHADES = 256
-_LEAST = 25.0  # K, what the scale shows at least beyond each end of the band
 _RED = "#c1272d"
 _ROUNDED = {"1/s": 1e5}  # units in which an index is drawn larger
 
@@ -49,14 +45,15 @@ def temperature_colours() -> Colormap:
     for i, colours in enumerate(parts):
         at = np.linspace(i * third, (i + 1) * third, len(colours))
         anchors += list(zip(np.clip(at, 0.0, 1.0).tolist(), colours, strict=True))
-    return LinearSegmentedColormap.from_list("ductility", anchors, N=3 * _SHADES)
+    return LinearSegmentedColormap.from_list("ductility", anchors, N=3 * STYLE.shades)
 
 
 def band_norm(low: float, high: float, band: tuple[float, float]) -> Normalize:
     """A scale from the coldest to the hottest that gives the band its third."""
     from matplotlib.colors import FuncNorm
 
-    ends = [min(low, band[0] - _LEAST), *band, max(high, band[1] + _LEAST)]
+    # K, at least beyond the band
+    ends = [min(low, band[0] - 25.0), *band, max(high, band[1] + 25.0)]
     thirds = np.linspace(0.0, 1.0, 4)
     functions = (
         lambda value: np.interp(value, ends, thirds),
@@ -76,7 +73,7 @@ def index_colours() -> Colormap:
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
 
-    found = ListedColormap(colormaps["YlOrRd"](np.linspace(0.08, 1.0, _SHADES)))
+    found = ListedColormap(colormaps["YlOrRd"](np.linspace(0.08, 1.0, STYLE.shades)))
     found.set_bad("white")
     return found
 
@@ -97,8 +94,8 @@ def draw_maps(maps: SurfaceMaps, abscissa: Abscissa) -> Figure | None:
     if len(rows) < 2 or not abscissa.along:
         return None
     shown = [m for m in maps.heading.maps if m.name in ("I1", "I2")]
-    figure, axes = new_panels(2 + len(shown), _HEIGHT)
-    figure.subplots_adjust(right=_RIGHT)
+    figure, axes = new_panels(2 + len(shown), 1.75)  # inches of a panel
+    figure.subplots_adjust(right=0.84)
     line, x = maps.heading.line, edges(maps.position[rows] * abscissa.scale)
     y = edges(1e3 * line.way)
     celsius = maps["temperature"][rows] - ZERO_CELSIUS
@@ -124,7 +121,7 @@ def _bar(panel: Axes, shades: ScalarMappable, label: str) -> Any:
     """The scale of a panel, beside it."""
     figure = panel.figure.get_figure(root=True)
     assert figure is not None
-    return figure.colorbar(shades, cax=panel.inset_axes((1.015, 0.0, _BAR, 1.0)), label=label)
+    return figure.colorbar(shades, cax=panel.inset_axes((1.015, 0.0, 0.02, 1.0)), label=label)
 
 
 def _draw_band(

@@ -18,7 +18,7 @@ from castfem.base.types import Array
 from castfem.physics.mould.cavity import Sides
 from castfem.physics.mould.mould import Mould
 from castfem.physics.mould.perimeter import Places
-from castfem.post.plots.style import head, look, new_figure
+from castfem.post.plots.style import STYLE, head, look, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,12 +31,6 @@ _STAGES = ("meniscus", "half way", "exit")
 _GREY = "#7f7f7f"
 _STAGE_COLOURS = (_GREY, "#e69f00", "#d55e00")
 _COLOURS = ("#0072b2", "#d55e00", "#009e73")
-_SHOWN = 0.12  # largest deviation as it is drawn, over half the section's smaller size
-_UNDER = -0.11  # of the height of a panel: its legend, which would hide curves within it
-_HOT_TIMES, _OUTLINE_TIMES = 40.0, 20.0  # how much larger than life distortions are drawn
-# Points of a segment of an outline. Where the radius is interpolated between them its error is
-# drawn larger, too.
-_POINTS, _DENSE = 33, 400
 
 
 @contextmanager
@@ -68,7 +62,7 @@ def _downwards(axes: Sequence[Axes], length: float) -> None:
         panel.set_ylabel("position below the meniscus [mm]")
 
 
-def closed(mould: Mould, position: float, points: int = _POINTS) -> Array:
+def closed(mould: Mould, position: float, points: int = STYLE.segment) -> Array:
     """Points (n, 2) round the contour, as many at every position, m."""
     found = np.concatenate([s.points(points) for s in mould.contour(position).segments])
     return np.concatenate([found, found[:1]])
@@ -97,7 +91,7 @@ def _section(ax: Axes, mould: Mould) -> None:
     moved = [outline - outlines[0] for outline in outlines]
     most = max(float(np.hypot(*m.T).max()) for m in moved)
     small = min(float(np.ptp(outlines[0][:, axis])) for axis in (0, 1))
-    times = _round(_SHOWN * 0.5 * small / most) if most > 1e-9 * small else 1.0
+    times = _round(0.12 * 0.5 * small / most) if most > 1e-9 * small else 1.0
     for name, position, deviation, colour in zip(
         _STAGES, positions, moved, _STAGE_COLOURS, strict=True
     ):
@@ -135,7 +129,8 @@ def draw_hot(found: Drawing, wall: HotWall, path: str | os.PathLike[str], title:
         _faces(axes[2], wall)
         _downwards(axes[1:], found.cold.length)
         for panel in axes[1:]:
-            panel.legend(loc="upper center", bbox_to_anchor=(0.5, _UNDER), ncols=2, fontsize=8)
+            # a legend within would hide curves
+            panel.legend(loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=2, fontsize=8)
 
 
 def _hot_section(ax: Axes, found: Drawing) -> None:
@@ -144,14 +139,15 @@ def _hot_section(ax: Axes, found: Drawing) -> None:
     angle = np.asarray(np.linspace(0.25, 2.25, 721) * np.pi, np.float64)  # ends in a corner
     for name, position, colour in zip(_STAGES, (0.0, 0.5 * length, length), _COLOURS, strict=True):
         cold, hot = (
-            radius_at(closed(mould, position, _DENSE), angle) for mould in (found.cold, found.hot)
+            radius_at(closed(mould, position, STYLE.dense), angle)
+            for mould in (found.cold, found.hot)
         )
-        radius = 1e3 * (cold + _HOT_TIMES * (hot - cold))
+        radius = 1e3 * (cold + STYLE.hot_times * (hot - cold))
         label = f"{name}, {1e3 * position:g} mm"
         ax.plot(radius * np.cos(angle), radius * np.sin(angle), color=colour, label=label)
-    outline = 1e3 * closed(found.cold, 0.5 * length, _DENSE)
+    outline = 1e3 * closed(found.cold, 0.5 * length, STYLE.dense)
     ax.plot(*outline.T, color=_GREY, linewidth=0.8, label="cold")
-    _in_mm(ax, f"wall at work, distortion x {_HOT_TIMES:g}")
+    _in_mm(ax, f"wall at work, distortion x {STYLE.hot_times:g}")
 
 
 def radius_at(points: Array, angle: Array) -> Array:
@@ -210,11 +206,11 @@ def _outline(ax: Axes, outline: Outline, sides: Sides, where: str, colour: str) 
     places = Places.spread(sides, 60, 30, order=1)
     points, normals = places.on(sides)
     offset = np.interp(places.ways(sides), outline.ways, outline.offset)
-    shifted = points + _OUTLINE_TIMES * offset[:, None] * normals
+    shifted = points + STYLE.outline_times * offset[:, None] * normals
     pens: tuple[dict[str, Any], ...] = ({"color": _GREY, "linewidth": 0.8}, {"color": colour})
     for shape, pen, label in zip((points, shifted), pens, ("wanted", "section"), strict=True):
         x, y = 1e3 * shape.T
         signs = ((1, 1, 1), (-1, 1, -1), (-1, -1, 1), (1, -1, -1))
         whole = [np.stack([sx * x, sy * y], 1)[::way] for sx, sy, way in signs]
         ax.plot(*np.concatenate([*whole, whole[0][:1]]).T, **pen, label=label)
-    _in_mm(ax, f"{where}, x {_OUTLINE_TIMES:g}")
+    _in_mm(ax, f"{where}, x {STYLE.outline_times:g}")

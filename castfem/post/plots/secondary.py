@@ -25,10 +25,6 @@ _NAMES = {
     "contact": "contact with a roll",
     "shade": "shade (radiation)",
 }
-_LANE = 0.16  # inches, of a face
-_PANEL, _WIDTH = 2.5, 9.0  # inches
-_PITCHES = 8  # that are shown close by
-_ABOVE, _BELOW = 0.02, 0.08  # of the range of temperatures: room in a panel
 
 
 def draw_roll_to_roll(table: pandas.DataFrame, abscissa: Abscissa, case: Case) -> Figure | None:
@@ -46,9 +42,10 @@ def draw_roll_to_roll(table: pandas.DataFrame, abscissa: Abscissa, case: Case) -
     if not abscissa.along or end <= start:
         return None
     faces = faces_met(case, rolls, end)
-    lanes = _LANE * len(faces)
-    figure = new_figure(_WIDTH, 2.0 * (_PANEL + lanes) + 1.2)
-    ratios = [_PANEL, lanes, _PANEL, lanes]
+    lanes = 0.16 * len(faces)  # inches
+    panel_height = 2.5  # inches
+    figure = new_figure(9.0, 2.0 * (panel_height + lanes) + 1.2)
+    ratios = [panel_height, lanes, panel_height, lanes]
     axes = figure.subplots(4, 1, gridspec_kw={"height_ratios": ratios})
     for (panel, strip), ends in zip(
         ((axes[0], axes[1]), (axes[2], axes[3])), ((start, end), close_by(rolls, start, end)),
@@ -91,13 +88,13 @@ def faces_met(case: Case, rolls: Rolls, end: float) -> dict[str, tuple[Stretch, 
 
 def close_by(rolls: Rolls, start: float, end: float) -> tuple[float, float]:
     """Ends of what is shown close by: straightening, or else the last pitches that were met, m."""
-    places = [pair.position for pair in rolls.pairs]
+    pitches, places = 8, [pair.position for pair in rolls.pairs]
     for phase in phases(rolls):
         if phase.kind == "straightening" and places[phase.last] <= end:
             first, last = places[phase.first], places[phase.last]
-            return first - 0.5 * (last - first) / _PITCHES, last + 0.5 * (last - first) / _PITCHES
+            return first - 0.5 * (last - first) / pitches, last + 0.5 * (last - first) / pitches
     met = [place for place in places if start < place < end]
-    return (met[-_PITCHES] if len(met) >= _PITCHES else start), end
+    return (met[-pitches] if len(met) >= pitches else start), end
 
 
 def _temperatures(
@@ -118,7 +115,7 @@ def _temperatures(
     found = found[np.isfinite(found)]
     if found.size:
         room = max(float(np.ptp(found)), 1.0)
-        axes.set_ylim(found.min() - _BELOW * room, found.max() + _ABOVE * room)
+        axes.set_ylim(found.min() - 0.08 * room, found.max() + 0.02 * room)
     axes.set_xlim(*ends)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.shown_units import is_chosen, place_said, said
-from castfem.post.plots.style import LIQUIDUS_COLOUR, SOLIDUS_COLOUR, new_figure
+from castfem.post.plots.style import LIQUIDUS_COLOUR, SOLIDUS_COLOUR, STYLE, new_figure
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.layout import triangulate
 
@@ -25,10 +25,19 @@ if TYPE_CHECKING:
     from matplotlib.tri import Triangulation
 
 STATES = {"solid": "#5b6f82", "mushy": "#f2a541", "liquid": "#fbe7b2"}
-_SLENDER = 12.0  # from this ratio of the sides on, equal axes would leave a line
-_NEAR = 0.03  # of the scale; an isotherm so near to solidus or liquidus would seem to be one
-_LEFT, _RIGHT, _BELOW, _BAR_BELOW = 0.72, 0.15, 0.5, 0.62  # inches around the frame
-_WIDE = 1.6  # from here on the colour bar lies below
+
+
+@dataclass(frozen=True, slots=True)
+class Margins:
+    """Inches around the frame of a section; `bar` for a scale of colours below it."""
+
+    left: float = 0.72
+    right: float = 0.15
+    below: float = 0.5
+    bar: float = 0.62
+
+
+MARGINS = Margins()
 _MIRRORED = {"quarter": ((1, 1), (-1, 1), (-1, -1), (1, -1)), "half": ((1, 1), (-1, 1))}
 
 
@@ -68,16 +77,12 @@ def section_triangles(
     return Triangulation(points[:, 0], points[:, 1], table), np.tile(nodal, len(signs))
 
 
-def draw_temperature(
-    fields: Fields, steel: Steel | None, *, index: int = -1, mirrored: bool = True
-) -> Figure:
+def draw_temperature(fields: Fields, steel: Steel | None, *, index: int = -1) -> Figure:
     """The temperature field with solidus and liquidus drawn into it and into its scale.
 
     Thin white lines are isotherms, at the numbers of the scale.
     """
-    mesh, values = section_triangles(
-        fields, fields.values("temperature", index) - ZERO_CELSIUS, mirrored
-    )
+    mesh, values = section_triangles(fields, fields.values("temperature", index) - ZERO_CELSIUS)
     figure, axes = frame(mesh, when("Temperature", fields, index), bar=True)
     low, high = float(values.min()), float(values.max())
     if high - low < 1e-6:
@@ -89,7 +94,7 @@ def draw_temperature(
         if low < level < high:
             mark = bar.ax.axvline if lies_flat(mesh) else bar.ax.axhline
             mark(level, color=colour, linewidth=2.0)
-    near = _NEAR * (high - low)
+    near = 0.03 * (high - low)
     lines = [
         level
         for level in bar.get_ticks()
@@ -103,14 +108,12 @@ def draw_temperature(
     return figure
 
 
-def draw_states(
-    fields: Fields, steel: Steel | None, *, index: int = -1, mirrored: bool = True
-) -> Figure | None:
+def draw_states(fields: Fields, steel: Steel | None, *, index: int = -1) -> Figure | None:
     """What is solid, mushy and liquid, with the share of each; None when the steel is unknown."""
     if steel is None:
         return None
     temperature = fields.values("temperature", index)
-    mesh, values = section_triangles(fields, temperature, mirrored)
+    mesh, values = section_triangles(fields, temperature)
     figure, axes = frame(mesh, when("State of the steel", fields, index), bar=False)
     handles = fill_states(axes, mesh, values, steel)
     for handle, share in zip(handles, state_shares(mesh, values, steel), strict=True):
@@ -181,15 +184,15 @@ def draw_isotherms(
 def _size(mesh: Triangulation) -> tuple[float, float]:
     """Width and height of the frame [inch], as those of the section unless it is a mere line."""
     ratio = float(np.ptp(mesh.x) / np.ptp(mesh.y))
-    if 1 / _SLENDER < ratio < _SLENDER:
-        return (7.2, 7.2 / ratio) if ratio > _WIDE else (5.0 * ratio, 5.0)
+    if 1 / STYLE.slender < ratio < STYLE.slender:
+        return (7.2, 7.2 / ratio) if ratio > STYLE.wide else (5.0 * ratio, 5.0)
     return (7.2, 2.2) if ratio > 1 else (2.2, 5.0)
 
 
 def lies_flat(mesh: Triangulation) -> bool:
     """Whether the section is so wide that the colour bar goes below."""
     width, height = _size(mesh)
-    return width / height > _WIDE
+    return width / height > STYLE.wide
 
 
 def frame(mesh: Triangulation, title: str, bar: bool) -> tuple[Figure, Axes]:
@@ -198,14 +201,14 @@ def frame(mesh: Triangulation, title: str, bar: bool) -> tuple[Figure, Axes]:
     flat = lies_flat(mesh)
     if width < 4.0:
         title = title.replace(", ", ",\n").replace(" at ", "\nat ")
-    right = 0.075 * width + 0.75 if bar and not flat else _RIGHT
-    bottom = _BELOW + (_BAR_BELOW if bar and flat else 0.0)
+    right = 0.075 * width + 0.75 if bar and not flat else MARGINS.right
+    bottom = MARGINS.below + (MARGINS.bar if bar and flat else 0.0)
     top = 0.15 + 0.2 * (title.count("\n") + 1)
-    across, up = max(_LEFT + width + right, 3.6), bottom + height + top
-    aside = 0.5 * (across - _LEFT - width - right)  # of a figure wider than what it shows
+    across, up = max(MARGINS.left + width + right, 3.6), bottom + height + top
+    aside = 0.5 * (across - MARGINS.left - width - right)  # of a figure wider than what it shows
     figure = new_figure(across, up, layout="none")
     figure.subplots_adjust(
-        left=(_LEFT + aside) / across,
+        left=(MARGINS.left + aside) / across,
         right=1.0 - (right + aside) / across,
         bottom=bottom / up,
         top=1.0 - top / up,
@@ -245,7 +248,7 @@ def colour_bar(
             figure.colorbar(shades, cax=axes.inset_axes((1.03, 0, 0.045, 1)), label=label)
         )
     height = axes.get_position().height * figure.get_size_inches()[1]
-    place = axes.inset_axes((0.0, -(_BELOW + 0.12) / height, 1.0, 0.12 / height))
+    place = axes.inset_axes((0.0, -(MARGINS.below + 0.12) / height, 1.0, 0.12 / height))
     return _turned(figure.colorbar(shades, cax=place, orientation="horizontal", label=label))
 
 

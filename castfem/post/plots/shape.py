@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from castfem.base.constants import ROUNDING
 from castfem.base.types import Array
 from castfem.model.shipped_cases import CASE_NAME
+from castfem.post.plots.style import STYLE
 from castfem.runs.output.fields import Fields
 
 Indices = NDArray[np.intp]
@@ -22,9 +23,6 @@ _EDGES = {
     ("quadrilateral", 2): ((0, 4), (4, 1), (1, 5), (5, 2), (2, 6), (6, 3), (3, 7), (7, 0)),
 }
 _PLANES = {"quarter": (0, 1), "half": (0,)}  # the axis that is 0 on each plane of symmetry
-_ROUND = (5.0, 2.0, 1.0)
-_SHARE = 0.05  # of the size of the section, by which its surface may seem to move
-_FINE = 33  # points of a segment; odd: one lies in the middle of a face, on the plane of symmetry
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +101,7 @@ class WallLine:
         if position > mould.length * (1.0 + ROUNDING):
             return None
         start, now = (
-            np.concatenate([s.points(_FINE) for s in mould.contour(place).segments])
+            np.concatenate([s.points(STYLE.segment) for s in mould.contour(place).segments])
             for place in (0.0, position)
         )
         near = ROUNDING * float(np.abs(start).max())
@@ -139,7 +137,7 @@ class Distortion:
             found.append(wall[np.isfinite(wall).all(axis=1)])
         return 1e3 * np.vstack(found)
 
-    def factor(self, share: float = _SHARE) -> float:
+    def factor(self, share: float = STYLE.moves) -> float:
         """The `magnification` of the displacement of its surface."""
         return magnification(self.moved[np.unique(self.outline.surface)], self.points, share)
 
@@ -151,14 +149,15 @@ def displacement(fields: Fields, index: int = -1) -> Array:
     return fields.values("displacement", index)[:, :2]
 
 
-def magnification(moved: Array, points: Array, share: float = _SHARE) -> float:
+def magnification(moved: Array, points: Array, share: float = STYLE.moves) -> float:
     """The largest factor 1, 2, 5, 10 ... that moves nothing by more than a share of a side."""
     largest = float(np.linalg.norm(moved, axis=-1).max(initial=0.0))
     room = share * float(np.ptp(points[:, :2], axis=0).min())
     if largest <= 0.0 or not np.isfinite(largest) or room <= largest:
         return 1.0
     decade = 10.0 ** np.floor(np.log10(room / largest))
-    return next(float(f * decade) for f in _ROUND if f * decade * largest <= room * (1 + 1e-9))
+    most = room * (1 + 1e-9)
+    return next(float(f * decade) for f in (5.0, 2.0, 1.0) if f * decade * largest <= most)
 
 
 def von_mises(fields: Fields, index: int = -1) -> Array | None:

@@ -19,7 +19,7 @@ from castfem.post.plots.deformation import SOFT, STRESS_MAP, stress_levels
 from castfem.post.plots.legend import low_legend
 from castfem.post.plots.section import Steel, section_triangles, shade
 from castfem.post.plots.shape import Outline, displacement, magnification, von_mises
-from castfem.post.plots.style import LIQUIDUS_COLOUR, SOLIDUS_COLOUR, new_figure
+from castfem.post.plots.style import LIQUIDUS_COLOUR, SOLIDUS_COLOUR, STYLE, new_figure
 from castfem.runs.output.fields import Fields
 
 if TYPE_CHECKING:
@@ -29,17 +29,23 @@ if TYPE_CHECKING:
     from matplotlib.tri import Triangulation
 
 
-_MOST = 40  # slices; more cannot be told apart
-_ROWS = 60  # of the walls, at least: triangles between distant slices would show
-_SHARP = 0.7  # cosine of the angle from which on two walls meet in an edge
-_LENGTH = 1.6  # drawn length of the strand, of width plus height of what is modelled
-_SLENDER = 12.0  # ratio of the sides from which a section is a mere line
 _ELEVATION = np.radians(-24.0)  # the eye lies below: the last slice is seen, not the first
 _OUTSIDE = 50.0  # degrees from x
 _INSIDE = {"quarter": 230.0, "half": 130.0}  # from where planes of symmetry are seen
-_AROUND = 0.01  # of the size of a picture: half an edge
-_HEIGHT = 5.2  # inches of a picture
-_LEFT, _BESIDE, _BELOW, _ABOVE = 0.95, 0.25, 1.15, 0.35  # inches around the pictures
+
+
+@dataclass(frozen=True, slots=True)
+class Pictures:
+    """Inches of the pictures of a strand: their height, around them, and from one to the next."""
+
+    height: float = 5.2
+    left: float = 0.95
+    beside: float = 0.25
+    below: float = 1.15
+    above: float = 0.35
+
+
+PICTURES = Pictures()
 _EDGE: dict[str, Any] = {"color": "#333333", "linewidth": 0.9}
 _RING: dict[str, Any] = {"color": "#555555", "linewidth": 0.45, "alpha": 0.55}
 
@@ -67,10 +73,13 @@ class Stack:
         sides = np.ptp(fields.points[:, :2], axis=0)
         # Of what was written while the strand stood the last is what went on.
         onward = np.flatnonzero(np.diff(fields.positions, append=np.inf) > 0.0)
-        chosen = np.linspace(0, max(len(onward) - 1, 0), _MOST).round().astype(int)
+        # more cannot be told apart
+        chosen = np.linspace(0, max(len(onward) - 1, 0), 40).round().astype(int)
         times = onward[np.unique(chosen)] if len(onward) else onward
         position = fields.positions[times]
-        if len(times) < 2 or (np.diff(position) <= 0).any() or sides.max() > _SLENDER * sides.min():
+        if len(times) < 2 or (np.diff(position) <= 0).any():
+            return None
+        if sides.max() > STYLE.slender * sides.min():
             return None
         outline = Outline.of(fields)
         nodes = np.unique(outline.everything)
@@ -88,7 +97,7 @@ class Stack:
             surface = np.unique(outline.surface)
             factor = magnification(np.array([u[surface] for u in shift]), fields.points)
         rows = _between(position)
-        fall = -_LENGTH * float(sides.sum()) / float(np.ptp(position))
+        fall = -1.6 * float(sides.sum()) / float(np.ptp(position))
         plane = fields.points[:, :2]
         drawn = plane[nodes] + factor * _at_rows(rows, position, moved)
         up = np.broadcast_to(fall * (rows - rows[0])[:, None, None], (*drawn.shape[:2], 1))
@@ -114,7 +123,7 @@ class Stack:
 
 def _between(position: Array) -> Array:
     """Positions of rows, those of the slices among them, close enough to shade smoothly."""
-    each = max(1, -(-_ROWS // (len(position) - 1)))
+    each = max(1, -(-60 // (len(position) - 1)))  # triangles between distant slices would show
     parts = np.arange(each) / each
     inner = position[:-1, None] + np.diff(position)[:, None] * parts
     return np.append(inner.ravel(), position[-1])
@@ -182,13 +191,13 @@ def draw_stack(fields: Fields, steel: Steel | None) -> Figure | None:
     kinds = ["temperature", *(["stress"] if stack.stress is not None else [])]
     extents = np.ptp([view.project(stack.points).reshape(-1, 2) for view in views], axis=1)
     widest, highest = extents.max(axis=0)
-    wide = max(_HEIGHT * widest / highest, 1.9)
+    wide = max(PICTURES.height * widest / highest, 1.9)
     figure, rows, bars = _places(len(kinds), len(views), wide)
     for number, (kind, bar) in enumerate(zip(kinds, bars, strict=True)):
         group = list(rows[number * len(views) : (number + 1) * len(views)])
         for axes, view in zip(group, views, strict=True):
             shades = _draw_view(axes, stack, view, kind, steel)
-            _fit(axes, view, stack, (1 + _AROUND) * extents.max(axis=0))
+            _fit(axes, view, stack, 1.01 * extents.max(axis=0))
         label = "temperature [°C]" if kind == "temperature" else "von Mises stress, solid [MPa]"
         figure.colorbar(shades, cax=bar, orientation="horizontal", label=label)
     _draw_scale(rows[0], stack, views[0])
@@ -203,16 +212,16 @@ def _places(kinds: int, views: int, wide: float) -> tuple[Figure, list[Axes], li
     They are placed by hand: there is little to fit, and to find a layout takes as long as to draw.
     """
     count = kinds * views
-    width = _LEFT + count * (wide + _BESIDE)
-    height = _BELOW + _HEIGHT + _ABOVE
+    width = PICTURES.left + count * (wide + PICTURES.beside)
+    height = PICTURES.below + PICTURES.height + PICTURES.above
     figure = new_figure(width, height, layout="none")
 
     def place(left: float, bottom: float, across: float, up: float) -> Axes:
         return figure.add_axes((left / width, bottom / height, across / width, up / height))
 
-    lefts = [_LEFT + number * (wide + _BESIDE) for number in range(count)]
-    pictures = [place(left, _BELOW, wide, _HEIGHT) for left in lefts]
-    span = views * (wide + _BESIDE) - _BESIDE
+    lefts = [PICTURES.left + number * (wide + PICTURES.beside) for number in range(count)]
+    pictures = [place(left, PICTURES.below, wide, PICTURES.height) for left in lefts]
+    span = views * (wide + PICTURES.beside) - PICTURES.beside
     scales = [place(left + 0.1 * span, 0.85, 0.8 * span, 0.12) for left in lefts[::views]]
     return figure, pictures, scales
 
@@ -292,7 +301,7 @@ def _draw_edges(axes: Axes, stack: Stack, view: View) -> None:
         ends = view.pieces[(view.pieces == node).any(axis=1)]
         along = stack.plane[ends[:, 1]] - stack.plane[ends[:, 0]]
         along /= np.linalg.norm(along, axis=1)[:, None]
-        if along[0] @ along[1] < _SHARP:
+        if along[0] @ along[1] < 0.7:  # cosine from which on two walls meet in an edge
             upright.append(node)
     lines = [view.project(stack.points[:, node]) for node in upright]
     axes.add_collection(LineCollection([*first, *last, *lines], **_EDGE))

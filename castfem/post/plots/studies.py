@@ -16,7 +16,7 @@ from castfem.base.shown_quantity import unit_of_difference
 from castfem.base.shown_units import Scale, label_shown, plain_unit, scale_of
 from castfem.base.types import Array
 from castfem.model.optimise import bound
-from castfem.post.plots.style import head, look, new_figure, save
+from castfem.post.plots.style import STYLE, head, look, new_figure, save
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.studies.optimisation.optimum import (
     Front,
@@ -35,10 +35,7 @@ if TYPE_CHECKING:
 OPTIMUM_NAME, FRONT_NAME, SPREAD_NAME, MOULD_NAME = (
     "optimum.png", "front.png", "spread.png", "mould.png",
 )  # fmt: skip
-_WIDTH, _HEIGHT = 3.4, 2.3  # inches, of a panel
-_LINE = 34  # characters along the height of one
 _BLUE, _ORANGE, _GREEN = "#0072b2", "#d55e00", "#009e73"
-_BELOW = -0.04  # of the height of a panel: a curve along 0 is seen
 _MOULD_PANELS = {
     ("gap", "mm"): {"gap_mid_face": "mid-face", "gap_corner": "corner"},
     ("pressure", "MPa"): {
@@ -58,13 +55,13 @@ def optimum_figure(optimum: Optimum) -> Figure:
     objective = optimum.objective
     assert objective is not None
     rows, columns = 1 + len(optimum.constraints), len(optimum.values)
-    figure = new_figure(1.2 + _WIDTH * columns, 0.6 + _HEIGHT * rows)
+    figure = new_figure(1.2 + STYLE.panel[0] * columns, 0.6 + STYLE.panel[1] * rows)
     grid: Any = figure.subplots(rows, columns, squeeze=False, sharex="col", sharey="row")
-    grid[0][0].set_ylabel(fill(objective.in_words, _LINE), fontsize=8)
+    grid[0][0].set_ylabel(fill(objective.in_words, STYLE.label), fontsize=8)
     for row, one in enumerate(optimum.constraints, start=1):
         side = "above" if bound(one.text).sense == "at_least" else "below"
         words = f"{one.result.label} {side} its bound [{one.result.difference_unit or '-'}]"
-        grid[row][0].set_ylabel(fill(words, _LINE), fontsize=8)
+        grid[row][0].set_ylabel(fill(words, STYLE.label), fontsize=8)
     for column, value in enumerate(optimum.values):
         _draw_column(grid[:, column], optimum, objective, value)
     head(figure, optimum.title, 9.0)
@@ -105,7 +102,7 @@ def _draw_column(
 def front_figure(front: Front) -> Figure:
     """Return the first result over the second, and below each variable over it."""
     rows = 1 + len(front.keys)
-    figure = new_figure(1.5 * _WIDTH, 0.5 + 0.8 * _HEIGHT * rows)
+    figure = new_figure(1.5 * STYLE.panel[0], 0.5 + 0.8 * STYLE.panel[1] * rows)
     axes: Any = figure.subplots(rows, 1, squeeze=False, sharex=True)[:, 0]
     second = [front.second.chosen(point.second) for point in front.points]
     first = [front.first.chosen(point.first) for point in front.points]
@@ -113,7 +110,7 @@ def front_figure(front: Front) -> Figure:
     best = {"marker": "o", "ms": 6, "ls": "none", "label": f"{front.first.label}: best"}
     axes[0].plot(second[:1], first[:1], color=_ORANGE, **best)
     axes[0].legend(fontsize=7, frameon=False)
-    axes[0].set_ylabel(fill(front.first.in_words, _LINE), fontsize=8)
+    axes[0].set_ylabel(fill(front.first.in_words, STYLE.label), fontsize=8)
     for number, key in enumerate(front.keys):
         values = [point.values[number] for point in front.points]
         axes[1 + number].plot(second, values, color="0.35", marker="o", ms=3.5, lw=1.0)
@@ -171,7 +168,7 @@ def mould_figure(head: Sequence[str], rows: Sequence[Sequence[float]], run: Path
             values = scale(history[name].to_numpy()[inside])
             axes.plot(length(position[inside]), values, color=colour, label=words, lw=1.2)
         axes.set_ylabel(f"{label} [{unit_name(scale.unit)}]", fontsize=8)
-        axes.set_ylim(bottom=_BELOW * axes.get_ylim()[1])
+        axes.set_ylim(bottom=-0.04 * axes.get_ylim()[1])  # a curve along 0 is seen
     for axes in every:
         if len(axes.get_lines()) > 1:
             axes.legend(fontsize=7, ncols=3, loc="best", frameon=False)
@@ -231,7 +228,6 @@ def calibration_figure(results: Sequence[Compared]) -> Figure:
 
 FIGURE_NAME = "sensitivity.png"
 _UP, _DOWN = "#d55e00", "#0072b2"
-_ACROSS = 2  # panels side by side
 
 
 def draw_tornado(found: Sensitivity, path: Path) -> None:
@@ -241,7 +237,7 @@ def draw_tornado(found: Sensitivity, path: Path) -> None:
         RunFailure: The file cannot be written.
     """
     names = list(found.quantities)
-    across = min(_ACROSS, len(names))
+    across = min(2, len(names))
     down = -(-len(names) // across)
     with look():
         figure = new_figure(4.6 * across + 0.6, 0.9 + down * (0.75 + 0.3 * len(found.parameters)))

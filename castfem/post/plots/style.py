@@ -22,19 +22,68 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from PIL import Image
 
-DPI = 160
 SOLIDUS_COLOUR = "#1b6ca8"
 LIQUIDUS_COLOUR = "#c0392b"
 # Colour-blind safe (Okabe and Ito); the known probes keep theirs in every figure.
 _COLOURS = {"mid_face": "#0072b2", "corner": "#d55e00", "narrow_face": "#009e73"}
 _OTHER_COLOURS = ("#cc79a7", "#56b4e9", "#e69f00", "#7f7f7f", "#000000")
-WIDTH = 7.2  # inches
-_LEFT, _RIGHT, _TOP, _BOTTOM, _BETWEEN, _EDGE = 0.8, 0.2, 0.52, 0.48, 0.14, 0.04  # inches
-_LONG = 2.0  # m; from here on positions are in metres
-_TICKS_APART = 0.06  # of the axis
 _DEFECT = "#d55e00"  # the line at a roll that has one
-_CHARACTER = 0.58  # width of a character, of its size
-_WHITE = 250  # of 255; what is brighter is the paper
+
+
+@dataclass(frozen=True, slots=True)
+class Style:
+    """Measures that several places of the figures share, inches where nothing else is said.
+
+    Attributes:
+        dpi: Pixels an inch.
+        width: Of a figure over the strand's length; left, right, top, bottom: around its panels.
+        between: From one panel to the next.
+        edge: Left free beside long numbers.
+        panel: Width and height of a panel of a study.
+        label: Characters along the height of one.
+        shades: Colours of a scale.
+        slender: Ratio of the sides from which equal axes would leave a mere line of a section.
+        wide: Ratio of the sides from which the colour bar lies below.
+        moves: Share of the section by which its surface may seem to move.
+        segment: Points of a segment of an outline; odd, so that one lies in the middle of a face.
+        dense: The same where the radius is interpolated: its error is magnified with the rest.
+        slices: Of a stack at least: its colours run straight from each to the next.
+        gap: Least span of the axis of the gap, mm: what is less is no gap to look at.
+        held: Motion of a surface that is held, as that of a strip, mm.
+        force: That the solver leaves on a free strand, kN or kN/m.
+        roll_end: Length of a roll beyond the edge of the strand in the picture of a caster, m.
+        caster: Left free around that picture, m.
+        hot_times: Magnification of the distortion of a hot mould.
+        outline_times: The same of a calculated outline of a mould.
+    """
+
+    dpi: int = 160
+    width: float = 7.2
+    left: float = 0.8
+    right: float = 0.2
+    top: float = 0.52
+    bottom: float = 0.48
+    between: float = 0.14
+    edge: float = 0.04
+    panel: tuple[float, float] = (3.4, 2.3)
+    label: int = 34
+    shades: int = 256
+    slender: float = 12.0
+    wide: float = 1.6
+    moves: float = 0.05
+    segment: int = 33
+    dense: int = 400
+    slices: int = 4
+    gap: float = 0.01
+    held: float = 1e-6
+    force: float = 1e-6
+    roll_end: float = 0.06
+    caster: float = 0.3
+    hot_times: float = 40.0
+    outline_times: float = 20.0
+
+
+STYLE = Style()
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +109,7 @@ class Abscissa:
     @property
     def scale(self) -> float:
         """Figure units per metre of position: 1000 for mm, 1 for m."""
-        return 1.0 if self.position[-1] > _LONG else 1e3
+        return 1.0 if self.position[-1] > 2.0 else 1e3  # m
 
     @property
     def values(self) -> NDArray[np.float64]:
@@ -112,7 +161,7 @@ def new_figure(width: float, height: float, *, layout: Literal["none"] | None = 
 
 def head(figure: Figure, title: str, size: float = 11.5) -> None:
     """Gives a figure a title, in as many lines as its width needs."""
-    width = 72.0 * figure.get_size_inches()[0] / (_CHARACTER * size)  # characters
+    width = 72.0 * figure.get_size_inches()[0] / (0.58 * size)  # characters, 0.58 of `size` wide
     if title:
         figure.suptitle(fill(title, int(width)), fontsize=size)
 
@@ -125,15 +174,15 @@ def new_panels(
     Margins are fixed: no layout has to be sought, which takes as long as all the drawing, and the
     same position lies at the same place in all figures.
     """
-    between = _BETWEEN * (count - 1)
-    total = count * height + between + _TOP + above + _BOTTOM + below
-    figure = new_figure(WIDTH, total, layout="none")
+    between = STYLE.between * (count - 1)
+    total = count * height + between + STYLE.top + above + STYLE.bottom + below
+    figure = new_figure(STYLE.width, total, layout="none")
     figure.subplots_adjust(
-        left=_LEFT / WIDTH,
-        right=1.0 - _RIGHT / WIDTH,
-        bottom=(_BOTTOM + below) / total,
-        top=1.0 - (_TOP + above) / total,
-        hspace=_BETWEEN / height,
+        left=STYLE.left / STYLE.width,
+        right=1.0 - STYLE.right / STYLE.width,
+        bottom=(STYLE.bottom + below) / total,
+        top=1.0 - (STYLE.top + above) / total,
+        hspace=STYLE.between / height,
     )
     axes = list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
     for panel in axes:
@@ -157,7 +206,7 @@ def save(figure: Figure, path: Path, *, shaded: bool = False) -> Path:
     image = render(figure)
     image = image if shaded else _indexed(image)
     with replacing(path, durable=False) as temporary:
-        image.save(temporary, format="PNG", dpi=(DPI, DPI))
+        image.save(temporary, format="PNG", dpi=(STYLE.dpi, STYLE.dpi))
     return path
 
 
@@ -171,7 +220,7 @@ def render(figure: Figure) -> Image.Image:
         from castfem.post.plots.chosen_units import in_chosen_units
 
         in_chosen_units(figure)
-    figure.set_dpi(DPI)
+    figure.set_dpi(STYLE.dpi)
     layout = figure.get_layout_engine()
     if layout is not None:
         layout.execute(figure)
@@ -188,7 +237,7 @@ def _widen(figure: Figure) -> bool:
     cut = min((axes.yaxis.label.get_window_extent().x0 for axes in figure.axes), default=0.0)
     if cut >= 0.0:
         return False
-    wider = (_EDGE * figure.dpi - cut) / figure.bbox.width
+    wider = (STYLE.edge * figure.dpi - cut) / figure.bbox.width
     figure.subplots_adjust(left=figure.subplotpars.left + wider)
     return True
 
@@ -199,7 +248,7 @@ def _indexed(image: Image.Image) -> Image.Image:
 
     found = image.quantize(method=Image.Quantize.FASTOCTREE)
     colours = np.array(found.getpalette(), dtype=np.uint8)
-    colours[(colours.reshape(-1, 3) > _WHITE).all(axis=1).repeat(3)] = 255  # it is a mean of some
+    colours[(colours.reshape(-1, 3) > 250).all(axis=1).repeat(3)] = 255  # brighter is paper
     found.putpalette(colours.tobytes())
     return found
 
@@ -255,12 +304,12 @@ def _is_steady(abscissa: Abscissa) -> bool:
 
 
 def _apart(abscissa: Abscissa, to_position: Callable[[Any], Any]) -> list[float]:
-    """Round times that stand apart on the axis: many lie where the strand stands."""
+    """Round times that stand 6 % of the axis apart: many lie where the strand stands."""
     from matplotlib.ticker import MaxNLocator
 
     ends = float(abscissa.time[0]), float(abscissa.time[-1])
     times = [float(t) for t in MaxNLocator(9).tick_values(*ends) if ends[0] <= t <= ends[1]]
-    room = _TICKS_APART * float(np.ptp(abscissa.values))
+    room = 0.06 * float(np.ptp(abscissa.values))
     kept: list[float] = []
     for time in times:
         if not kept or to_position(time) - to_position(kept[-1]) >= room:

@@ -12,17 +12,14 @@ from castfem.base.errors import InputError
 from castfem.base.shown_units import said
 from castfem.physics.thermal.flux_laws import Radiation
 from castfem.post.plots.history import curves
-from castfem.post.report.remarks import NO_SHELL, NOT_CONVERGED, REMELTED, Remark, remarks
+from castfem.post.report.remarks import LIMITS, NO_SHELL, NOT_CONVERGED, REMELTED, Remark, remarks
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.derived import OPEN, spells
 from castfem.runs.results.labels import has_values
 from castfem.runs.results.run_case import case_with
 
-FLICKERS = 3  # losses of contact at one probe: taper and shrinkage lose it once or twice
 SURFACE, WALL = 1200.0 + ZERO_CELSIUS, 150.0 + ZERO_CELSIUS  # K
-EMISSIVITY = 0.8
-_MOST = 10  # lines below a table of several runs
 
 
 def cautions(folder: Path, summary: Summary) -> list[str]:
@@ -48,9 +45,10 @@ def cautions_of_all(runs: Mapping[str, tuple[Path, Summary | None]]) -> list[str
         f"{'all runs' if 1 < len(labels) == len(runs) else ', '.join(labels)}: {line}"
         for line, labels in found.items()
     ]
-    if len(lines) > _MOST:
-        more = f"and {len(lines) - _MOST} more of this kind"
-        lines[_MOST:] = [f"{more}; castfem show FOLDER has those of one run"]
+    most = 10
+    if len(lines) > most:
+        more = f"and {len(lines) - most} more of this kind"
+        lines[most:] = [f"{more}; castfem show FOLDER has those of one run"]
     return lines
 
 
@@ -78,7 +76,7 @@ def _flickering(folder: Path) -> Iterator[str]:
     position = table["position"].to_numpy()
     for label, _, column in curves(table, "gap"):
         lost = len(spells(table[column].to_numpy(), position, OPEN))
-        if lost >= FLICKERS:
+        if lost >= LIMITS.flickers:
             yield f"contact lost {lost} times, {label}"
 
 
@@ -101,7 +99,7 @@ def _even(folder: Path) -> str:
 
 def radiated() -> float:
     """What radiates across a gap from a surface of 1200 degC to a mould, W/(m2 K)."""
-    flux = Radiation(EMISSIVITY, ambient=WALL).flux(np.array([SURFACE]), 0.0)[0]
+    flux = Radiation(0.8, ambient=WALL).flux(np.array([SURFACE]), 0.0)[0]
     return float(flux[0]) / (SURFACE - WALL)
 
 

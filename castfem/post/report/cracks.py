@@ -20,12 +20,29 @@ from castfem.runs.results.numbers import small_rate
 from castfem.runs.results.roll_load import heaviest_roll
 from castfem.runs.results.run_case import case_with
 
-_SMALL = 1e-2
-_EQUAL = 1e-6  # relative: the maps have single precision
-_LITTLE = 0.05  # of the largest value; what is less is not told
-_ALONG = 0.5  # m: places closer than that are one where no rolls are known
-_RANKS = 4  # of an index: the worst places, so many
-_WARMED = 5.0  # K; less is no reheat
+
+@dataclass(frozen=True, slots=True)
+class CrackLimits:
+    """Which places of the maps are named.
+
+    Attributes:
+        little: Least share of the largest value that a place has.
+        equal: Relative difference of values that are one: the maps have single precision.
+        along: Distance of places that are one where no rolls are known, m.
+        ranks: Worst places of an index.
+        warmed: Least rise of temperature that is a reheat, K.
+        small: Value from which on a number is printed without its power of ten.
+    """
+
+    little: float = 0.05
+    equal: float = 1e-6
+    along: float = 0.5
+    ranks: int = 4
+    warmed: float = 5.0
+    small: float = 1e-2
+
+
+LIMITS = CrackLimits()
 _NOT_RANKED = ("temperature", "band_time")
 _COMPARED = ("I1", "I2")  # the other indexes are kin of I2, and worst where it is
 
@@ -94,7 +111,7 @@ class CrackReport:
         found.sort(key=lambda one: -one.value)
         kept: list[Maximum] = []
         for one in found:
-            if one.value >= _LITTLE * found[0].value and not any(
+            if one.value >= LIMITS.little * found[0].value and not any(
                 self._beside(one, worse) for worse in kept
             ):
                 kept.append(one)
@@ -105,8 +122,8 @@ class CrackReport:
         line, position = self.maps.heading.line, self.maps.position
         along = abs(float(position[one.row] - position[other.row]))
         around = abs(float(line.way[one.vertex] - line.way[other.vertex]))
-        pitches = 2.0 * self.stations.longest_pitch or _ALONG
-        return along < pitches and around < 0.5 * (self.stations.thickness or _ALONG)
+        pitches = 2.0 * self.stations.longest_pitch or LIMITS.along
+        return along < pitches and around < 0.5 * (self.stations.thickness or LIMITS.along)
 
     def reheat(self, start: float = 0.0) -> Reheat | None:
         """The largest reheat below a position (m); None where nothing warms up by 5 K."""
@@ -116,7 +133,7 @@ class CrackReport:
         kelvin = self.maps["temperature"][rows]
         rise = kelvin - np.minimum.accumulate(kelvin, axis=0)
         end, vertex = (int(i) for i in np.unravel_index(int(np.argmax(rise)), rise.shape))
-        if rise[end, vertex] < _WARMED:
+        if rise[end, vertex] < LIMITS.warmed:
             return None
         begin = int(np.argmin(kelvin[: end + 1, vertex]))
         return Reheat(float(rise[end, vertex]), vertex, int(rows[begin]), int(rows[end]))
@@ -143,11 +160,11 @@ class CrackReport:
     def ranking(self) -> Iterator[tuple[str, str, str, str]]:
         """Index, value with unit, how far below the worst, and where: the worst first."""
         for one in self.maps.heading.maps:
-            ranked = self.maxima(one.name)[:_RANKS] if one.name in self.indexes() else []
+            ranked = self.maxima(one.name)[: LIMITS.ranks] if one.name in self.indexes() else []
             for rank, found in enumerate(ranked):
                 less = f"{100.0 * (found.value / ranked[0].value - 1.0):.0f} %" if rank else "worst"
                 size = from_si(found.value, one.shown)
-                number = f"{size:.3g}" if abs(size) >= _SMALL else small_rate(size, ".3g")
+                number = f"{size:.3g}" if abs(size) >= LIMITS.small else small_rate(size, ".3g")
                 value = f"{number} {one.shown}"
                 yield one.name if not rank else "", value, less, self.words(found)
 
@@ -158,7 +175,7 @@ def _peak(values: Array, places: Array) -> tuple[int, int]:
     Of equal ones, as on a face that is strained alike all over, it is the earliest and there the
     place (x, y) of largest x, then y, which the summary names, too.
     """
-    equal = values >= (1.0 - _EQUAL) * values.max()
+    equal = values >= (1.0 - LIMITS.equal) * values.max()
     row = int(np.argmax(equal.any(axis=1)))
     columns = np.flatnonzero(equal[row])
     x, y = places[columns].T

@@ -13,7 +13,6 @@ from castfem.runs.output.fields import Fields
 from castfem.runs.output.layout import triangulate
 
 _SAME = 1e-3  # relative; what differs by less is equal
-_CHUNK = 200  # surface points at once: bounds the memory of their distances
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +45,7 @@ def thinnest(fields: Fields, solidus: float, index: int) -> HotSpot | None:
         return _hot_spot(fields, nodes, np.zeros(len(nodes)), bare)
     front = _isotherm(fields, kelvin, solidus)
     surface = fields.points[nodes, :2]
-    parts = [surface[i : i + _CHUNK] for i in range(0, len(surface), _CHUNK)]
+    parts = [surface[i : i + 200] for i in range(0, len(surface), 200)]
     distance = np.concatenate([_distance(part, front) for part in parts])
     return _hot_spot(fields, nodes, distance, distance <= (1 + _SAME) * distance.min())
 

@@ -19,7 +19,6 @@ from castfem.runs.results.numbers import resolution_in, unit_shown, value_cells
 from castfem.runs.results.places import quantities_at
 from castfem.runs.results.run_case import case_with
 
-_MOST = 8  # places in the table of a run that was asked for none
 _NAMES = (
     *AT_PROBES,
     *(name for name in at_places("heat_flux") if "mid_face" in name),
@@ -53,7 +52,7 @@ def places_of(folder: Path, summary: Summary | None, end: float) -> list[Place]:
     found = [p for p in found if not any(_same(p.position, bend.position) for bend in bends)]
     found += bends
     found = [p for p in found if p.position < end and not _same(p.position, end)]
-    return [*sorted(found, key=lambda p: p.position)[: _MOST - 1], Place("end", end)]
+    return [*sorted(found, key=lambda p: p.position)[: 8 - 1], Place("end", end)]
 
 
 def _bends(folder: Path) -> list[Place]:

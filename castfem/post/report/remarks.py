@@ -33,14 +33,36 @@ if TYPE_CHECKING:
 
 NOT_CONVERGED = "coupling windows not converged"
 THINNEST, _HOTTEST = "thinnest shell", "hottest surface"
-_THINNER, _HOTTER = 0.03, 3.0  # of the shell, K; less beside the probes is not named
-_COARSE = 0.2  # mm; what the shell is off by less is not told
-_MORE = 1.0  # % of the surface; if less of it touches again, only the least is named
-_BULGED = 0.01  # of the section
+
+
+@dataclass(frozen=True, slots=True)
+class RemarkLimits:
+    """From which size on something is remarked on.
+
+    Attributes:
+        thinner: What the shell lacks beside the probes, over that at them.
+        hotter: What the surface is hotter by beside the probes, K.
+        coarse: What the shell is off by for its cells, mm.
+        more: Share of the surface that touches again after the least contact, %.
+        bulged: Motion of a face, over the size of the section.
+        melted: Shell that is lost on the way, mm.
+        reheated: Rise of the surface's temperature, K.
+        flickers: Losses of contact at one probe: taper and shrinkage lose it once or twice.
+    """
+
+    thinner: float = 0.03
+    hotter: float = 3.0
+    coarse: float = 0.2
+    more: float = 1.0
+    bulged: float = 0.01
+    melted: float = 0.1
+    reheated: float = 5.0
+    flickers: int = 3
+
+
+LIMITS = RemarkLimits()
 REMELTED = "shell melted again"
 NO_SHELL = "no shell there"
-_MELTED = 0.1  # mm; a shell that loses less on the way is not named
-_REHEATED = 5.0  # K; surfaces that heat up by less are not named
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +175,7 @@ def _share(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
     row = int(np.nanargmin(share))
     if share[row] < 100.0:
         where = f"of the surface, at {at_place(float(position[row]), table)}"
-        if share[-1] > share[row] + _MORE:
+        if share[-1] > share[row] + LIMITS.more:
             where += f"; {share[-1]:.3g} % at the end of the run"
         yield Remark("least contact", float(share[row]), "%", where)
 
@@ -169,7 +191,7 @@ def _stairs(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
         row = int(np.nanargmax(off))
         if worst is None or off[row] > worst[0]:
             worst = float(off[row]), label, row, name
-    if worst is None or worst[0] < _COARSE:
+    if worst is None or worst[0] < LIMITS.coarse:
         return
     off_, label, row, name = worst
     where = (
@@ -187,7 +209,7 @@ def _bulging(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
             continue
         moved, across = table[column].to_numpy(), table[size].to_numpy()
         row = int(np.nanargmax(moved))
-        if moved[row] > _BULGED * across[0]:
+        if moved[row] > LIMITS.bulged * across[0]:
             where = (
                 f"at {at_place(float(position[row]), table)}; nothing holds the shell there, see "
             )
@@ -232,7 +254,7 @@ def _remelting(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
     A shell that is gone again lets the steel out: what follows is a strand without a breakout.
     """
     best = _largest_way_back(table, "shell", 1.0)
-    if best is None or best[0] < _MELTED:
+    if best is None or best[0] < LIMITS.melted:
         return
     value, label, start, end, column = best
     rest, unit = float(table[column].iloc[end]), unit_of(table, column)
@@ -248,7 +270,7 @@ def _remelting(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
 def _reheating(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
     """The largest rise of a surface temperature on the way down."""
     best = _largest_way_back(table, "surface_temperature", -1.0)
-    if best is None or best[0] < _REHEATED:
+    if best is None or best[0] < LIMITS.reheated:
         return
     value, label, start, end, _ = best
     where = f"{label}, from {in_mm(position[start])} to {in_mm(position[end])}"
@@ -333,10 +355,10 @@ def _between_probes(
     index, found = int(times[0]), {}
     thin = None if steel is None else thinnest(fields, steel.solidus, index)
     known = probes.get(THINNEST)
-    if thin and known and 1e3 * thin.value < (1 - _THINNER) * known.value:
+    if thin and known and 1e3 * thin.value < (1 - LIMITS.thinner) * known.value:
         found[THINNEST] = _instead(known, 1e3 * thin.value, thin, where)
     hot, known = hottest(fields, index), probes.get(_HOTTEST)
-    if known and hot.value - ZERO_CELSIUS > known.value + _HOTTER:
+    if known and hot.value - ZERO_CELSIUS > known.value + LIMITS.hotter:
         found[_HOTTEST] = _instead(known, hot.value - ZERO_CELSIUS, hot, where)
     return found
 

@@ -27,9 +27,6 @@ from castfem.runs.results.run_case import units_of_run
 if TYPE_CHECKING:
     from rich.console import Console
 
-_BRIEF = 0.01  # of the wall time; a stage that takes less is not named
-_MUCH, _FELT = 0.25, 5.0  # of the wall time, s; files that take more are told of
-
 
 def show(
     folder: Path | str,
@@ -181,7 +178,7 @@ def _effort(record: RunRecord, summary: Summary | None) -> Iterator[Table]:
     if record.wall_time:
         total = sum(record.wall_time.values())
         stages = sorted(record.wall_time.items(), key=lambda item: -item[1])
-        long = {name: value for name, value in stages if value >= _BRIEF * total}
+        long = {name: value for name, value in stages if value >= 0.01 * total}
         entries = [f"{name.replace('_', ' ')} {value:.2f} s" for name, value in long.items()]
         rest = total - sum(long.values())
         yield listed("wall time:", [*entries, *([f"the rest {rest:.2f} s"] if rest else [])])
@@ -190,7 +187,7 @@ def _effort(record: RunRecord, summary: Summary | None) -> Iterator[Table]:
 def slow_output(record: RunRecord) -> str:
     """A warning that files have taken much of the time; "" where they have not."""
     total, written = sum(record.wall_time.values()), record.wall_time.get("output", 0.0)
-    if written <= max(_MUCH * total, _FELT):
+    if written <= max(0.25 * total, 5.0):
         return ""
     return (
         f"{written / total:.0%} of the time went into files: write the fields less often "

@@ -18,8 +18,6 @@ from castfem.post.watch.sweep_status import SweepStatus
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.derived import derived
 
-_SHARE = 10.0  # times as long as a page takes to write is waited before the next
-
 
 class Page:
     """A file that is written anew until the runs have ended.
@@ -101,7 +99,7 @@ class Page:
         begun = self._clock()
         write_text(self.target, rendered(runs, head), durable=False)
         now = self._clock()
-        self._next = now + max(self._every, _SHARE * (now - begun))
+        self._next = now + max(self._every, 10.0 * (now - begun))
 
 
 def _progress(label: str, status: RunStatus) -> Progress:

@@ -26,10 +26,7 @@ from castfem.runs.results.labels import last_quantities
 from castfem.runs.results.numbers import cells
 
 RUNNING, KILLED, FINISHED, FAILED = "running", "killed", "finished", "failed"
-_TAIL = 8192  # bytes of a log that hold its last messages
-_MESSAGES = 5
 _STAMP = re.compile(r"\d{4}-\d\d-\d\d [\d:,]+ ([A-Z]+) +(.*)")
-_WINDOW = 60.0  # s over which the pace is taken
 COLUMNS = {
     "shell_mid_face": "shell",
     "gap_max": "gap",
@@ -128,7 +125,7 @@ class Watcher:
             self._way.clear()
         if not self._way or position > self._way[-1][1]:
             self._way.append((now, position))
-        while self._way[-1][0] - self._way[0][0] > _WINDOW:
+        while self._way[-1][0] - self._way[0][0] > 60.0:  # s over which the pace is taken
             self._way.popleft()
 
     def _at_work(self) -> bool:
@@ -151,7 +148,7 @@ class Watcher:
         path = self.folder / LOG_NAME
         try:
             with path.open("rb") as file:
-                file.seek(max(0, path.stat().st_size - _TAIL))
+                file.seek(max(0, path.stat().st_size - 8192))  # bytes
                 lines = file.read().decode(errors="replace").splitlines()
             since = time.time() - path.stat().st_mtime
         except OSError:
@@ -164,7 +161,7 @@ class Watcher:
                 messages.append(word + found[2])
             else:
                 left = max(0.0, progress - since)
-        return tuple(messages[-_MESSAGES:]), left
+        return tuple(messages[-5:]), left
 
     def _left(self, position: float, told: float) -> float:
         """Time left by the pace of the last minute; by the log before that has been seen."""

@@ -17,8 +17,6 @@ from castfem.studies.sweep.record import Entry, Record
 
 WAITING = "waiting"
 _STOPPED = {KILLED: "killed or aborted", "interrupted": "interrupted", WAITING: "waiting"}
-_NAMED = 5  # runs, of those that are alike
-_IDLE = 5.0  # s without a run at work that are told; between two runs there are fewer
 PATIENCE = 60.0  # s without a run at work, after which a sweep is taken for ended
 
 
@@ -127,7 +125,7 @@ def counts(found: SweepStatus) -> str:
     states = dict.fromkeys((FINISHED, RUNNING, WAITING, *(r.status.state for r in found.rows)))
     parts = [f"{found.count(state)} {state}" for state in states]
     end = "" if found.left != found.left else f", left {minutes(found.left)}"
-    if found.idle >= _IDLE and not found.complete:
+    if found.idle >= 5.0 and not found.complete:  # s; between two runs there are fewer
         end = f"; none at work for {minutes(found.idle)}"
     return f"{len(found.rows)} runs: {', '.join(parts)}{end}"
 
@@ -137,7 +135,7 @@ def unfinished(found: SweepStatus) -> Iterator[str]:
     for state, why in _STOPPED.items():
         names = [row.name for row in found.rows if row.status.state == state]
         if names:
-            listed = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
+            listed = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
             yield f"{len(names)} {why}: {listed}"
     if not found.complete:
         yield (

@@ -49,9 +49,6 @@ if TYPE_CHECKING:
 
     from castfem.post.watch.page import Page
 
-_FEWEST = 5  # rows of a sweep that are shown, however low the terminal is
-_AROUND = 8  # lines about them
-
 
 @dataclass(frozen=True, slots=True)
 class Viewing:
@@ -142,7 +139,7 @@ def _watch_sweep(folder: Path, viewing: Viewing) -> bool:
                 if viewing.page is not None:
                     viewing.page.write_sweep(found)
                 screen.show(
-                    partial(overview, found, max(_FEWEST, console.height - _AROUND)),
+                    partial(overview, found, max(5, console.height - 8)),
                     f"{folder.resolve().name}: {counts(found)}",
                     [line(r.name, r.status) for r in found.rows if r.status.state == RUNNING],
                 )

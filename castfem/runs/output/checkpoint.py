@@ -98,7 +98,7 @@ def _checked(path: Path) -> bytes:
     if tail[:4] != _MARK:
         raise InputError(f"{path}: is not a checkpoint of castfem, or cut off; {_ANEW}")
     if tail[4:] != struct.pack("<I", zlib.crc32(image)):
-        raise InputError(f"{path}: is damaged, its check sum differs; {_ANEW}")
+        raise InputError(f"{path}: is damaged: its checksum differs; {_ANEW}")
     return image
 
 

@@ -101,7 +101,7 @@ class History(Closing):
                 f"it has been changed; put the file back as it was, or {_ANEW}"
             )
         if any(later <= time for time, later in pairwise(times)):
-            raise InputError(f"{path}: its times do not increase; put it right, or {_ANEW}")
+            raise InputError(f"{path}: its times do not increase; correct it, or {_ANEW}")
         history = cls.__new__(cls)
         history._names = tuple(name for name, _ in found)
         write_text(path, "".join(f"{line}\n" for line in kept))

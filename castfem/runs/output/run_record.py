@@ -84,7 +84,7 @@ class RunRecord:
             first = error.errors()[0]
             where = dotted(first["loc"])
             raise InputError(
-                f"{path}: {where}: {first['msg'].lower()}, it has been changed; put it right, or "
+                f"{path}: {where}: {first['msg'].lower()}, it has been changed; correct it, or "
                 "take another folder"
             ) from error
         if found.status == "failed" and found.reason == _STOPPED:  # so written by castfem 0.1

@@ -99,7 +99,7 @@ class FieldWriter(Closing):
             raise ValueError(f"points are {corners.shape}, not (n, 2) or (n, 3)")
         table = vtk_cells(cells, cell, order)
         if table.size and not 0 <= table.min() <= table.max() < len(corners):
-            raise ValueError("cells name nodes that are not there")
+            raise ValueError("cells name nodes that do not exist")
         if corners.shape[1] == 2:
             corners = np.column_stack([corners, np.zeros(len(corners))])
         self._folder = Path(folder)

@@ -61,11 +61,11 @@ def error_temperature_max(sample: Sample) -> float | None:
 )  # fmt: skip
 def error_stress(sample: Sample) -> float | None:
     """Root mean square over the shell of the axial stress less that of the closed form."""
-    exact, mechanics, time = _exact(sample), sample.simulation.mechanics, sample.time
-    if exact.stress is None or exact.shell is None or mechanics is None or not time > 0.0:
+    exact, strained, time = _exact(sample), sample.simulation.strained, sample.time
+    if exact.stress is None or exact.shell is None or strained is None or not time > 0.0:
         return None
     assert sample.state.mechanical is not None
-    points = mechanics.problem.points
+    points = strained.points
     depth = points.deviator.position[:, 0]
     inside = depth < exact.shell(time)
     stress = points.recovered(sample.state.mechanical.stress)[:, 2][inside]

@@ -18,8 +18,8 @@ from castfem.fem.probes import LineProbes, Profile
 from castfem.physics.constitutive.base import equivalent_strain, equivalent_stress
 from castfem.physics.contact.summary import summary
 from castfem.physics.mechanics.bent_planes import BentPlanes
+from castfem.physics.mechanics.parts import StrainedSlice
 from castfem.physics.mechanics.state import MechanicalResult, MechanicalState
-from castfem.physics.mechanics.stepper import MechanicalStepper
 from castfem.physics.mechanics.surface_gap import SurfaceGap
 from castfem.runs.results.mould_extremes import SMOOTH_ORDER, SmoothPeak
 from castfem.runs.results.sample import MechanicalSample
@@ -27,7 +27,6 @@ from castfem.runs.results.sample import MechanicalSample
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from castfem.fem.section import Section
     from castfem.physics.contact.state import ContactSummary
 
 
@@ -101,29 +100,29 @@ class MechanicalSampler:
     """Takes samples of the strained slice.
 
     Args:
-        stepper: Its mechanics. probes: Lines inward from its surface.
+        strained: The slice. probes: Lines inward from its surface.
         centred: Those of them that end in the centre of the section.
         smooth: Compute the smooth twin of the largest stress.
     """
 
     def __init__(
         self,
-        stepper: MechanicalStepper,
+        strained: StrainedSlice,
         probes: LineProbes,
         centred: tuple[str, ...],
         *,
         smooth: bool = False,
     ) -> None:
         self._smooth = smooth
-        self.problem, self.probes = stepper.problem, probes
-        self.section: Section = self.problem.section
+        self.strained, self.probes = strained, probes
+        self.section = strained.section
         starts = {name: probes.lines[name][0] for name in centred}
         self._opposite = opposite(starts, self.section.multiplicity)
         self._outward = {
             name: -np.subtract(end, start) / np.linalg.norm(np.subtract(end, start))
             for name, (start, end) in probes.lines.items()
         }
-        wall = self._wall = self.problem.contact
+        wall = self._wall = self.strained.contact
         self._gap = None if wall is None else SurfaceGap(wall)
         coordinates = self.section.vertex_space.tabulate_dof_coordinates()
         self._vertex_places = coordinates[: self.section.owned, :2].copy()
@@ -131,7 +130,7 @@ class MechanicalSampler:
 
     def read(self, state: MechanicalState, result: MechanicalResult | None) -> MechanicalSample:
         """Read the committed `state` (collective)."""
-        points = self.problem.points
+        points = self.strained.points
         recovered = points.recovered(state.stress)
         stress = equivalent_stress(recovered)
         places = points.deviator.position
@@ -169,26 +168,26 @@ class MechanicalSampler:
             beyond=self._beyond(state),
             axial_stress=self._axial(recovered),
             bending=state.bending,
-            bending_force=self.problem.slice.planes.bending_force(state.bending),
+            bending_force=self.strained.slice.planes.bending_force(state.bending),
             smooth=self._smoothed(stress) if self._smooth else None,
         )
 
     def _smoothed(self, stress: Array) -> SmoothPeak:
         """Smooth twin of the largest of stresses at the deviator's points (collective)."""
-        return smooth_peak(self.section.comm, stress, self.problem.points.deviator.volume)
+        return smooth_peak(self.section.comm, stress, self.strained.points.deviator.volume)
 
     def _load(self, state: MechanicalState) -> float:
         """External axial force, N, that of rolls and drives in it."""
-        load = float(self.problem.slice.planes.load(state.time)[0])
+        load = float(self.strained.slice.planes.load(state.time)[0])
         drawn = state.bending.withdrawal
         return load + (0.0 if drawn is None else drawn.force / self.section.multiplicity)
 
     def _beyond(self, state: MechanicalState) -> dict[str, float]:
         """Share of the solid beyond the data of its law, by kind (collective)."""
-        law, points = self.problem.slice.law, self.problem.points
+        law, points = self.strained.slice.law, self.strained.points
         if law.data is None:
             return {}
-        heat = self.problem.at_points(state.temperature)[: points.deviator_points]
+        heat = self.strained.at_points(state.temperature)[: points.deviator_points]
         solid, area = heat <= law.elasticity.solidity.solidus, points.deviator.volume
         beyond = law.data.beyond(heat, equivalent_strain(self.strain_rate(state)))
         parts = [area[solid & flags].sum() for flags in beyond.values()]
@@ -201,9 +200,9 @@ class MechanicalSampler:
 
     def strain_rate(self, state: MechanicalState) -> Array:
         """Rate of strain over the last step at the deviator's points, Mandel (n, 4), 1/s."""
-        points, planes = self.problem.points, self.problem.slice.planes
+        points, planes = self.strained.points, self.strained.slice.planes
         instant = 1e-3  # s: over which the generalized strains are differentiated
-        found = points.strain @ dof_values.with_ghosts(self.problem.space, state.rate)
+        found = points.strain @ dof_values.with_ghosts(self.strained.space, state.rate)
         ends = []
         for time, scalars in (
             (state.time, state.scalars),
@@ -215,14 +214,14 @@ class MechanicalSampler:
 
     def _axial(self, recovered: Array) -> dict[str, float]:
         """Axial stress at the start of each probe, Pa; empty where no machine bends the strand."""
-        if not isinstance(self.problem.slice.planes, BentPlanes):
+        if not isinstance(self.strained.slice.planes, BentPlanes):
             return {}
-        starts = self.probes.starts(self.problem.points.at_vertices(recovered[:, 2])[:, None])
+        starts = self.probes.starts(self.strained.points.at_vertices(recovered[:, 2])[:, None])
         return {name: float(values[0]) for name, values in starts.items()}
 
     def axial_at_vertices(self, state: MechanicalState) -> Array:
         """Axial stress recovered at the owned vertices (owned,), Pa (collective)."""
-        points = self.problem.points
+        points = self.strained.points
         return points.at_vertices(points.recovered(state.stress)[:, 2])
 
     def _pressed(self, state: MechanicalState) -> dict[str, float]:
@@ -246,7 +245,7 @@ class MechanicalSampler:
 
     def displaced(self, profiles: dict[str, Profile], state: MechanicalState) -> dict[str, Profile]:
         """Profiles over the depth below the surface as both are now (collective)."""
-        moved = self.problem.points.moved(state.displacement, state.generalized_strains)
+        moved = self.strained.points.moved(state.displacement, state.generalized_strains)
         along_x, along_y = (self.probes.along(np.ascontiguousarray(u)) for u in moved.T)
         found = {}
         for name, profile in profiles.items():
@@ -257,7 +256,7 @@ class MechanicalSampler:
 
     def fields(self, state: MechanicalState, names: tuple[str, ...]) -> dict[str, Array]:
         """Those of `names` that are mechanical, at the owned vertices (collective)."""
-        points = self.problem.points
+        points = self.strained.points
         found: dict[str, Array] = {}
         if "displacement" in names:
             found["displacement"] = points.moved(state.displacement, state.generalized_strains)
@@ -270,7 +269,7 @@ class MechanicalSampler:
         if "strain" in names:
             found["strain"] = points.at_vertices(self.strain(state))
         if "viscoplastic_strain" in names:
-            flowed = self.problem.slice.law.strain(state.internal[: points.deviator_points])
+            flowed = self.strained.slice.law.strain(state.internal[: points.deviator_points])
             found["viscoplastic_strain"] = points.at_vertices(flowed)
         if "pressure" in names:
             found["pressure"] = self._pressure(state)
@@ -291,21 +290,21 @@ class MechanicalSampler:
         return found
 
     def _pressure(self, state: MechanicalState) -> Array:
-        ferrostatic = self.problem.slice.ferrostatic
+        ferrostatic = self.strained.slice.ferrostatic
         if ferrostatic is None:
             return np.zeros(self.section.owned)
         return ferrostatic.pressure(state.temperature, state.time)
 
     def strain(self, state: MechanicalState) -> Array:
         """Strain (37) of the undeformed slice at the deviator's points, Mandel (n, 4)."""
-        points = self.problem.points
+        points = self.strained.points
         return self._with_generalized_strains(
             points.strain @ state.displacement, state.generalized_strains
         )
 
     def _with_generalized_strains(self, values: Array, generalized_strains: Array) -> Array:
         """Strain in the plane at all points, with that of the planes, at the deviator's."""
-        points = self.problem.points
+        points = self.strained.points
         strain = values.reshape(-1, 4)[: points.deviator_points]
         x, y = points.deviator.position.T
         a0, a1, a2, across = generalized_strains

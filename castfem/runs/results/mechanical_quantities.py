@@ -132,8 +132,8 @@ def _beyond_at(kind: str) -> Callable[[Sample], str]:
     """Where most of the shell was beyond the data, behind their limit."""
 
     def where(sample: Sample) -> str:
-        assert sample.simulation.mechanics is not None
-        data = sample.simulation.mechanics.problem.slice.law.data
+        assert sample.simulation.strained is not None
+        data = sample.simulation.strained.slice.law.data
         assert data is not None
         share, position = sample.beyond_data.worst.get(kind, (0.0, 0.0))
         at = f", {below_meniscus(position)}" if share > 0.0 else ""

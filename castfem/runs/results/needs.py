@@ -49,8 +49,8 @@ def _has_table(case: Case, table: str) -> bool:
 
 
 def _slice(simulation: Simulation) -> Slice:
-    assert simulation.mechanics is not None, "of a case with [mechanics]"
-    return simulation.mechanics.problem.slice
+    assert simulation.strained is not None, "of a case with [mechanics]"
+    return simulation.strained.slice
 
 
 def _is_free(simulation: Simulation, strain: str) -> bool:

@@ -97,9 +97,9 @@ class ProbeSampler:
 
 def _strained(sampler: MechanicalSampler, state: MechanicalState) -> Array:
     """What the strained slice has at the owned vertices, in the order of `MECHANICS` (owned, k)."""
-    points = sampler.problem.points
+    points = sampler.strained.points
     recovered = points.recovered(state.stress)
-    flowed = sampler.problem.slice.law.strain(state.internal[: points.deviator_points])
+    flowed = sampler.strained.slice.law.strain(state.internal[: points.deviator_points])
     parts = [
         in_components(recovered),
         equivalent_stress(recovered)[:, None],

@@ -129,7 +129,7 @@ def soft_reduction_length(sample: Sample) -> float | None:
     needs=("machine", "quality"),
 )  # fmt: skip
 def soft_reduction(sample: Sample) -> float | None:
-    """What the aperture of the rolls loses over that length, linear between them."""
+    """Decrease of the roll aperture over that length, interpolated linearly between the rolls."""
     window = _window(sample)
     if window is None:
         return None

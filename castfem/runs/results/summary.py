@@ -120,7 +120,7 @@ def _comparisons(run: RunState, final: dict[str, Quantity]) -> tuple[Comparison,
 
 
 def _of_closed_form(exact: ClosedForm, time: float) -> list[Reference]:
-    """What a closed form has for the results of the summary at a time, s."""
+    """Results of the summary as the closed form gives them at a time, s."""
     return [
         Reference(name, e.value, e.unit, exact.source, note=e.note)
         for name, e in exact.results(time).items()

@@ -72,11 +72,11 @@ class Sampler:
 
     def __post_init__(self) -> None:
         """Find the surface vertex nearest to the start of each probe."""
-        if self.simulation.mechanics is not None:
+        if self.simulation.strained is not None:
             from castfem.runs.results.mechanical import MechanicalSampler
 
             self.mechanics = MechanicalSampler(
-                self.simulation.mechanics,
+                self.simulation.strained,
                 self.simulation.probes,
                 self.simulation.centred_probes,
                 smooth=bool(self.simulation.case.output.smooth),

@@ -13,13 +13,34 @@ from dataclasses import dataclass
 
 from scipy.optimize import brentq
 
-SAFETY = 1.25  # [Roache1994], for an order that three sizes have shown
-LEAST_ORDER, MOST_ORDER = 0.5, 2.0  # less is no convergence; more the schemes do not have
-MOST_TRIED = 8.0  # of an order; above it two values agree by accident
-HALF = 0.5  # of the difference to a coarser size, where no order shows
-LEAST = 0.25  # of the spread, where an order shows: three values may agree by luck
-FEW = 3.0  # [Roache1994], of the difference to a finer size, where no order shows
-_SAME = 1e-12  # relative; values that differ by less are rounded differently
+from castfem.base.constants import EXACT
+
+
+@dataclass(frozen=True, slots=True)
+class ConvergenceRules:
+    """How errors are estimated from the results at several sizes, after [Roache1994].
+
+    Attributes:
+        safety: Factor on the distance to the limit, for an order that three sizes have shown
+            [Roache1994].
+        few: Factor on the difference to a finer size where no order shows [Roache1994].
+        half: Factor on the difference to a coarser size where no order shows.
+        least: Least error over the spread where an order shows: three values may agree by luck.
+        least_order: Lowest order; less is no convergence.
+        most_order: Highest order that the schemes have.
+        most_tried: Highest order that is sought; above it two values agree by accident.
+    """
+
+    safety: float = 1.25
+    few: float = 3.0
+    half: float = 0.5
+    least: float = 0.25
+    least_order: float = 0.5
+    most_order: float = 2.0
+    most_tried: float = 8.0
+
+
+RULES = ConvergenceRules()
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +55,9 @@ class Estimate:
 
         It goes with the order that shows, otherwise with the size itself.
         """
-        return self.error * factor ** (1.0 if self.order is None else min(self.order, MOST_ORDER))
+        return self.error * factor ** (
+            1.0 if self.order is None else min(self.order, RULES.most_order)
+        )
 
 
 def estimate(values: Mapping[float, float]) -> Estimate:
@@ -57,17 +80,17 @@ def estimate(values: Mapping[float, float]) -> Estimate:
     if len(known) < 2 or not math.isfinite(here):
         return Estimate(math.nan)
     spread = max(v for _, v in known) - min(v for _, v in known)
-    if spread <= _SAME * abs(here):
+    if spread <= EXACT * abs(here):
         return Estimate(0.0)
     if len(known) == 2:
-        return Estimate(FEW * spread)
+        return Estimate(RULES.few * spread)
     order = observed_order(known)
     if order is None:
         return Estimate(_without_order(known, here))
-    believed = min(order, MOST_ORDER)
+    believed = min(order, RULES.most_order)
     (x0, v0), (x1, v1), _ = known
     limit = v0 - (v1 - v0) * x0**believed / (x1**believed - x0**believed)
-    return Estimate(max(SAFETY * abs(here - limit), LEAST * spread), order)
+    return Estimate(max(RULES.safety * abs(here - limit), RULES.least * spread), order)
 
 
 def _without_order(known: Sequence[tuple[float, float]], here: float) -> float:
@@ -75,8 +98,8 @@ def _without_order(known: Sequence[tuple[float, float]], here: float) -> float:
     finer = max((abs(v - here) for size, v in known if size < 1.0), default=0.0)
     coarser = max((abs(v - here) for size, v in known if size > 1.0), default=0.0)
     if known[0][0] >= 1.0:  # nothing finer: the next coarser one has to stand for it
-        return FEW * abs(known[1][1] - here)
-    return max(FEW * finer, HALF * coarser)
+        return RULES.few * abs(known[1][1] - here)
+    return max(RULES.few * finer, RULES.half * coarser)
 
 
 def convergence_index(values: Mapping[float, float]) -> float:
@@ -98,9 +121,9 @@ def convergence_index(values: Mapping[float, float]) -> float:
     if not others or not math.isfinite(here):
         return math.nan
     order = observed_order(sorted({**others, 1.0: here}.items())[:3]) if len(others) > 1 else None
-    believed = min(max(order or 1.0, 1.0), MOST_ORDER)
+    believed = min(max(order or 1.0, 1.0), RULES.most_order)
     size = min(others)
-    index = SAFETY * abs((others[size] - here) / (1.0 - size**believed))
+    index = RULES.safety * abs((others[size] - here) / (1.0 - size**believed))
     return max(index, *(abs(v - here) for other, v in others.items() if other < 1.0), 0.0)
 
 
@@ -114,6 +137,6 @@ def observed_order(known: Sequence[tuple[float, float]]) -> float | None:
     def excess(order: float) -> float:
         return (x2**order - x1**order) / (x1**order - x0**order) - wanted
 
-    if excess(LEAST_ORDER) > 0.0 or excess(MOST_TRIED) < 0.0:
+    if excess(RULES.least_order) > 0.0 or excess(RULES.most_tried) < 0.0:
         return None
-    return float(brentq(excess, LEAST_ORDER, MOST_TRIED))
+    return float(brentq(excess, RULES.least_order, RULES.most_tried))

@@ -18,7 +18,6 @@ FACTORS: Mapping[str, tuple[float, ...]] = {
     COUPLING: (2.0, 0.5),
 }
 """Of the runs beside that of the case itself."""
-_FILLED = (0.5, 0.25)  # of the step, where it cannot be longer: the windows limit it
 _DEARER = {MESH: 2.0, STEP: 0.5, COUPLING: 1.0}  # time goes with this power of 1 / factor
 
 
@@ -48,7 +47,7 @@ def levels(case: Case) -> tuple[Level, ...]:
     for axis in sizes.axes_of(case):
         factors = FACTORS[axis]
         if axis == STEP and sizes.steps_fill_windows(case):
-            factors = _FILLED
+            factors = (0.5, 0.25)  # the windows limit the step: no longer one
         found += [_level(case, axis, factor) for factor in factors]
     return tuple(sorted(found, key=_cost))
 

@@ -11,9 +11,7 @@ from castfem.base.errors import InputError
 from castfem.studies.accuracy.sizes import AXES, COUPLING, MESH, STEP
 from castfem.studies.accuracy.table import ErrorTable
 
-_STEPS = 4  # factors between 1 and 2
 _FINEST: Mapping[str, float] = {MESH: 0.25, STEP: 0.125, COUPLING: 0.125}
-_COARSEST = 2.0  # no further than what has been run
 # Power of 1 / factor that the time goes with: what is taken if the runs do not tell, least, most.
 _DEARER: Mapping[str, tuple[float, float, float]] = {
     MESH: (2.0, 1.0, 3.0),
@@ -50,14 +48,14 @@ def read_share(text: str) -> float:
 
 
 def propose(table: ErrorTable, names: Sequence[str], share: float) -> Proposal:
-    """Return the quickest sizes with which the errors are small enough.
+    """Return the sizes of the shortest run whose errors are small enough.
 
-    Each part of an error goes with the order that its sizes have shown, or with the size itself.
+    Each part of an error scales with the order that its sizes have shown, or else linearly.
 
     Args:
         table: The errors of the case as it is.
-        names: Of the numbers that count.
-        share: Of each, of what it is measured by (`Entry.scale`), that its error may be.
+        names: Results that count.
+        share: Allowed error of each, over its `Entry.scale`.
     """
     entries = {
         name: table.quantities[name]
@@ -86,10 +84,10 @@ def propose(table: ErrorTable, names: Sequence[str], share: float) -> Proposal:
 
 
 def _choices(axis: str) -> list[float]:
-    """The factors that are tried, the coarsest first."""
-    first = round(_STEPS * math.log2(_COARSEST))
-    last = round(_STEPS * math.log2(_FINEST[axis]))
-    return [2.0 ** (i / _STEPS) for i in range(first, last - 1, -1)]
+    """The factors that are tried, from 2, the coarsest that has been run, to the finest."""
+    steps = 4  # factors between 1 and 2
+    last = round(steps * math.log2(_FINEST[axis]))
+    return [2.0 ** (i / steps) for i in range(steps, last - 1, -1)]
 
 
 def _exponent(table: ErrorTable, axis: str) -> float:

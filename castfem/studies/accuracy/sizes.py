@@ -18,7 +18,7 @@ from castfem.base.errors import InputError, choices
 from castfem.model import Case
 from castfem.model.mechanics import Way
 from castfem.model.section import meshing
-from castfem.physics.coupling.step_control import ALLOWED_STRAIN
+from castfem.physics.coupling.step_control import LIMITS
 
 DEFAULT = "default"
 
@@ -41,7 +41,6 @@ MESH, STEP, COUPLING = "mesh", "step", "coupling"
 AXES = (MESH, STEP, COUPLING)
 CELLS = ("surface_size", "corner_size", "face_size", "core_size")
 _LOCAL = {"sdirk2": 3, "backward_euler": 2}  # power of the step that its error follows
-_EQUAL = 0.02  # relative; two factors that differ by less are one
 _SIZES = {
     "mesh": CELLS,
     "coupling": (
@@ -65,7 +64,7 @@ def factors_of(word: str) -> dict[str, float]:
     """
     level = LEVELS.get(word)
     if level is None:
-        raise InputError(f"--accuracy {word}: not known; one of {choices(LEVELS)}")
+        raise InputError(f"--accuracy {word}: unknown; use one of {choices(LEVELS)}")
     return {MESH: level.cells, STEP: level.window, COUPLING: level.window}
 
 
@@ -149,7 +148,7 @@ def _coupling(case: Case, factor: float) -> dict[str, Any]:
     if given.window_error is not None:
         found["coupling.window_error"] = _text(factor * given.window_error, "K")
     if (given.growth or 1.0) > 1.0:  # that of a window is of second order in its length
-        allowed = given.strain_error or ALLOWED_STRAIN
+        allowed = given.strain_error or LIMITS.strain
         found["coupling.strain_error"] = factor**2 * allowed
     return found
 
@@ -229,4 +228,4 @@ def factors_between(
 
 def _nearly_equal(ratios: Iterable[float]) -> bool:
     every = list(ratios)
-    return max(every) <= (1.0 + _EQUAL) * min(every)
+    return max(every) <= 1.02 * min(every)

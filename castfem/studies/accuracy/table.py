@@ -38,7 +38,6 @@ from castfem.studies.accuracy.ladder import Level
 
 Results = Mapping[str, Quantity]
 _FORMAT = "castfem error"
-_NOTHING = 1e-9  # in the unit of the tables; what is smaller in all runs is zero but for rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,7 +228,8 @@ def _entries(
             made = estimate(values)
             parts[axis] = Part(made.error, made.order, values)
         largest = max((abs(v) for part in parts.values() for v in part.values.values()), default=0)
-        if largest > _NOTHING and any(part.error != 0.0 for part in parts.values()):
+        # in the unit of the tables; else rounding
+        if largest > 1e-9 and any(part.error != 0.0 for part in parts.values()):
             unit, value = quantity.shown_unit, quantity.shown
             found[name] = Entry(quantity.label, unit, value, parts, _scale(quantity, poured))
     return found

@@ -36,11 +36,28 @@ if TYPE_CHECKING:
     from castfem.studies.optimisation.evaluator import Ended
 
 CSV_NAME, JSON_NAME, CASE_NAME = "calibration.csv", "calibration.json", "calibrated.toml"
-_STEP = 0.01  # of a key's range, for the derivatives
-_NEAR = 1e-3  # of its range: a value so near to a bound is held by it
-_CLOSE = 1e-4  # relative change of the sum of squares, or of the keys, at which the fit ends
-_MOST = 20  # evaluations of the derivatives
-_SURE = 0.95  # probability of the intervals
+
+
+@dataclass(frozen=True, slots=True)
+class FitSettings:
+    """Settings of the least squares and of its intervals.
+
+    Attributes:
+        step: Of the difference quotients, over the range of a key.
+        near: Distance from a bound, over the range, at which a value is held by it.
+        close: Relative change of the sum of squares, or of the keys, at which the fit ends.
+        evaluations: Evaluations of the derivatives at most.
+        confidence: Probability of the intervals.
+    """
+
+    step: float = 0.01
+    near: float = 1e-3
+    close: float = 1e-4
+    evaluations: int = 20
+    confidence: float = 0.95
+
+
+SETTINGS = FitSettings()
 _SAMPLE = "KEY=LOW..HIGH UNIT, such as casting.speed=2..4 m/min"
 
 Residuals = Callable[[Sequence[Mapping[str, str]]], list[Array]]
@@ -115,7 +132,7 @@ def read_free(assignment: str) -> Free:
     except ValueError:
         raise InputError(f"{where}: bounds are numbers; write {_SAMPLE}") from None
     if own and own != unit:
-        raise InputError(f"{where}: both bounds in one unit; write {_SAMPLE}")
+        raise InputError(f"{where}: both bounds need the same unit; write {_SAMPLE}")
     if not ends[0] < ends[1]:
         raise InputError(f"{where}: the lower bound must be below the upper one")
     return Free(key.strip(), *ends, unit)
@@ -147,7 +164,7 @@ def fit(
 
     def slopes(point: Array) -> Array:
         """Derivatives of the residuals by the scaled keys (n, p), inwards at an upper bound."""
-        steps = np.where(point + _STEP > 1.0, -_STEP, _STEP)
+        steps = np.where(point + SETTINGS.step > 1.0, -SETTINGS.step, SETTINGS.step)
         base, *moved = residuals([at(point), *(at(point + step) for step in np.diag(steps))])
         return np.column_stack([(m - base) / s for m, s in zip(moved, steps, strict=True)])
 
@@ -159,12 +176,13 @@ def fit(
         )
     found = least_squares(
         lambda point: residuals([at(point)])[0], begin, jac=slopes, bounds=(0.0, 1.0),
-        method="trf", ftol=_CLOSE, xtol=_CLOSE, gtol=1e-10, max_nfev=_MOST,
+        method="trf", ftol=SETTINGS.close, xtol=SETTINGS.close, gtol=1e-10,
+        max_nfev=SETTINGS.evaluations,
     )  # fmt: skip
     left = len(first) - p
     spread = math.sqrt(float(found.fun @ found.fun) / left) if left else math.nan
     half, correlation = _uncertainty(found.jac, spread, left, errors_known)
-    held = np.minimum(found.x, 1.0 - found.x) < _NEAR
+    held = np.minimum(found.x, 1.0 - found.x) < SETTINGS.near
     columns = zip(keys, low + size * begin, low + size * found.x, size * half, held, strict=True)
     fitted = tuple(Fitted(k, float(a), float(b), float(c), bool(d)) for k, a, b, c, d in columns)
     return Fit(fitted, correlation, first, np.asarray(found.fun), spread, bool(found.status > 0))
@@ -187,7 +205,7 @@ def _uncertainty(
     covariance = np.linalg.inv(slopes.T @ slopes)
     deviation = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(deviation, deviation)
-    tail = 0.5 + 0.5 * _SURE
+    tail = 0.5 + 0.5 * SETTINGS.confidence
     if errors_known:
         return float(stats.norm.ppf(tail)) * deviation, correlation
     if not left:

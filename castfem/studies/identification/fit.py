@@ -30,12 +30,28 @@ from castfem.physics.constitutive.curves import SQRT3
 from castfem.studies.identification.measured import Indices, TensileData, read_tensile
 from castfem.studies.identification.result import NAMES, Fit, IdentifiedLaw
 
-CONFIDENCE = 0.95
-PRIOR = 1e-5  # pull on what the data leave open, over that of one point
-PRIOR_VALUES = (0.0, 0.13, 0.1)  # p1, p3, p4 where the data say nothing
+
+@dataclass(frozen=True, slots=True)
+class IdentificationSettings:
+    """Settings of the fit of a law to tensile tests.
+
+    Attributes:
+        confidence: Probability of the intervals.
+        prior: Pull on what the data leave open, over that of one point.
+        prior_values: p1, p3, p4 where the data say nothing.
+        open: Singular value, over the largest, below which the data leave a direction open.
+        points: Least number of points of a temperature.
+    """
+
+    confidence: float = 0.95
+    prior: float = 1e-5
+    prior_values: tuple[float, float, float] = (0.0, 0.13, 0.1)
+    open: float = 1e-6
+    points: int = 4
+
+
+SETTINGS = IdentificationSettings()
 GUESSED = np.array([0.0, 1.0, 1.0, 1.0])
-OPEN = 1e-6  # of the largest singular value: directions below it are left open by the data
-LEAST_POINTS = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +113,7 @@ def identify(
         ]
     else:
         fits = _fit_together(data, temperatures, chosen)
-    return IdentifiedLaw(tuple(fits), given, data, chosen.degree, CONFIDENCE)
+    return IdentifiedLaw(tuple(fits), given, data, chosen.degree, SETTINGS.confidence)
 
 
 def _usable(data: TensileData, options: IdentifyOptions) -> TensileData:
@@ -133,7 +149,7 @@ def _columns(data: TensileData) -> Array:
 
 def _prior_of(data: TensileData, columns: Array) -> Array:
     """Values of the four parameters to fall back on, the level such that the mean is met."""
-    others = np.array(PRIOR_VALUES)
+    others = np.array(SETTINGS.prior_values)
     level = np.mean(np.log(data.stress / SQRT3) - columns[:, 1:] @ others)
     return np.array([level, *others])
 
@@ -142,7 +158,7 @@ def _solve(problem: _Problem) -> tuple[Array, Array]:
     """Return the unknowns and their covariance (infinite where left open, 0 where held)."""
     moving = problem.most > problem.least
     values = np.where(moving, 0.0, problem.least)
-    weight = (PRIOR * np.abs(problem.design).max(axis=0) * problem.guessed)[moving]
+    weight = (SETTINGS.prior * np.abs(problem.design).max(axis=0) * problem.guessed)[moving]
     design = np.vstack([problem.design[:, moving], np.diag(weight)])
     held = problem.design[:, ~moving] @ values[~moving]
     goal = np.concatenate([problem.goal - held, weight * problem.prior[moving]])
@@ -188,7 +204,7 @@ def _covariance(problem: _Problem, residual: Array, fixed: Flags) -> Array:
         return covariance
     scale = np.abs(problem.design[:, free]).max(axis=0)
     _, singular, right = np.linalg.svd(problem.design[:, free] / scale, full_matrices=False)
-    known = singular > OPEN * singular[0]
+    known = singular > SETTINGS.open * singular[0]
     surplus = max(len(residual) - int(known.sum()), 1)
     variance = residual @ residual / surplus * _widening(residual, problem.curves)
     inverse = np.zeros_like(singular)
@@ -217,10 +233,10 @@ def _widening(residual: Array, curves: list[Indices]) -> float:
 
 def _fit_alone(data: TensileData, temperature: float, options: IdentifyOptions) -> Fit:
     """Fit one temperature by itself."""
-    if len(data.stress) < LEAST_POINTS:
+    if len(data.stress) < SETTINGS.points:
         raise InputError(
             f"{data.name}: {len(data.stress)} usable points at "
-            f"{temperature - ZERO_CELSIUS:.0f} degC, {LEAST_POINTS} are needed; "
+            f"{temperature - ZERO_CELSIUS:.0f} degC, {SETTINGS.points} are needed; "
             "give a degree to fit all temperatures together"
         )
     columns = _columns(data)
@@ -297,7 +313,7 @@ def _fit(
 ) -> Fit:  # fmt: skip
     """Gather what is known of one temperature."""
     residual = _columns(data) @ values - np.log(data.stress / SQRT3)
-    quantile = float(student.ppf(0.5 + 0.5 * CONFIDENCE, max(surplus, 1)))
+    quantile = float(student.ppf(0.5 + 0.5 * SETTINGS.confidence, max(surplus, 1)))
     near = np.abs(values[:, None] - bounds).min(axis=1) < 1e-9
     at_bound = near & (bounds[:, 0] < bounds[:, 1])
     return Fit(

@@ -34,9 +34,6 @@ COLUMNS = {
     "stress": Kind("Pa", "MPa"),
 }
 HEADER = "temperature [degC], strain rate [1/s], strain [-], stress [MPa]"
-SAME_TEMPERATURE = 1.0  # K: tests closer than this are of one temperature
-SAME_RATE = 0.02  # relative
-LISTED = 10  # bad rows that are listed one by one
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,15 +94,17 @@ def read_tensile(path: str | os.PathLike[str]) -> TensileData:
             points.append(_point(row.cells, places, units))
         except ValueError as error:
             problems.append(f"{source}: line {row.line}: {error}")
-    if len(problems) > LISTED:
-        problems[LISTED:] = [f"{source}: {len(problems) - LISTED} more lines cannot be read"]
+    listed = 10
+    if len(problems) > listed:
+        problems[listed:] = [f"{source}: {len(problems) - listed} more lines cannot be read"]
     if not problems and not points:
         problems.append(f"{source}: there is no row under the header")
     if problems:
         raise InputError(problems)
     temperature, rate, strain, stress = np.array(points).T
+    # Tests within 1 K are of one temperature, within 2 % of one rate.
     return TensileData(
-        _gathered(temperature, SAME_TEMPERATURE), np.exp(_gathered(np.log(rate), SAME_RATE)),
+        _gathered(temperature, 1.0), np.exp(_gathered(np.log(rate), 0.02)),
         strain, stress, source.name,
     )  # fmt: skip
 

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 NAMES = ("strength", "p1", "p3", "p4")
 WIDE = {"strength": 1.0, "p3": 0.1, "p4": 0.2}  # an interval wider than this tells little
-PANELS = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,9 +192,9 @@ class IdentifiedLaw:
         """Draw the curves with the fit, and the parameters over temperature; return the path."""
         from matplotlib.figure import Figure
 
-        shown = self.fits
-        if len(shown) > PANELS:
-            chosen = np.linspace(0, len(shown) - 1, PANELS).round().astype(int)
+        shown, panels = self.fits, 12
+        if len(shown) > panels:
+            chosen = np.linspace(0, len(shown) - 1, panels).round().astype(int)
             shown = tuple(shown[i] for i in chosen)
         rows = (len(shown) + 3) // 4
         figure = Figure(figsize=(13.0, 3.0 * (rows + 1)), layout="constrained")

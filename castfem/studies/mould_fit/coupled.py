@@ -34,14 +34,23 @@ if TYPE_CHECKING:
     from castfem.model import Case
     from castfem.model.mould import Mould as MouldTable
 
-SHAPE = 2e-6
-"""Change of the wall from one turn to the next below which they agree, m."""
-HEAT = 1e-3
-"""Likewise of the heat removed, relative."""
-MOST = 8
-"""Turns."""
-_ROWS = 21
-"""Of the table of the hot face's temperature that goes back to the strand."""
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """When the turns of strand and mould end.
+
+    Attributes:
+        shape: Change of the wall from one turn to the next below which they agree, m.
+        heat: The same of the heat removed, relative.
+        most: Turns at most.
+    """
+
+    shape: float = 2e-6
+    heat: float = 1e-3
+    most: int = 8
+
+
+AGREEMENT = Agreement()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,7 +162,7 @@ def hot_mould_of(
         wall = tube.solve(flux_of(strand, mould))
         found.append(_turn(strand, wall, found[-1] if found else None))
         report(number, found[-1])
-        if found[-1].moved < SHAPE and abs(found[-1].heat) < HEAT:
+        if found[-1].moved < AGREEMENT.shape and abs(found[-1].heat) < AGREEMENT.heat:
             break
     return found
 
@@ -233,7 +242,7 @@ def _takes_wall(case: Case) -> bool:
 
 def _temperature(positions: Array, kelvin: Array) -> dict[str, Any]:
     """Return a table of the wall's temperature as a case file has it."""
-    rows = np.linspace(0.0, positions[-1], _ROWS)
+    rows = np.linspace(0.0, positions[-1], 21)
     return {
         "position": rows.tolist(),
         "position_unit": "m",

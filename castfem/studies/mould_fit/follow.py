@@ -59,7 +59,7 @@ class _Follower:
         mechanics = run.sampler.mechanics
         if mechanics is not None and run.state.mechanical is not None:
             strained = run.state.mechanical
-            owned = mechanics.problem.points.moved(
+            owned = mechanics.strained.points.moved(
                 strained.displacement, strained.generalized_strains
             )
             moved = np.stack([self._on_line(part) for part in owned.T], axis=1)

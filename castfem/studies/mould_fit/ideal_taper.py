@@ -23,12 +23,10 @@ if TYPE_CHECKING:
 
     from castfem.physics.mould.mould import Mould
 
-_POINTS = 25  # along the mould
 _SIZES = {
     "width": "size_narrow_face", "height": "size_mid_face", "diameter": "size_mid_face",
     "diagonal": "size_corner",
 }  # fmt: skip
-_NEAR = 0.05  # of a size at the meniscus: the web at the mid-face of a beam blank is no height
 
 
 def fitted_tapers(
@@ -47,7 +45,7 @@ def fitted_tapers(
     history = read_history(folder / HISTORY_NAME)
     position = history["position"].to_numpy()
     length = mould_of(start).length
-    places = np.linspace(0.0, min(length, position[-1]), _POINTS)
+    places = np.linspace(0.0, min(length, position[-1]), 25)
 
     def walls(shares: Array) -> dict[str, Array]:
         mould = mould_of(shares)
@@ -103,7 +101,8 @@ def strand_sizes(history: DataFrame, places: Array, cavity: dict[str, float]) ->
 
     columns = {name: _SIZES[name] for name in cavity if _SIZES.get(name) in history}
     found = {name: along(column) for name, column in columns.items()}
-    found = {n: v for n, v in found.items() if abs(v[0] / cavity[n] - 1.0) < _NEAR}
+    # the web of a beam blank is no height
+    found = {n: v for n, v in found.items() if abs(v[0] / cavity[n] - 1.0) < 0.05}
     if "diagonal" in cavity and "diagonal" not in found and "displacement_corner" in history:
         width, height = cavity["width"], cavity["height"]
         slant = np.hypot(width, height) * np.sqrt(2.0) / (width + height)

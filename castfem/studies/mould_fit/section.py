@@ -30,13 +30,21 @@ from castfem.studies.mould_fit.follow import Followed, follow
 if TYPE_CHECKING:
     from castfem.model import Case
 
-CLOSE = 10e-6
-"""Largest deviation from the wanted outline, m."""
-MOST = 6
-"""Runs."""
-RELAXATION = 1.0
-_FACE, _CORNER = 8, 6
-"""Cells of the wall that the strand's natural shape makes: on half a face, on a corner."""
+
+@dataclass(frozen=True, slots=True)
+class SectionLimits:
+    """When the section of a strand is that which was wanted.
+
+    Attributes:
+        close: Largest deviation from the wanted outline, m.
+        runs: Runs at most.
+    """
+
+    close: float = 10e-6
+    runs: int = 6
+
+
+LIMITS = SectionLimits()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +70,6 @@ def find_section(
     comm: MPI.Comm,
     origin: str,
     at: float | None = None,
-    close: float = CLOSE,
     report: Callable[[int, Attempt], None] = lambda number, attempt: None,
 ) -> list[Attempt]:
     """Return the runs, the last of which ends as a rectangle of the case's section (collective).
@@ -72,7 +79,6 @@ def find_section(
         comm: Ranks.
         origin: What the user called the case, for messages.
         at: Position of the wanted section, m; None: the end of the mould, or of the run.
-        close: Largest deviation from it, m.
         report: Called after each run.
 
     Raises:
@@ -85,7 +91,7 @@ def find_section(
     sides = sides_of_section(section)
     found: list[Attempt] = []
     start: Outline | None = None
-    for number in range(1, MOST + 1):
+    for number in range(1, LIMITS.runs + 1):
         strand = follow(_changed(case, at, start), comm)
         if start is None:
             ways = _vertices(strand.line.place, sides)[0]
@@ -93,12 +99,13 @@ def find_section(
         end = outline_of(strand.outline[-1], strand.line.place, start, sides)
         found.append(Attempt(start, end, float(np.abs(end.offset).max()), strand))
         report(number, found[-1])
-        if found[-1].worst <= close:
+        if found[-1].worst <= LIMITS.close:
             return found
-        start = Outline(start.ways, start.offset - RELAXATION * end.offset)
+        start = Outline(start.ways, start.offset - end.offset)
     raise RunFailure(
-        f"{origin}: after {MOST} runs the section is still {1e6 * found[-1].worst:.0f} um off the "
-        f"wanted one at {1e3 * at:g} mm (allowed: {1e6 * close:.0f} um)"
+        f"{origin}: after {LIMITS.runs} runs the section is still "
+        f"{1e6 * found[-1].worst:.0f} um off the wanted one at "
+        f"{1e3 * at:g} mm (allowed: {1e6 * LIMITS.close:.0f} um)"
     )
 
 
@@ -171,7 +178,7 @@ def outline_of(points: Array, place: Array, start: Outline, sides: Sides) -> Out
 
 def natural_wall(attempt: Attempt, sides: Sides) -> WallDisplacement:
     """Return the wall that follows a strand all round and all the way, from the rectangle."""
-    places = Places.spread(sides, _FACE, _CORNER)
+    places = Places.spread(sides, 8, 6)
     ways = places.ways(sides)
     _, normals = places.on(sides)
     strand = attempt.strand

@@ -46,7 +46,7 @@ def check_changes(changes: Mapping[str, Any] | None) -> Mapping[str, Any]:
 def check_request(
     problem: DesignProblem, request: RunRequest | Mapping[str, Any], caller: str
 ) -> RunRequest:
-    """Return a run: one that a study has asked for, or by key and value of all variables.
+    """Return a run, given as one that a study has asked for, or by the values of all variables.
 
     Raises:
         InputError: It is neither, or lies outside of the ranges.

@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from castfem.base.constants import ROUNDING
 from castfem.base.result_registry import general_label, smooth_twins
 from castfem.base.shown_quantity import unit_of_difference
 from castfem.base.types import Array
 from castfem.studies.accuracy.sizes import LEVELS
 from castfem.studies.optimisation.check_level import CheckedOptimum
-from castfem.studies.optimisation.global_search import APART
+from castfem.studies.optimisation.global_search import GLOBAL
 from castfem.studies.optimisation.local_model import Binding, Interval, Quadratic, around, intervals
 from castfem.studies.optimisation.numerical_error import NumericalError, error
 from castfem.studies.optimisation.optimum import (
@@ -27,7 +28,7 @@ from castfem.studies.optimisation.optimum import (
     Value,
 )  # fmt: skip
 from castfem.studies.optimisation.problem import RunRequest
-from castfem.studies.optimisation.search import AT_END, ROUNDING, Search
+from castfem.studies.optimisation.search import SEARCH, Search
 from castfem.studies.optimisation.spread import InputSpread
 from castfem.studies.optimisation.store import Evaluation
 from castfem.studies.optimisation.unverified_error import UnverifiedError
@@ -131,7 +132,7 @@ def equivalent_optima(
     near, elsewhere = [best], list[RunRequest]()
 
     def apart(one: RunRequest, other: RunRequest) -> bool:
-        return bool(np.max(np.abs(places[one] - places[other])) >= APART)
+        return bool(np.max(np.abs(places[one] - places[other])) >= GLOBAL.apart)
 
     def is_connected(one: RunRequest) -> bool:
         """Whether there are runs between it and the best one, all of them good."""
@@ -173,7 +174,7 @@ def _value(
     """A variable with its interval: by runs, last step, failures, check and inputs."""
     search, check, spread = found.search, found.checked, found.spread
     variable, value = search.problem.variables[number], found.best.values[number]
-    share, last = float(search.problem.shares(found.best)[number]), AT_END * search.radius
+    share, last = float(search.problem.shares(found.best)[number]), SEARCH.at_end * search.radius
     below, above = _failing(found, number)
     ends = max(place.low - search.radius, 0.0, below), min(place.high + search.radius, 1.0, above)
     low, high = (variable.at(share) for share in ends)

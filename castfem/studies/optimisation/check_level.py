@@ -19,9 +19,23 @@ from castfem.studies.optimisation.local_model import Quadratic, nearest
 from castfem.studies.optimisation.problem import RunRequest
 from castfem.studies.optimisation.responses import Responses
 
-_TURNS = 4  # runs of the level of the check, beside that of the best one
-_ONWARD = 6  # more, where a constraint is still missed
-_FARTHEST = 0.25  # of the ranges, a step of these
+
+@dataclass(frozen=True, slots=True)
+class CheckLimits:
+    """How far the runs of the check go.
+
+    Attributes:
+        turns: Runs of the level of the check, beside that of the best one.
+        onward: More, where a constraint is still missed.
+        farthest: Longest step of these, of the ranges.
+    """
+
+    turns: int = 4
+    onward: int = 6
+    farthest: float = 0.25
+
+
+LIMITS = CheckLimits()
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +65,7 @@ class Check:
         """Return the optimum by the level of the check; None where the best run fails there."""
         problem, runs = self.responses.problem, list[CheckedOptimum]()
         place = problem.shares(best)
-        for _ in range(1 + _TURNS):
+        for _ in range(1 + LIMITS.turns):
             found = self._run(place)
             if found is None:
                 break
@@ -128,13 +142,13 @@ class Check:
             steep = float(np.linalg.norm(slope))
             if not steep > 0.0:
                 return None, ""
-            length = float(np.clip(-margins[number] / steep, -_FARTHEST, _FARTHEST))
+            length = float(np.clip(-margins[number] / steep, -LIMITS.farthest, LIMITS.farthest))
             place = np.clip(here + length * slope / steep, 0.0, 1.0)
             if np.max(np.abs(place - here)) <= 0.1 * self.radius:
                 return None, ""  # the end of a range
             target = shares(self.responses.problem.request(place))
-            if len(runs) == before + _ONWARD:
-                return target, f"{_ONWARD} runs towards it were not enough"
+            if len(runs) == before + LIMITS.onward:
+                return target, f"{LIMITS.onward} runs towards it were not enough"
             found = self._run(place)
             if found is None:
                 return target, "a run towards it fails"

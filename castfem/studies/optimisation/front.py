@@ -18,9 +18,7 @@ from castfem.model.optimise import Bound
 from castfem.studies.optimisation.optimum import Front, FrontPoint, FrontResult
 from castfem.studies.optimisation.problem import RunRequest
 from castfem.studies.optimisation.responses import Responses
-from castfem.studies.optimisation.search import FIRST, Search
-
-_SIGMAS = 2.0  # of noise: nearer results count as equal
+from castfem.studies.optimisation.search import SEARCH, Search
 
 
 class FrontSearch:
@@ -66,7 +64,7 @@ class FrontSearch:
         """How far two neighbours are apart, in spans of the front; 0 if noise hides it."""
         span = np.abs(self._pair(found[-1]) - self._pair(found[0]))
         step = np.abs(self._pair(one) - self._pair(other))
-        if np.any(step <= _SIGMAS * np.array(self._noise)):
+        if np.any(step <= 2.0 * np.array(self._noise)):  # nearer results count as equal
             return 0.0
         return float(np.max(step / np.maximum(span, 1e-300)))
 
@@ -76,7 +74,7 @@ class FrontSearch:
         bound = _bound(self._other.objective, self._other.sense, level)
         search = self._search(self._responses.other(extra=(bound,)))
         ends = [self._responses.problem.shares(w) for w in (one, other)]
-        first = float(np.clip(0.25 * np.max(np.abs(ends[1] - ends[0])), 0.0, FIRST))
+        first = float(np.clip(0.25 * np.max(np.abs(ends[1] - ends[0])), 0.0, SEARCH.first))
         found = search.towards(self._start, search.best_known(self._start), first)
         self._exhausted |= search.exhausted
         return found

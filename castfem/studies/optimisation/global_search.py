@@ -10,16 +10,32 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from castfem.base.errors import InputError
 from castfem.base.types import Array
 
-APART = 0.2  # of the ranges: distance of two local optima
-_BATCH = 4
-_SEED = 12
-_MOST = 2
+
+@dataclass(frozen=True, slots=True)
+class GlobalSettings:
+    """Settings of the search for several optima.
+
+    Attributes:
+        apart: Distance of two local optima, of the ranges.
+        batch: Runs at once.
+        optima: Optima that are followed.
+        seed: Of the random numbers.
+    """
+
+    apart: float = 0.2
+    batch: int = 4
+    optima: int = 2
+    seed: int = 12
+
+
+GLOBAL = GlobalSettings()
 
 Evaluate = Callable[[list[Array]], list[list[float]]]
 """Scaled cost and margins at places, shares of the ranges (n,) each."""
@@ -51,16 +67,18 @@ def explore(evaluate: Evaluate, start: Array, count: int) -> list[Array]:
 
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     names = [str(i) for i in range(len(start))]
-    even = qmc.Sobol(len(start), seed=_SEED).random(2 ** int(np.ceil(np.log2(max(count, 2)))))
+    even = qmc.Sobol(len(start), seed=GLOBAL.seed).random(2 ** int(np.ceil(np.log2(max(count, 2)))))
     first = [start, *even[: count // 2]]
-    sampler = optuna.samplers.TPESampler(n_startup_trials=len(first), seed=_SEED, multivariate=True)
+    sampler = optuna.samplers.TPESampler(
+        n_startup_trials=len(first), seed=GLOBAL.seed, multivariate=True
+    )
     study = optuna.create_study(sampler=sampler)
     for place in first:
         study.enqueue_trial({name: float(u) for name, u in zip(names, place, strict=True)})
     places: list[Array] = []
     values: list[list[float]] = []
     while len(places) < count:
-        batch = min(_BATCH if places else len(first), count - len(places))
+        batch = min(GLOBAL.batch if places else len(first), count - len(places))
         trials = [study.ask() for _ in range(batch)]
         new = [np.array([t.suggest_float(name, 0.0, 1.0) for name in names]) for t in trials]
         results = evaluate(new)
@@ -85,7 +103,7 @@ def local_optima(places: Array, values: Array) -> list[Array]:
     rank[np.lexsort((values[:, 0], missed))] = np.arange(len(places))
     found: list[Array] = []
     for i in np.argsort(rank):
-        near = np.max(np.abs(places - places[i]), axis=1) < APART
-        if rank[i] == np.min(rank[near]) and len(found) < _MOST:
+        near = np.max(np.abs(places - places[i]), axis=1) < GLOBAL.apart
+        if rank[i] == np.min(rank[near]) and len(found) < GLOBAL.optima:
             found.append(places[i])
     return found

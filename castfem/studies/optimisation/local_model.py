@@ -24,12 +24,33 @@ from castfem.base.types import Array, Flags
 from castfem.studies.optimisation.numerical_error import NumericalError
 from castfem.studies.optimisation.polynomial_fit import columns
 
-REACH = 2.5  # steps from the optimum within which the quadratics are used
-_SAMPLES, _LINE = 2**14, 4001  # places in that box, with several variables and with one
-_PARTS = 1.0 / 3.0, 2.0 / 3.0, 1.0  # of the largest error of margins, and of that of the cost
-_EDGE = 0.02  # of the box: an interval that ends so near to its end may go on
-_NEIGHBOURS, _APART = 5, 1e-3  # runs that measure the noise, and their distance, of the ranges
-_SIGMAS = 3.0  # two runs differ by that much of their scatter in one case of thirty
+
+@dataclass(frozen=True, slots=True)
+class ModelSettings:
+    """Settings of the quadratics about an optimum.
+
+    Attributes:
+        reach: Distance from the optimum within which they are used, in steps.
+        samples: Places in that box with several variables.
+        line: The same with one.
+        parts: Of the largest error of margins and of cost that are tried.
+        edge: Distance from the end of the box, over it, at which an interval may go on.
+        neighbours: Runs that measure the noise.
+        apart: Distance of these, of the ranges.
+        sigmas: Difference of two runs over their scatter; once in thirty by chance.
+    """
+
+    reach: float = 2.5
+    samples: int = 2**14
+    line: int = 4001
+    parts: tuple[float, float, float] = (1.0 / 3.0, 2.0 / 3.0, 1.0)
+    edge: float = 0.02
+    neighbours: int = 5
+    apart: float = 1e-3
+    sigmas: float = 3.0
+
+
+MODEL = ModelSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +65,7 @@ class Quadratic:
     @classmethod
     def fit(cls, centre: Array, step: Array, shares: Array, values: Array) -> Quadratic:
         """Fit the runs (r, n) within reach, with cost and margins (r, 1 + m)."""
-        near = np.max(np.abs(shares - centre) / step, axis=1) <= REACH * (1.0 + 1e-9)
+        near = np.max(np.abs(shares - centre) / step, axis=1) <= MODEL.reach * (1.0 + 1e-9)
         near &= ~np.isnan(values).any(axis=1)
         rows = columns(np.asarray((shares[near] - centre) / step))
         weights, _, rank, _ = np.linalg.lstsq(rows, values[near], rcond=1e-8)
@@ -64,7 +85,7 @@ class Quadratic:
     @property
     def box(self) -> tuple[Array, Array]:
         """The lowest and the highest place at which it is used (n,)."""
-        ends = (np.clip(self.centre + s * REACH * self.step, 0.0, 1.0) for s in (-1.0, 1.0))
+        ends = (np.clip(self.centre + s * MODEL.reach * self.step, 0.0, 1.0) for s in (-1.0, 1.0))
         low, high = ends
         return low, high
 
@@ -72,16 +93,16 @@ class Quadratic:
         """Places that fill the box (r, n), the last one the optimum."""
         low, high = self.box
         if len(low) == 1:
-            return np.vstack([np.linspace(low, high, _LINE), self.centre])
+            return np.vstack([np.linspace(low, high, MODEL.line), self.centre])
         from scipy.stats import qmc
 
-        points = qmc.Sobol(len(low), scramble=False).random(_SAMPLES)
+        points = qmc.Sobol(len(low), scramble=False).random(MODEL.samples)
         return np.vstack([low + points * (high - low), self.centre])
 
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """Where an optimum may lie along one variable, shares of its range."""
+    """Interval in which an optimum may lie along one variable, as shares of its range."""
 
     low: float
     high: float
@@ -120,7 +141,11 @@ def intervals(
         allowed = nearest_to_allowed(values[here, 1:] + shift, allowed_miss)
         cost = values[here, 0] + error.tilted(places[here], tilt)
         kept[here] |= allowed & (cost <= np.min(cost[allowed]) + beside)
-    lowest, highest, edge = places[kept].min(axis=0), places[kept].max(axis=0), _EDGE * (high - low)
+    lowest, highest, edge = (
+        places[kept].min(axis=0),
+        places[kept].max(axis=0),
+        MODEL.edge * (high - low),
+    )
     below = (low > 0.0) & (lowest <= low + edge)
     above = (high < 1.0) & (highest >= high - edge)
     every = zip(lowest, highest, below, above, strict=True)
@@ -134,8 +159,8 @@ def _errors(blurred: Array, error: NumericalError) -> tuple[Array, list[tuple[Ar
     """
     up, down = blurred + error.above[1:], -blurred - error.below[1:]
     ends = [*np.diag(up), *np.diag(down), *([up, down] if len(up) > 1 else [])]
-    shifts = [np.zeros(len(up)), *(part * end for end in ends for part in _PARTS)]
-    tilts = [0.0, *(part * error.most for part in _PARTS)] if error.tilt is not None else [0.0]
+    shifts = [np.zeros(len(up)), *(part * end for end in ends for part in MODEL.parts)]
+    tilts = [0.0, *(part * error.most for part in MODEL.parts)] if error.tilt is not None else [0.0]
     moves = list(itertools.product(shifts, tilts))
     if error.better:
         moves.append((error.moved[1:], 0.0))
@@ -218,7 +243,7 @@ class Binding:
         within = here[1:] <= blurred[1:] + error
         seen = seen[~np.isnan(seen).any(axis=1)]
         far = np.zeros(len(within), dtype=bool)
-        missed = seen[seen[:, 0] < here[0] - _SIGMAS * blurred[0], 1:] < -scatter[1:]
+        missed = seen[seen[:, 0] < here[0] - MODEL.sigmas * blurred[0], 1:] < -scatter[1:]
         for which in sorted(missed, key=np.count_nonzero):
             # Of several that are missed at once those near the optimum bind, if any, else all.
             if np.any(which) and not np.any(which & far):
@@ -279,4 +304,4 @@ def scatter(values: Array) -> Array | None:
 
 
 def _along() -> Array:
-    return np.asarray((np.arange(_NEIGHBOURS) - _NEIGHBOURS // 2) * _APART)
+    return np.asarray((np.arange(MODEL.neighbours) - MODEL.neighbours // 2) * MODEL.apart)

@@ -9,15 +9,30 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from castfem.base.types import Array
 
-_MORE = 1.4  # runs over coefficients
-_EQUATIONS = 4.3  # over coefficients, of runs with derivatives
-# What is missed is of fourth degree or more: it changes at least four times as much as it is large.
-_WEIGHT = 0.25  # of derivatives, whose misfit is to count as that of values
+
+@dataclass(frozen=True, slots=True)
+class FitCost:
+    """How many runs a polynomial takes, and how they count.
+
+    Attributes:
+        runs: Runs over coefficients.
+        equations: Equations over coefficients, of runs with derivatives.
+        slopes: Weight of derivatives. What is missed is of fourth degree or more: it changes at
+            least four times as much as it is large.
+    """
+
+    runs: float = 1.4
+    equations: float = 4.3
+    slopes: float = 0.25
+
+
+COST = FitCost()
 
 
 def coefficients(variables: int, inputs: int) -> int:
@@ -30,9 +45,9 @@ def samples(variables: int, inputs: int, *, derivatives: bool = False) -> int:
     """Number of runs to fit; without derivatives a power of two."""
     needed = coefficients(variables, inputs)
     if derivatives:
-        enough = int(np.ceil(_EQUATIONS * needed / (1 + variables + inputs)))
+        enough = int(np.ceil(COST.equations * needed / (1 + variables + inputs)))
         return max(enough, least(variables, inputs, derivatives=True))
-    return int(2 ** np.ceil(np.log2(_MORE * needed)))
+    return int(2 ** np.ceil(np.log2(COST.runs * needed)))
 
 
 def least(variables: int, inputs: int, *, derivatives: bool) -> int:
@@ -84,9 +99,9 @@ def _equations(
     rows = columns(places, variables)
     if slopes is None:
         return rows, values
-    by_place = [_WEIGHT * _slopes(places, variables, i) for i in range(places.shape[1])]
+    by_place = [COST.slopes * _slopes(places, variables, i) for i in range(places.shape[1])]
     blocks = np.stack([rows, *by_place], axis=1)
-    results = np.concatenate([values[:, None, :], _WEIGHT * np.swapaxes(slopes, 1, 2)], axis=1)
+    results = np.concatenate([values[:, None, :], COST.slopes * np.swapaxes(slopes, 1, 2)], axis=1)
     return blocks.reshape(-1, blocks.shape[2]), results.reshape(-1, results.shape[2])
 
 

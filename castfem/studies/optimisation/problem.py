@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from castfem.physics.mould.mould import Mould
     from castfem.studies.optimisation.store import Evaluation
 
-_STEPS = 1e4  # values are rounded to this part of their range
 _TAPER = "mould.taper"
 _COUPLED = 'take fidelity = "coarse"'
 _MISSING = (
@@ -61,7 +60,7 @@ class DesignVariable:
         """The variable of a table."""
         low, high, si = variable.si
         low, high = (units.convert(end, si, variable.unit or "1") for end in (low, high))
-        decimals = max(0, math.ceil(-math.log10((high - low) / _STEPS)))
+        decimals = max(0, math.ceil(-math.log10((high - low) / 1e4)))
         return cls(variable.key, low, high, variable.unit, decimals)
 
     @property

@@ -11,29 +11,53 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from castfem.base.constants import ROUNDING
 from castfem.base.types import Array
 from castfem.studies.optimisation.global_search import explore
 from castfem.studies.optimisation.local_model import neighbours, scatter
 from castfem.studies.optimisation.problem import RunRequest
 from castfem.studies.optimisation.responses import Responses
 
-FIRST, LAST = 0.1, 0.002  # of the ranges: first step, and the smallest worth taking
-AT_END = 2.0  # last steps from the end of a range
-ROUNDING = 1e-9  # of a bound: what misses it by less has met it
-_SOBOL = 3  # 2^3 - 1 places over the ranges where the start fails
-_LARGEST_LAST = 0.03  # of the ranges: of the last step, however large the noise
-_FAILED = 10.0  # of the part that a failed run has not reached, in scales of the constraints
-_UNSEEN = 1e-2  # of a result: its scale where no two runs have shown one
-_INSIDE = 1e-3  # of the scale of a constraint: how far inside of it SLSQP aims
-_DEAR = 10.0  # scales of the cost that a scale of a missed constraint is worth
-_LOST = 1e30  # violation of a failed run: more than that of any that has finished
-_FLAT = 1e-3  # of the scales: change of cost and constraints that ends SLSQP
-_TRIALS = 4  # runs for a step of SLSQP that lead nowhere, as at a kink
+
+@dataclass(frozen=True, slots=True)
+class SearchSettings:
+    """Steps, scales and ends of the search. Lengths are shares of the ranges.
+
+    Attributes:
+        first: First step.
+        last: Smallest step worth taking.
+        largest_last: Largest last step, however large the noise.
+        at_end: Distance from the end of a range that counts as there, in last steps.
+        sobol: 2^3 - 1 places are tried over the ranges where the start fails.
+        failed: Of the part that a failed run has not reached, in scales of the constraints.
+        unseen: Scale of a result where no two runs have shown one, over the result.
+        inside: How far inside of a constraint SLSQP aims, in its scale.
+        dear: Scales of the cost that a scale of a missed constraint is worth.
+        lost: Violation of a failed run: more than that of any that has finished.
+        flat: Change of cost and constraints that ends SLSQP, in their scales.
+        trials: Runs for a step of SLSQP that lead nowhere, as at a kink.
+    """
+
+    first: float = 0.1
+    last: float = 0.002
+    largest_last: float = 0.03
+    at_end: float = 2.0
+    sobol: int = 3
+    failed: float = 10.0
+    unseen: float = 1e-2
+    inside: float = 1e-3
+    dear: float = 10.0
+    lost: float = 1e30
+    flat: float = 1e-3
+    trials: int = 4
+
+
+SEARCH = SearchSettings()
 
 Function = Callable[[Array], Any]
 
@@ -66,7 +90,7 @@ class Search:
         count, n = 1 + responses.count, len(responses.problem.variables)
         self.noise: Array = np.zeros(count)
         self.noise_known = False
-        self.radius, self.exhausted, self.looked_at = LAST, False, 0
+        self.radius, self.exhausted, self.looked_at = SEARCH.last, False, 0
         self._scale: Array = np.ones(count)
         self._scaled = True
         self._moved: Array = np.full((count, n), np.inf)
@@ -78,10 +102,12 @@ class Search:
 
         def whole() -> None:
             for place in self._starts(self._measure(start)):
-                self._descend(place, FIRST)
+                self._descend(place, SEARCH.first)
             best = self.best()
             if self.violation(best) > 0.0:  # no run meets all: which comes nearest?
-                self._cobyqa(self.problem.shares(best), FIRST, self._worst_violation, free=True)
+                self._cobyqa(
+                    self.problem.shares(best), SEARCH.first, self._worst_violation, free=True
+                )
 
         best = self._within_budget(whole)
         self.looked_at = len(self.responses.seen)
@@ -89,10 +115,10 @@ class Search:
 
     def again(self, begin: RunRequest) -> RunRequest:
         """Search on from a run with small steps, and return the best one."""
-        step = min(max(4.0 * self.radius, 2.0 * LAST), FIRST)
+        step = min(max(4.0 * self.radius, 2.0 * SEARCH.last), SEARCH.first)
         return self._within_budget(lambda: self._cobyqa(self.problem.shares(begin), step))
 
-    def towards(self, start: Array, begin: RunRequest, first: float = FIRST) -> RunRequest:
+    def towards(self, start: Array, begin: RunRequest, first: float = SEARCH.first) -> RunRequest:
         """Search from a run that was made for another objective, and return the best one.
 
         Args:
@@ -103,7 +129,7 @@ class Search:
 
         def whole() -> None:
             self._measure(start)
-            self._descend(self.problem.shares(begin), max(first, 2.0 * LAST))
+            self._descend(self.problem.shares(begin), max(first, 2.0 * SEARCH.last))
 
         return self._within_budget(whole)
 
@@ -157,8 +183,11 @@ class Search:
         """
         vector, request = self.responses.vector, self.problem.request
         begin = np.clip(start, 0.0, 1.0)
-        inner = np.clip(begin, FIRST, 1.0 - FIRST)
-        cross = [inner, *(inner + s * FIRST * e for e in np.eye(len(begin)) for s in (1.0, -1.0))]
+        inner = np.clip(begin, SEARCH.first, 1.0 - SEARCH.first)
+        cross = [
+            inner,
+            *(inner + s * SEARCH.first * e for e in np.eye(len(begin)) for s in (1.0, -1.0)),
+        ]
         line = neighbours(inner)
         runs = list(dict.fromkeys(request(u) for u in [begin, *cross, *line]))
         self._fetch(runs)
@@ -182,13 +211,14 @@ class Search:
             scaled = np.array([vector(w) for w in finished_runs]) / self._scale
             self._worst = np.array([scaled[:, 0].max(), *scaled[:, 1:].min(axis=0)])
         if self.noise_known:
-            slope = (above - below) / (2.0 * FIRST)  # to one side where the other run has failed
-            slope = np.where(np.isnan(above), (here - below) / FIRST, slope)
-            slope = np.where(np.isnan(below), (above - here) / FIRST, slope)
+            # To one side where the other run has failed.
+            slope = (above - below) / (2.0 * SEARCH.first)
+            slope = np.where(np.isnan(above), (here - below) / SEARCH.first, slope)
+            slope = np.where(np.isnan(below), (above - here) / SEARCH.first, slope)
             steepest = np.max(np.abs(np.nan_to_num(slope)), axis=0)
             with np.errstate(divide="ignore", invalid="ignore"):
                 steps = np.where(steepest > 0.0, 2.0 * self.noise / steepest, np.inf)
-            self.radius = float(np.clip(np.min(steps), LAST, _LARGEST_LAST))
+            self.radius = float(np.clip(np.min(steps), SEARCH.last, SEARCH.largest_last))
         return begin
 
     def _first_that_finishes(self, begin: Array) -> RunRequest | None:
@@ -208,9 +238,9 @@ class Search:
                 return -1.0
             return 1.0 - self.responses.seen[request].share
 
-        _, *places = qmc.Sobol(len(begin), scramble=False).random_base2(_SOBOL)
+        _, *places = qmc.Sobol(len(begin), scramble=False).random_base2(SEARCH.sobol)
         if not any(missing(np.asarray(place)) < 0.0 for place in places):
-            self._minimise(missing, begin, FIRST, LAST, target=-1.0)
+            self._minimise(missing, begin, SEARCH.first, SEARCH.last, target=-1.0)
         return finished[0] if finished else None
 
     def _bounds(self, runs: Sequence[RunRequest]) -> Array:
@@ -226,13 +256,13 @@ class Search:
             self._fetch([request])
             run, vector = self.responses.seen[request], self.responses.vector(request)
             if run.failed:
-                left = _FAILED * (run.share - 1.0) - 1.0 / _FAILED
+                left = SEARCH.failed * (run.share - 1.0) - 1.0 / SEARCH.failed
                 self._vectors[request] = np.array([*self._worst, left])
             else:
                 if not self._scaled:  # the first that finishes
                     self._scaled = True
                     sizes = np.array([abs(vector[0]), *self._bounds([request])])
-                    self._scale = np.where(sizes > 0.0, _UNSEEN * sizes, 1.0)
+                    self._scale = np.where(sizes > 0.0, SEARCH.unseen * sizes, 1.0)
                 scaled = vector / self._scale
                 self._worst[0] = max(self._worst[0], scaled[0])
                 self._worst[1:] = np.minimum(self._worst[1:], scaled[1:])
@@ -285,7 +315,7 @@ class Search:
 
         known, last = len(self._vectors), min(self.radius, 0.5 * first)
         before, trials, complete = np.array(begin), 0, True
-        inside = np.array([0.0, *np.full(self.responses.count, _INSIDE), 0.0])
+        inside = np.array([0.0, *np.full(self.responses.count, SEARCH.inside), 0.0])
 
         def at(x: Array) -> RunRequest:
             """The run at steps of `first`, so that a cost of slope 1 is followed by one step."""
@@ -297,7 +327,7 @@ class Search:
         def cost(x: Array) -> float:
             nonlocal trials
             trials += 1
-            if trials > _TRIALS:
+            if trials > SEARCH.trials:
                 raise _StepsEnd
             return float(values(x)[0])
 
@@ -325,23 +355,23 @@ class Search:
             minimize(
                 cost, before / first, jac=lambda x: slopes(x)[0], method="SLSQP",
                 bounds=[(0.0, 1.0 / first)] * len(begin), constraints=limits, callback=stepped,
-                options={"ftol": _FLAT, "maxiter": self._most},
+                options={"ftol": SEARCH.flat, "maxiter": self._most},
             )  # fmt: skip
         if complete:
             end = min(list(self._vectors)[known:], key=self._merit, default=self.best())
             if self.violation(end) > 0.0:  # a bound is bent more than its derivatives say
-                self._cobyqa(self.problem.shares(end), max(4.0 * last, 2.0 * LAST))
+                self._cobyqa(self.problem.shares(end), max(4.0 * last, 2.0 * SEARCH.last))
         return complete
 
     def _merit(self, request: RunRequest) -> float:
         """Cost of a run that may miss a bound by a little."""
-        return float(self._vector(request)[0]) + _DEAR * self.violation(request)
+        return float(self._vector(request)[0]) + SEARCH.dear * self.violation(request)
 
     def violation(self, request: RunRequest) -> float:
         """By how much a run misses constraints beyond noise, in their scales; 0 if it meets all."""
         run = self.responses.seen[request]
         if run.failed:
-            return float(_LOST * (2.0 - run.share))
+            return float(SEARCH.lost * (2.0 - run.share))
         if not self.responses.count:
             return 0.0
         left, bounds = self.responses.margins(request)

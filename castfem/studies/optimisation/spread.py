@@ -23,11 +23,29 @@ from castfem.studies.optimisation.polynomial_fit import fit, least, samples
 from castfem.studies.optimisation.problem import RunRequest
 from castfem.studies.optimisation.responses import Responses
 
-_PLACES, _DRAWS = 2**11, 2**8
-_TAILS = 0.05, 0.95
-_EDGE = 0.04  # of half the box: how near its end counts as there
-_SAFE = 0.95  # share of the draws in which a safe optimum meets its constraints
-_SEED = 12
+
+@dataclass(frozen=True, slots=True)
+class SpreadSettings:
+    """How the spread of an optimum is sampled.
+
+    Attributes:
+        places: Places in the box of the variables.
+        draws: Draws of the inputs.
+        tails: Quantiles that are reported.
+        edge: Distance from the end of the box that counts as there, of half of it.
+        safe: Share of the draws in which a safe optimum meets its constraints.
+        seed: Of the random numbers.
+    """
+
+    places: int = 2**11
+    draws: int = 2**8
+    tails: tuple[float, float] = (0.05, 0.95)
+    edge: float = 0.04
+    safe: float = 0.95
+    seed: int = 12
+
+
+SPREAD = SpreadSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,8 +83,8 @@ class _Box:
 
     def open(self, ends: Array) -> Flags:
         """Whether what lies between some ends (n, 2) goes on beyond the runs, by variable."""
-        below = (self.middle - self.half > 0.0) & (ends[:, 0] <= _EDGE - 1.0)
-        above = (self.middle + self.half < 1.0) & (ends[:, 1] >= 1.0 - _EDGE)
+        below = (self.middle - self.half > 0.0) & (ends[:, 0] <= SPREAD.edge - 1.0)
+        above = (self.middle + self.half < 1.0) & (ends[:, 1] >= 1.0 - SPREAD.edge)
         return np.asarray(below | above)
 
 
@@ -91,17 +109,18 @@ def input_spread(
     polynomials, error = fit(
         places[fine], values[fine], n, None if slopes is None else slopes[fine]
     )
-    centre, draws = box.place(model.centre), 2.0 * _sobol(d, _DRAWS) - 1.0
+    centre, draws = box.place(model.centre), 2.0 * _sobol(d, SPREAD.draws) - 1.0
 
     def at_optimum(inputs: Array) -> Array:
         return polynomials(np.hstack([np.tile(centre, (len(inputs), 1)), inputs]))
 
     here, finder = at_optimum(draws), _Finder(polynomials, n)
-    ends, safe = np.quantile(finder.best(draws), _TAILS, axis=0).T, finder.safe(draws)
+    ends, safe = np.quantile(finder.best(draws), SPREAD.tails, axis=0).T, finder.safe(draws)
     indices = zip(_indices(at_optimum, d), _indices(finder.best, d), strict=True)
     first, total = (np.vstack(pair) for pair in indices)
     return InputSpread(
-        low=np.quantile(here, _TAILS[0], axis=0), high=np.quantile(here, _TAILS[1], axis=0),
+        low=np.quantile(here, SPREAD.tails[0], axis=0),
+        high=np.quantile(here, SPREAD.tails[1], axis=0),
         error=error, met=np.mean(here[:, 1:] >= 0.0, axis=0), first=first, total=total,
         place=np.clip(box.shares(ends.T).T, 0.0, 1.0), open=box.open(ends),
         safe=None if safe is None else box.shares(safe), runs=len(values),
@@ -112,7 +131,7 @@ def input_spread(
 def _sobol(dimensions: int, count: int) -> Array:
     from scipy.stats import qmc
 
-    points = qmc.Sobol(dimensions, seed=_SEED).random_base2((count - 1).bit_length())
+    points = qmc.Sobol(dimensions, seed=SPREAD.seed).random_base2((count - 1).bit_length())
     return np.asarray(points[:count])
 
 
@@ -161,9 +180,9 @@ def _indices(function: Callable[[Array], Array], inputs: int) -> tuple[Array, Ar
 
     found = stats.sobol_indices(
         func=twice,
-        n=_DRAWS,
+        n=SPREAD.draws,
         dists=[stats.uniform(-1.0, 2.0)] * inputs,
-        rng=np.random.default_rng(_SEED),
+        rng=np.random.default_rng(SPREAD.seed),
     )
     with np.errstate(invalid="ignore"):
         parts = [np.reshape(part, (-1, inputs)) for part in (found.first_order, found.total_order)]
@@ -176,7 +195,7 @@ class _Finder:
     """Finds the optimum of polynomials for given inputs, among many places in the box."""
 
     def __init__(self, polynomials: Callable[[Array], Array], variables: int) -> None:
-        self._polynomials, self._places = polynomials, 2.0 * _sobol(variables, _PLACES) - 1.0
+        self._polynomials, self._places = polynomials, 2.0 * _sobol(variables, SPREAD.places) - 1.0
 
     def _values(self, inputs: Array) -> Array:
         """Cost and margins at all places for one draw (places, 1 + m)."""
@@ -199,5 +218,5 @@ class _Finder:
             values = self._values(inputs)
             met += np.all(values[:, 1:] >= 0.0, axis=1)
             cost += values[:, 0]
-        sound = met >= _SAFE * len(draws)
+        sound = met >= SPREAD.safe * len(draws)
         return np.asarray(self._places[sound][np.argmin(cost[sound])]) if np.any(sound) else None

@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 _NO_RESULT = ("title", "reference", "verification", "optimise")  # tables without effect on results
 _RESULT = ("every", "smooth")  # keys of [output] with effect on them
 _NO_KEYS = ("fidelity", "mould")  # varied, and no keys of the case
-_DIGITS = 10  # of the hash in the name of a run
 
 Strand = dict[str, dict[str, Any]]
 
@@ -175,7 +174,7 @@ class Store:
         self, case: Case, given: Mapping[str, str], derivatives: Derivatives | None = None
     ) -> Job:
         """Return the run of a case, to be made or resumed; `given` says what is varied."""
-        name = f"{run_name(given)}_{_key(case)[:_DIGITS]}".lstrip("_")
+        name = f"{run_name(given)}_{_key(case)[:10]}".lstrip("_")
         self._variants[name] = Variant(name, given, case)
         return Job(name, self.folder / name, case, resume=True, derivatives=derivatives)
 

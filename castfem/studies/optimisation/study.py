@@ -132,7 +132,7 @@ class Study:
             lost = sum(self._runs.find(one) is None for one in requests)
             if lost:
                 raise InputError(
-                    f"solve: obtain gave no results of {lost} of {len(requests)} runs; call "
+                    f"solve: obtain gave no results for {lost} of {len(requests)} runs; call "
                     "tell(run, results) for each"
                 )
 

@@ -15,7 +15,7 @@ from castfem.studies.accuracy.sizes import LEVELS
 from castfem.studies.optimisation.check_level import CheckedOptimum
 from castfem.studies.optimisation.numerical_error import NumericalError, next_of
 from castfem.studies.optimisation.problem import RunRequest
-from castfem.studies.optimisation.search import AT_END, Search
+from castfem.studies.optimisation.search import SEARCH, Search
 from castfem.studies.optimisation.spread import InputSpread
 
 _NOISE = "noise was not measured: runs about the start, or about the best one, fail"
@@ -63,7 +63,7 @@ class UnverifiedError:
             why = f"the optimum by {error.checked} was not reached: {checked.why}"
             found.append((way < 0.0, way > 0.0, why))
         if any(error.untilted):
-            shares, last = problem.shares(best), AT_END * search.radius
+            shares, last = problem.shares(best), SEARCH.at_end * search.radius
             free = error.untilted & (shares > last) & (shares < 1.0 - last)
             pairs = zip(problem.variables, free, strict=True)
             if keys := " and ".join(variable.key for variable, one in pairs if one):

@@ -20,14 +20,29 @@ from castfem.studies.optimisation.numerical_error import NumericalError, Tilt, n
 from castfem.studies.optimisation.optimum import Optimum
 from castfem.studies.optimisation.problem import DesignProblem, RunRequest
 from castfem.studies.optimisation.responses import KnownRuns, Obtain, Responses
-from castfem.studies.optimisation.search import AT_END, Search
+from castfem.studies.optimisation.search import SEARCH, Search
 from castfem.studies.optimisation.spread import input_spread
 
 if TYPE_CHECKING:
     pass
 
-_STEP, _WIDEST = 0.025, 0.1  # of the ranges: between the runs about an optimum
-_TURNS = 3  # of search and runs about its optimum
+
+@dataclass(frozen=True, slots=True)
+class NeighbourSteps:
+    """Runs about an optimum.
+
+    Attributes:
+        least: Least distance between them, of the ranges.
+        widest: Largest.
+        turns: Turns of search and runs about its optimum.
+    """
+
+    least: float = 0.025
+    widest: float = 0.1
+    turns: int = 3
+
+
+NEIGHBOURS = NeighbourSteps()
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +63,7 @@ class Workflow:
         best = search.run(start)
         if responses.seen[best].failed:
             return assemble(Findings(search, best))
-        for _ in range(_TURNS):
+        for _ in range(NEIGHBOURS.turns):
             found = self._about(search, best)
             better = search.better_than(found.best)
             if better is None or search.exhausted:
@@ -96,9 +111,9 @@ class Workflow:
         for _ in range(2):  # wider where the interval is open
             places = intervals(model, search.noise, untilted, *responses.table(best.fidelity))
             ends = np.array([one.open_low or one.open_high for one in places])
-            if not np.any(ends & (model.step < _WIDEST)):
+            if not np.any(ends & (model.step < NEIGHBOURS.widest)):
                 break
-            step = np.where(ends, np.minimum(2.0 * model.step, _WIDEST), model.step)
+            step = np.where(ends, np.minimum(2.0 * model.step, NEIGHBOURS.widest), model.step)
             model = self._model(responses, best, step)
         binding = self._binding(search, best, model, error)
         checked = self._check(search, best, model, error, binding)
@@ -107,9 +122,9 @@ class Workflow:
     def _surroundings(self, search: Search, best: RunRequest) -> tuple[RunRequest, Quadratic]:
         """Fit the runs about a best one; where another one there is better, search on from it."""
         responses = search.responses
-        width = float(np.clip(4.0 * search.radius, _STEP, _WIDEST))
+        width = float(np.clip(4.0 * search.radius, NEIGHBOURS.least, NEIGHBOURS.widest))
         step = np.full(len(self.problem.variables), width)
-        for _ in range(_TURNS):
+        for _ in range(NEIGHBOURS.turns):
             model = self._model(responses, best, step)
             better = search.best()
             gain = responses.cost(best) - responses.cost(better)
@@ -147,7 +162,7 @@ class Workflow:
         responses.fetch(list(every.values()))
         vectors = {word: responses.vector_or_nan(one) for word, one in every.items()}
         error = NumericalError.of(best.fidelity, vectors)
-        shares, last = self.problem.shares(best), AT_END * search.radius
+        shares, last = self.problem.shares(best), SEARCH.at_end * search.radius
         fixed = sum(self._binding(search, best, model, error).near)
         fixed += int(np.count_nonzero((shares <= last) | (shares >= 1.0 - last)))
         if fixed >= len(shares):

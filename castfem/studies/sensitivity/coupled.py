@@ -16,13 +16,8 @@ import numpy as np
 
 from castfem.base.types import Array
 from castfem.fem import reductions
-from castfem.physics.coupling.staggered import (
-    FACTORS,
-    CouplingObserver,
-    Relaxation,
-    StaggeredCoupling,
-    StrandState,
-)
+from castfem.physics.coupling.relaxation import FACTORS, Relaxation
+from castfem.physics.coupling.staggered import CouplingObserver, StaggeredCoupling, StrandState
 from castfem.physics.mechanics.state import MechanicalState
 from castfem.studies.sensitivity.mechanical import MechanicalDerivatives
 from castfem.studies.sensitivity.result import Kink
@@ -92,7 +87,7 @@ class CoupledDerivatives(CouplingObserver):
             self._begun = self._gap = self._gaps_at_start(old.mechanical)
 
     def _gaps_at_start(self, state: MechanicalState) -> Array:
-        """Those of a committed state, which the window before has ended with."""
+        """Derivatives of the gap of a committed state, with which the last window has ended."""
         (slopes, gaps), marked = self._ended, self.mechanical.marked
         if slopes is marked:
             return gaps

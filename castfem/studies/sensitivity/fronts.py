@@ -23,11 +23,30 @@ from castfem.studies.sensitivity.thermal import ThermalDerivatives
 
 LEVELS = {"shell": "solidus", "liquidus_depth": "liquidus"}
 """Results that are depths of an isotherm, and whose."""
-CELLS = 12.0  # over which a line is laid
-LEAST, FEWEST = 4.0, 8  # cells and steps, or readings, with which one is
-APART = 0.25  # of a cell, by which the shell grows from one reading to the next
-TIMES = 2.5  # the scatter (rms): nine of ten differences of runs lie within
-_POWERS = 2  # of the smooth curve
+
+
+@dataclass(frozen=True, slots=True)
+class FrontLimits:
+    """How steps of a front and the scatter of readings are evened out.
+
+    Attributes:
+        cells: Cells over which a line is laid.
+        least: Cells that the front must have passed.
+        fewest: Steps, or readings, with which a line is laid.
+        apart: Growth of the shell from one reading to the next, in cells.
+        times: Error over the scatter (rms): nine of ten differences of runs lie within.
+        powers: Degree of the smooth curve.
+    """
+
+    cells: float = 12.0
+    least: float = 4.0
+    fewest: int = 8
+    apart: float = 0.25
+    times: float = 2.5
+    powers: int = 2
+
+
+FRONTS = FrontLimits()
 
 
 @dataclass(slots=True)
@@ -50,15 +69,15 @@ class Front:
             self.rows = []  # there is no front
             return
         self.rows.append([depth, cell, *slopes])
-        self.rows = [row for row in self.rows if abs(row[0] - depth) <= CELLS * cell]
+        self.rows = [row for row in self.rows if abs(row[0] - depth) <= FRONTS.cells * cell]
 
     def evened(self) -> tuple[Array, Array] | None:
         """Derivatives by each parameter and their standard errors; None with too few cells."""
         table = np.array(self.rows)
-        if len(table) < FEWEST:
+        if len(table) < FRONTS.fewest:
             return None
         depth, cell, slopes = table[:, 0], table[-1, 1], table[:, 2:]
-        if np.ptp(depth) < LEAST * cell:
+        if np.ptp(depth) < FRONTS.least * cell:
             return None
         line = np.column_stack([np.ones(len(table)), (depth - depth[-1]) / cell])
         found = np.linalg.lstsq(line, slopes, rcond=None)[0]
@@ -100,7 +119,7 @@ class Fronts:
             front.add(zone, profile.isotherm_depth(level), profile.cell_at(level), slopes)
 
     def _along(self, probes: LineProbes, sample: Sample, warming: Array) -> dict[str, Array]:
-        """How the temperature along every line changes by a parameter, by conduction as it is."""
+        """Derivative of the temperature along every line, interpolated as conduction has it."""
         state = sample.state.thermal
         law = probes.conducts
         if law is None or law.even:
@@ -167,23 +186,23 @@ class Scatter:
             self.zone, self.rows = zone, []
         if not np.isfinite(cell):
             return False
-        return not self.rows or abs(depth - self.rows[-1][0]) >= APART * cell
+        return not self.rows or abs(depth - self.rows[-1][0]) >= FRONTS.apart * cell
 
     def add(self, depth: float, cell: float, slopes: Sequence[float]) -> None:
         """Take in a reading; what lies too far back is dropped."""
         self.rows.append([depth, cell, *slopes])
-        self.rows = [row for row in self.rows if abs(row[0] - depth) <= CELLS * cell]
+        self.rows = [row for row in self.rows if abs(row[0] - depth) <= FRONTS.cells * cell]
 
     def errors(self, count: int) -> Array:
         """Errors of all derivatives (count,), NaN where there are too few readings of one."""
         found = np.full(count, np.nan)
-        if len(self.rows) < FEWEST:
+        if len(self.rows) < FRONTS.fewest:
             return found
         table = np.array(self.rows)
         depth, slopes = table[:, 0], table[:, 2:]
-        curve = np.vander((depth - depth[-1]) / table[-1, 1], _POWERS + 1)
+        curve = np.vander((depth - depth[-1]) / table[-1, 1], FRONTS.powers + 1)
         known = np.isfinite(slopes).all(axis=0)
         rest = slopes[:, known] - curve @ np.linalg.lstsq(curve, slopes[:, known], rcond=None)[0]
-        free = len(table) - _POWERS - 1
-        found[known] = TIMES * np.sqrt((rest**2).sum(axis=0) / free)
+        free = len(table) - FRONTS.powers - 1
+        found[known] = FRONTS.times * np.sqrt((rest**2).sum(axis=0) / free)
         return found

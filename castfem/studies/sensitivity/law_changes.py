@@ -22,7 +22,7 @@ from castfem.physics.constitutive.flow_laws import ThermoElastic
 from castfem.physics.mechanics.material_points import FedPoints
 from castfem.physics.mechanics.problem import MechanicalProblem
 from castfem.studies.sensitivity.perturbed_slices import (
-    WARMER,
+    DIFFERENCES,
     SliceSides,
     slope,
     slope_by_temperature,
@@ -102,15 +102,15 @@ class LawChanges:
         before, after = (one[rows] for one in self._stiff)
         # At the temperatures there are, warmer and colder at the start, warmer and colder at the
         # end: in one go, for there are few points.
-        starts = [before, before + WARMER, before - WARMER, before, before]
-        ends = [after, after, after, after + WARMER, after - WARMER]
+        starts = [before, before + DIFFERENCES.warmer, before - DIFFERENCES.warmer, before, before]
+        ends = [after, after, after, after + DIFFERENCES.warmer, after - DIFFERENCES.warmer]
         every = law.coefficients(np.concatenate(starts), np.concatenate(ends))
         tables = every.reshape(5, len(before), every.shape[1])
         now = tables[0]
         solid = now.copy()
         for table in tables:
             _softened(table, fed, rows)
-        rise = [slope(tables[i], now, tables[i + 1], WARMER) for i in (1, 3)]
+        rise = [slope(tables[i], now, tables[i + 1], DIFFERENCES.warmer) for i in (1, 3)]
         warm = [one[:, rows, None] for one in self._stiff_warming]
         changes = rise[0] * warm[0] + rise[1] * warm[1]
         for number, (one, its) in enumerate(zip(self._sides, self._begun, strict=True)):

@@ -28,8 +28,6 @@ from castfem.studies.sensitivity.step_inputs import Beginning, Slopes
 Some = list[int] | slice
 """Numbers of some of the parameters, or all."""
 
-ROUNDING = 2e-12  # of the forces in the slice: what a difference of them may have of it
-
 
 @dataclass(frozen=True, slots=True)
 class OutOfBalance:
@@ -101,7 +99,7 @@ class LinearisedStep:
         self._old, self._stressed, self._local = begun[0].old, begun[0].stressed, state.local
         largest = reductions.largest(run.section.comm, np.abs(state.forces))
         spans = np.array([one.span for one in sides])
-        self._noise, self._spans = ROUNDING * largest, spans
+        self._noise, self._spans = 2e-12 * largest, spans  # of the forces in the slice
         for one, its in zip(sides, begun, strict=True):
             one.begin(its)
         self.given = GivenStep(run, forces, sides, begun)
@@ -222,7 +220,7 @@ class LinearisedStep:
     def _slopes(
         self, i: int, moved: Moved, answers: Answers, touched: ContactChanges | None
     ) -> Slopes:
-        """What the next step takes up, but the displacement and its rates."""
+        """Derivatives that the next step begins with, without displacement and rates."""
         run, old, here, law = self._run, self._old, self._stressed, answers.inside
         dissipation = np.zeros(run.points.deviator_points)
         dissipation[here.rows[: here.deviators]] = law.dissipation[i, : here.deviators]

@@ -30,9 +30,7 @@ from castfem.physics.contact.state import CONTACT
 from castfem.physics.mechanics.definition import Slice
 from castfem.physics.mechanics.force_operators import ForceOperators
 from castfem.physics.mechanics.state import MechanicalState
-from castfem.physics.mechanics.stepper import MechanicalStepper
 from castfem.physics.mechanics.surface_gap import SurfaceGap
-from castfem.physics.mechanics.varied_problem import VariedProblem
 from castfem.studies.sensitivity.linearised_step import LinearisedStep
 from castfem.studies.sensitivity.parameters import ELASTIC, EXPANSION, Parameter
 from castfem.studies.sensitivity.perturbed_simulation import Variation, Varied
@@ -40,12 +38,29 @@ from castfem.studies.sensitivity.perturbed_slices import SIGNS, SliceSides
 from castfem.studies.sensitivity.result import Kink
 from castfem.studies.sensitivity.step_inputs import Beginning, Slopes, Stressed, moved, none_of
 
-NARROW = 5e-2  # of the step of a parameter: how far the sides are moved
-EXACT = 1e-4  # of the largest derivative of stress or of pressure: what may be out of balance
-AT_ONCE = 1e-5  # the same, before anything is corrected
-OF_ALL = 1e-7  # of the right-hand side: likewise, where nothing touches
-STALE = 0.1  # of what it was before a correction: what remains is rounding
-SOLVES = 5  # with the tangent, at most
+
+@dataclass(frozen=True, slots=True)
+class StepTolerances:
+    """Differences and corrections of a mechanical step that is differentiated.
+
+    Attributes:
+        narrow: Distance of the sides of a parameter, over its step.
+        stress: What may be out of balance, over the largest derivative of stress or of pressure.
+        first: The same before anything is corrected.
+        free: What may be out of balance where nothing touches, over the right-hand side.
+        stale: What a correction must leave less of; what remains else is rounding.
+        solves: Solutions with one tangent at most.
+    """
+
+    narrow: float = 5e-2
+    stress: float = 1e-4
+    first: float = 1e-5
+    free: float = 1e-7
+    stale: float = 0.1
+    solves: int = 5
+
+
+TOLERANCES = StepTolerances()
 
 
 def lengthened(variation: Variation, begin: float, end: float) -> float:
@@ -116,7 +131,7 @@ class MechanicalDerivatives:
 
     def _sides_of(self, variation: Variation) -> SliceSides:
         """The slice on both sides of a parameter."""
-        case, by = self._simulation.case, NARROW * variation.parameter.step
+        case, by = self._simulation.case, TOLERANCES.narrow * variation.parameter.step
         above, below = (self._slice(variation, sign * by) for sign in SIGNS)
         its = variation.above.simulation.case
         same = its.mould == case.mould and its.section == case.section
@@ -124,9 +139,9 @@ class MechanicalDerivatives:
 
     def _give_mechanics(self, variation: Variation, end: Varied, by: float) -> None:
         """Let results be read off the slice on one side."""
-        its, parameter = end.simulation, variation.parameter
-        problem = VariedProblem(self._problem, self._made(its, parameter, by))
-        end.simulation = replace(its, mechanics=MechanicalStepper(problem, judge=False))
+        its = end.simulation
+        strained = self._problem.of_slice(self._made(its, variation.parameter, by))
+        end.simulation = replace(its, strained=strained)
 
     def _made(self, its: Simulation, parameter: Parameter, by: float) -> Slice:
         """The slice of a simulation in which a parameter is moved.
@@ -244,12 +259,14 @@ class MechanicalDerivatives:
         moves: Array = np.zeros((len(following), len(problem.residual_state.local)))
         found = held.slopes
         asked = [number for number in every if following[number].whole > 0.0]
-        for _ in range(SOLVES):
+        for _ in range(TOLERANCES.solves):
             if not asked:
                 break
             more = problem.solve_linearised(np.array([following[n].right for n in asked]))
             if more is None:
-                raise RunFailure("the derivative of a mechanical step cannot be solved for")
+                raise RunFailure(
+                    "the linear system for the derivative of a mechanical step cannot be solved"
+                )
             moves[asked] += more
             left = step.evaluate(moves[asked], asked)
             for i, number in enumerate(asked):
@@ -341,10 +358,14 @@ class MechanicalDerivatives:
         if left <= following.rounding:
             return False
         if not self._touches:
-            return left > OF_ALL * following.whole
+            return left > TOLERANCES.free * following.whole
         before, first = following.left, np.isinf(following.left)
         following.left = now = self._unbalanced(following.right, slopes)
-        return now > AT_ONCE if first else EXACT < now <= STALE * before
+        return (
+            now > TOLERANCES.first
+            if first
+            else TOLERANCES.stress < now <= TOLERANCES.stale * before
+        )
 
     def _displacements(self, step: LinearisedStep, moves: Array) -> list[Array]:
         """Derivatives of the displacements of this rank's nodes, ghosts included (collective)."""

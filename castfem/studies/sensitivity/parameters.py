@@ -39,10 +39,26 @@ LEVELS = {"degC", "degF", "°C", "°F"}
 """Units of temperatures that do not begin at absolute zero."""
 _LAW = "law.", "mechanics.law."  # the second as inputs of an optimum are called
 _BY_CARBON = "name steel.composition.C instead"
-_SHIFT = 1e-3  # of a unit of temperature: half the distance of the difference quotients
-_SHARE = 1e-5  # of anything else
-_OF_MOULD = 1e-4  # of its numbers: taper moves the wall by less than its place is rounded
-_OF_LENGTH = 1e-6  # of its lengths, which move it by a part of themselves
+
+
+@dataclass(frozen=True, slots=True)
+class DifferenceSteps:
+    """Half the distance of the difference quotients by a parameter.
+
+    Attributes:
+        temperature: Of a temperature, in its unit.
+        share: Of anything else, over the number.
+        mould: Of numbers of the mould: taper moves the wall by less than its place is rounded.
+        length: Of its lengths, which move it by a part of themselves.
+    """
+
+    temperature: float = 1e-3
+    share: float = 1e-5
+    mould: float = 1e-4
+    length: float = 1e-6
+
+
+STEPS = DifferenceSteps()
 _HELD = {
     "section": "it changes the mesh",
     "mesh": "it changes the mesh",
@@ -225,14 +241,14 @@ def _read(case: Case, steel: Steel, name: str, spread: str) -> Parameter:
     if not wide > 0.0:
         raise ValueError(f"it is 0; say by how much it may differ: {name}=SPREAD")
     size = _share(parameter) * max(abs(parameter.value), wide)
-    return replace(parameter, spread=wide, step=_SHIFT if temperature else size)
+    return replace(parameter, spread=wide, step=STEPS.temperature if temperature else size)
 
 
 def _share(parameter: Parameter) -> float:
     """Half the distance of the difference quotients, over the number."""
     if not parameter.key.startswith("mould."):
-        return _SHARE
-    return _OF_LENGTH if units.parse_any(f"1 {parameter.unit}")[1] == "m" else _OF_MOULD
+        return STEPS.share
+    return STEPS.length if units.parse_any(f"1 {parameter.unit}")[1] == "m" else STEPS.mould
 
 
 def _spread(text: str, parameter: Parameter, temperature: bool) -> float:

@@ -28,7 +28,6 @@ from castfem.studies.sensitivity.parameters import Parameter
 
 _COOLING = ("cooling", "secondary", "machine", "mould")
 """Tables of a case in which the cooling stands."""
-_FINER = (1.0, 0.1, 0.01)  # steps to try where tables of the steel are divided otherwise
 
 
 @dataclass(slots=True)
@@ -57,7 +56,7 @@ class Varied:
         return self.step(time)[0]
 
     def step(self, time: float) -> tuple[float, float]:
-        """Its own time at a time of the run, s, and how much longer its steps from there on are."""
+        """Its own time at a time of the run, s, and the ratio of its steps to those of the run."""
         if self.same_times:
             return time, 1.0
         run, own = self.instants
@@ -108,8 +107,8 @@ def surface_heat(cooling: Cooling, temperature: Array, time: float) -> tuple[Arr
 class CurveDifference:
     """T(H) and theta(H) of one steel less those of another.
 
-    Between two steels whose curves are straight lines it is one as well, which is laid once; it
-    is looked up once then, and no digits of two large numbers are lost in their difference.
+    For two steels whose curves are piecewise linear the difference is so as well and is set up
+    once: it takes one look-up, and no digits of two large numbers are lost.
 
     Args:
         above: Curve that is taken. below: Curve that is taken off.
@@ -166,7 +165,7 @@ class Variation:
     curves: CurveDifference | None
 
     def lateness(self, time: float) -> float:
-        """Derivative of the time that belongs to a time of the run (s), s per unit."""
+        """Derivative of the time that corresponds to a time of the run (s), s per unit."""
         return (self.above.time(time) - self.below.time(time)) / self.span
 
     @property
@@ -181,7 +180,7 @@ def vary(simulation: Simulation, parameter: Parameter) -> Variation:
     Raises:
         InputError: The parameter cannot be moved, or it moves what the steps are held by.
     """
-    for finer in _FINER:
+    for finer in (1.0, 0.1, 0.01):  # where tables are divided otherwise
         step = finer * parameter.step
         tried = replace(parameter, step=step)
         below, above = (_varied(simulation, tried, sign * step) for sign in (-1.0, 1.0))
@@ -241,10 +240,10 @@ def _places(simulation: Simulation) -> list[float]:
 
 
 def _instants(simulation: Simulation, other: Simulation, parameter: Parameter) -> Array:
-    """Instants of the run within it, and those of another that belong to them (2, n), s.
+    """Instants of the run, and the corresponding ones of another (2, n), s.
 
     Raises:
-        InputError: There are not as many, or two that are one come apart.
+        InputError: Their numbers differ, or two that coincide in the run do not in the other.
     """
     run, own = _places(simulation), _places(other)
     end = run[1]

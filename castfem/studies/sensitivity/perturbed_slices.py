@@ -8,6 +8,7 @@ parameters at once (`castfem.studies.sensitivity.linearised_step`).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,9 +23,25 @@ from castfem.physics.mechanics.problem import MechanicalProblem
 from castfem.studies.sensitivity.step_inputs import Beginning
 
 SIGNS = (1.0, -1.0)  # above a parameter, and below
-SAME_PLACE = 1e-14  # of a position: how far two may be apart for rounding
-WARMER = 1e-4  # K: to either side, in differences by temperature
-UNEVEN = 0.1  # of a difference: its halves are farther apart where there is a kink, not a bend
+
+
+@dataclass(frozen=True, slots=True)
+class DifferenceLimits:
+    """Steps of differences by temperature, and where they have a kink.
+
+    Attributes:
+        warmer: To either side, K.
+        uneven: Difference of the two halves, over the whole, from which there is a kink and no
+            bend.
+        same_place: Relative difference of two positions that is rounding.
+    """
+
+    warmer: float = 1e-4
+    uneven: float = 0.1
+    same_place: float = 1e-14
+
+
+DIFFERENCES = DifferenceLimits()
 
 
 def slope(above: Array, here: Array, below: Array, by: float) -> Array:
@@ -36,13 +53,18 @@ def slope(above: Array, here: Array, below: Array, by: float) -> Array:
     """
     up, down = (above - here) / by, (here - below) / by
     sizes = np.abs(up), np.abs(down)
-    even = np.abs(up - down) <= UNEVEN * np.maximum(*sizes)
+    even = np.abs(up - down) <= DIFFERENCES.uneven * np.maximum(*sizes)
     return np.where(even, 0.5 * (up + down), np.where(sizes[0] < sizes[1], up, down))
 
 
 def slope_by_temperature(curve: Callable[[Array], Array], temperature: Array, here: Array) -> Array:
     """Derivative of a curve at temperatures (K), where it has the values `here`."""
-    return slope(curve(temperature + WARMER), here, curve(temperature - WARMER), WARMER)
+    return slope(
+        curve(temperature + DIFFERENCES.warmer),
+        here,
+        curve(temperature - DIFFERENCES.warmer),
+        DIFFERENCES.warmer,
+    )
 
 
 class SliceSides:
@@ -168,7 +190,7 @@ class SliceSides:
         return np.asarray(found)
 
     def give(self, contact: LinearisedContact, into: GivenChanges, number: int) -> None:
-        """Put what changes beside the motion in column `number` of what contact is given."""
+        """Write the changes of contact other than by the motion into column `number`."""
         above, below = self.walls
         into.stiffness[:, number] = (above.stiffness - below.stiffness) / self.span
         into.pool[:, number] = (above.liquid.pool - below.liquid.pool) / self.span
@@ -190,7 +212,9 @@ class SliceSides:
             place: Where the surface is and meets the wall of the run.
             positions: Of the slice above and below, below the meniscus, m.
         """
-        if self._same_wall and abs(positions[0] - positions[1]) <= SAME_PLACE * abs(positions[0]):
+        if self._same_wall and abs(positions[0] - positions[1]) <= DIFFERENCES.same_place * abs(
+            positions[0]
+        ):
             return np.zeros_like(place.normal), np.zeros_like(place.gap)
         (one, gap), (other, least) = (
             place.to(wall.contact.wall, position)

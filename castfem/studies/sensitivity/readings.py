@@ -9,7 +9,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -42,9 +42,6 @@ _OF_TEMPERATURE = ("metallurgical_length", "liquid_end", "mould_mean_flux")
 """Results of the whole way that hang on the temperatures alone."""
 _USUAL = ("heat_removed", "shell", "surface_temperature")
 """Results that are read if none is named."""
-
-if TYPE_CHECKING:
-    pass
 
 Asked = dict[str, tuple[QuantityDefinition, str]]
 
@@ -125,7 +122,7 @@ class Readings:
 
     @property
     def reads_all(self) -> bool:
-        """Whether samples of all steps are wanted, not of the last alone."""
+        """Whether samples of all steps are needed, not of the last alone."""
         return self._follows_heat or bool(self.fronts.fronts) or self.scatter is not None
 
     def follow(self, sample: Sample) -> None:
@@ -227,7 +224,7 @@ class Readings:
         return float(found[0][number]), float(found[1][number])
 
     def memory(self) -> dict[str, Any]:
-        """What a checkpoint must hold of what has been noted."""
+        """Notes of the steps so far, for a checkpoint."""
         noted = [[sampler.memory() for sampler in pair] for pair in self._samplers]
         found = {"results": list(self.asked), "noted": noted, "fronts": self.fronts.memory()}
         if self.scatter is not None:

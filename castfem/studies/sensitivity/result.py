@@ -18,8 +18,6 @@ from castfem.runs.output.folder import DERIVATIVES_NAME
 from castfem.studies.sensitivity.parameters import LEVELS, Parameter
 
 JSON_NAME, CSV_NAME = "sensitivity.json", "sensitivity.csv"
-_KINK = 1e-2  # of a derivative: how far its two sides may be apart
-_NOISE = 1e-11  # of a result: what rounding makes of it
 _DIFFERENCE = "delta_"  # before the unit of a difference of two temperatures
 _OF_TABLE = ("percent", "%")
 REFUSED = "refused"
@@ -155,8 +153,8 @@ class Sensitivity:
         if absolute and parameter.has_zero and quantity.value:
             relative = one.value * parameter.value / quantity.value
         apart = abs(one.above - one.below)
-        noise = _NOISE * abs(quantity.value) / parameter.step
-        kinked = apart > _KINK * max(abs(one.below), abs(one.above)) + noise
+        noise = 1e-11 * abs(quantity.value) / parameter.step
+        kinked = apart > 1e-2 * max(abs(one.below), abs(one.above)) + noise
         kinked = kinked and one.evened is None
         return Row(
             quantity, one.quantity, parameter, slope, per(unit, parameter.unit), relative,

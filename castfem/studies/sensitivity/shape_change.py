@@ -24,8 +24,6 @@ from castfem.physics.thermal.boundary import Patch, Surface
 from castfem.physics.thermal.deformed_section import Shape
 from castfem.physics.thermal.problem import Stage, ThermalProblem
 
-STRAIN = 1e-6  # by which a generalized strain is moved, of which shares are all but linear
-
 
 class ByMotion:
     """Derivative of a linear form by the motion of the slice.
@@ -74,9 +72,9 @@ class ByMotion:
         value = self._shape.generalized_strains.value
         if component == 0 and not value[1:].any():  # the form goes with the thickness
             return np.asarray(here / (1.0 + value[0]))
-        given = value[component]
-        value[component] = given + STRAIN
-        change = (assemble_owned(self._form, self._owned) - here) / STRAIN
+        given, by = value[component], 1e-6  # shares are all but linear in it
+        value[component] = given + by
+        change = (assemble_owned(self._form, self._owned) - here) / by
         value[component] = given
         return np.asarray(change)
 
@@ -87,7 +85,7 @@ class ByMotion:
 
 
 class ShapeChange:
-    """Derivatives of what the shape of the slice gives its heat balance, by each parameter.
+    """Derivatives of the terms of the heat balance that the shape of the slice enters.
 
     In a stage, M (H - H_base) + tau (L theta + w q - M s) = 0, these are L, the conduction, w, the
     shares of the surface, and M, the volume that its steel fills.

@@ -102,7 +102,9 @@ class StageTangent:
             matrix.zeroRowsColumns((self._held + first).astype(np.int32), diag=1.0)
         self.solver.setOperators(matrix)
         if why := factorise(self.solver, matrix):
-            raise RunFailure(f"the derivative of a stage cannot be solved for: {why}")
+            raise RunFailure(
+                f"the linear system for the derivative of a stage cannot be solved: {why}"
+            )
 
     def solve(self, right: Array, fixed: Array) -> Array:
         """DH/dp (parameters, owned); a back substitution each, all at once (collective).
@@ -308,7 +310,7 @@ class ThermalDerivatives:
 
 @dataclass(frozen=True, slots=True)
 class _Step:
-    """A step of the run, and what it is on both sides of each parameter.
+    """A step of the run, and the corresponding steps on both sides of each parameter.
 
     Attributes:
         begin: s. span: Its length, s.

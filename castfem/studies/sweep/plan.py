@@ -18,8 +18,21 @@ from castfem.model import Case
 from castfem.model.key_names import full_key
 from castfem.model.load import changed
 
-_LONGEST = 100  # characters of a folder's name
-_WIDEST = 24  # characters of a value in tables and legends
+
+@dataclass(frozen=True, slots=True)
+class NameLengths:
+    """Longest names, in characters.
+
+    Attributes:
+        folder: Of a folder.
+        value: Of a value in tables and legends.
+    """
+
+    folder: int = 100
+    value: int = 24
+
+
+LENGTHS = NameLengths()
 _NAME = "name"  # of the column that names the runs
 _LABEL = "sweep"  # where a value was written, in messages
 _QUOTED = (
@@ -236,10 +249,10 @@ def _check_name(name: str, line: int, rows: Iterable[Row]) -> None:
             f'line {line}: the name "{shortened(name)}" makes no name of a folder; give it letters '
             "(A to Z) or digits"
         )
-    if len(name) > _LONGEST:
+    if len(name) > LENGTHS.folder:
         raise ValueError(
             f'line {line}: the name "{shortened(name)}" has {len(name)} characters; a folder is '
-            f"named so, give at most {_LONGEST}"
+            f"named so, give at most {LENGTHS.folder}"
         )
 
 
@@ -270,7 +283,7 @@ def brief(given: Mapping[str, str]) -> list[str]:
 def shortened(value: str) -> str:
     """Return a value without its quotes, cut where it would fill a table: tables within it, say."""
     text = value.strip("\"'")
-    return text if len(text) <= _WIDEST else f"{text[: _WIDEST - 4]} ..."
+    return text if len(text) <= LENGTHS.value else f"{text[: LENGTHS.value - 4]} ..."
 
 
 def run_name(given: Mapping[str, str]) -> str:
@@ -281,9 +294,9 @@ def run_name(given: Mapping[str, str]) -> str:
         for leaf, (key, value) in zip(leaves, given.items(), strict=True)
     ]
     name = "__".join(parts)
-    if len(name) <= _LONGEST:
+    if len(name) <= LENGTHS.folder:
         return name
-    return f"{name[: _LONGEST - 9]}_{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+    return f"{name[: LENGTHS.folder - 9]}_{hashlib.sha256(name.encode()).hexdigest()[:8]}"
 
 
 def _safe(text: str) -> str:

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 LOG_NAME = "sweep.log"
 """In a folder of runs: what libraries print in processes."""
 _TICK = 0.25  # s between two looks at the progress
-_AGAIN = 2  # how often a run is resumed that was lost with its process
 
 
 class Pending(Protocol):
@@ -147,9 +146,9 @@ def _on_ranks(
     ended: Callable[[Job, Outcome], None],
     tick: Callable[[], None],
 ) -> None:
-    """Make runs on one rank each (collective): rank 0 gives them to the others.
+    """Make runs on one rank each (collective): rank 0 distributes them to the others.
 
-    A rank that dies takes all others with it, as launchers do.
+    If one rank dies, the launcher ends all of them.
     """
     from mpi4py.futures import MPICommExecutor
 
@@ -191,7 +190,7 @@ def run_jobs(
                     outcome = call.result()
                 except Exception as error:
                     lost[job.name] += 1
-                    again = _submitted_again(executor, job) if lost[job.name] <= _AGAIN else None
+                    again = _submitted_again(executor, job) if lost[job.name] <= 2 else None
                     if again is not None:
                         waiting[again] = job
                         continue

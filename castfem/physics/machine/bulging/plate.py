@@ -108,25 +108,6 @@ def borne_share(length: float, width: float, along: npt.ArrayLike) -> Array:
     return np.asarray(_cosine(along, length) / (1.5 * _sum(length, width)))
 
 
-def spring_stiffness(
-    bending: float, length: float, width: float, along: npt.ArrayLike, across: npt.ArrayLike
-) -> Array:
-    """Stiffness k of the springs that make a slice bulge as w2 (318) as corrected, Pa/m.
-
-    It has no bound at the rolls and at the narrow faces, where w2 vanishes.
-
-    Args:
-        bending: D, N m.
-        length: L1, the pitch, m.
-        width: L2, m.
-        along: Positions from the roll, m.
-        across: Positions from one narrow face, m; to be broadcast with `along`.
-    """
-    share = borne_share(length, width, along)
-    with np.errstate(divide="ignore"):
-        return np.asarray((1.0 / share - 1.0) / free_deflection(1.0, bending, width, across))
-
-
 @dataclass(frozen=True, slots=True)
 class ThesisPlate:
     """The thesis' plate at mid-width, w2(z, L2/2), with the shell's own stiffness.

@@ -107,16 +107,6 @@ class Bulge:
         bent = self.curvature - self.curvature[0]
         return np.asarray(self.axial_strain + bent * (self.neutral - depth))
 
-    @property
-    def surface_strain(self) -> Array:
-        """Axial strain that bulging adds at the surface since the first roll (n,)."""
-        return self.strain(0.0)
-
-    @property
-    def front_strain(self) -> Array:
-        """Axial strain that bulging adds at the solidification front since the first roll (n,)."""
-        return self.strain(self.thickness)
-
 
 class BulgingModel(Protocol):
     """A model of bulging between two rolls."""
@@ -146,8 +136,8 @@ def evenly(length: float, count: int) -> Array:
     return np.asarray(length * np.linspace(0.0, 1.0, count))
 
 
-def deflected(z: Array, curvature: Array, ends: tuple[float, float] = (0.0, 0.0)) -> Array:
-    """Deflection and slope (2, n) of a strip of curvature -w'' with given deflections at its ends.
+def deflected(z: Array, curvature: Array) -> Array:
+    """Deflection and slope (2, n) of a strip of curvature -w'' that is held at its ends.
 
     The curvature is linear from node to node.
     """
@@ -156,5 +146,5 @@ def deflected(z: Array, curvature: Array, ends: tuple[float, float] = (0.0, 0.0)
     turned = np.concatenate([[0.0], np.cumsum(turns)])
     areas = 0.5 * (turned[1:] + turned[:-1]) * dz - dz**2 / 12.0 * np.diff(curvature)
     sunk = np.concatenate([[0.0], np.cumsum(areas)])
-    start = (ends[1] - ends[0] + sunk[-1]) / (z[-1] - z[0])
-    return np.stack([ends[0] + start * (z - z[0]) - sunk, start - turned])
+    start = sunk[-1] / (z[-1] - z[0])
+    return np.stack([start * (z - z[0]) - sunk, start - turned])

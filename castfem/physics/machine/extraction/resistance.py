@@ -82,15 +82,6 @@ def bending_force(moments: Sequence[float], pitches: Sequence[float]) -> float:
     return (here - before) / pitches[0] - (after - here) / pitches[1]
 
 
-def bending_forces(positions: Sequence[float], moments: Sequence[float]) -> Array:
-    """What each pair bears by bending (n,), N: `bending_force` of all, in equilibrium.
-
-    Beyond its first and last pair the strand has no moment and needs no further support.
-    """
-    shear = np.diff(np.asarray(moments, float)) / np.diff(np.asarray(positions, float))
-    return -np.diff(np.concatenate([[0.0], shear, [0.0]]))
-
-
 def hinge_force(moment: float, pitch: float) -> float:
     """What a pair bears of a strand with plastic hinges, N, as the thesis takes it: M/L (320).
 

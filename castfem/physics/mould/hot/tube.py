@@ -41,8 +41,8 @@ class Tube:
         vectors: Space of displacements.
     """
 
-    def __init__(self, comm: MPI.Comm, source: TubeMesh | None, degree: int = 2) -> None:
-        self.comm, self.degree = comm, degree
+    def __init__(self, comm: MPI.Comm, source: TubeMesh | None) -> None:
+        self.comm, self.degree = comm, 2
         head = None if source is None else (source.order, source.shape, source.meniscus)
         order, shape, self._meniscus = comm.bcast(head)
         self.shape: tuple[int, int, int] = shape
@@ -51,8 +51,8 @@ class Tube:
         else:
             points, cells = np.zeros((0, 3)), np.zeros((0, (order + 1) ** 3), np.int64)
         self.mesh = compat.create_mesh(comm, cells, points, "hexahedron", order)
-        self.scalars = fem.functionspace(self.mesh, ("Lagrange", degree))
-        self.vectors = fem.functionspace(self.mesh, ("Lagrange", degree, (3,)))
+        self.scalars = fem.functionspace(self.mesh, ("Lagrange", self.degree))
+        self.vectors = fem.functionspace(self.mesh, ("Lagrange", self.degree, (3,)))
         geometry = compat.geometry_dofmap(self.mesh).astype(np.int64)
         original = np.asarray(self.mesh.geometry.input_global_indices)
         dofs = np.asarray(self.scalars.dofmap.list)
