@@ -60,6 +60,7 @@ def test_sweep(castfem, tmp_path):
     assert "castfem compare out" in shown.err
 
 
+@pytest.mark.usefixtures("runs_here")
 def test_finished_runs_are_not_run_again(castfem, tmp_path):
     write_small(tmp_path)
     words = ("sweep", "small", "-j", 1, "-o", "out", "--set")
@@ -96,6 +97,7 @@ def test_a_table_that_castfem_has_not_written_stays(castfem, tmp_path):
     assert mine.read_text() == "mine" and len(list(mine.parent.iterdir())) == 1
 
 
+@pytest.mark.usefixtures("runs_here")
 def test_results_of_another_case_are_not_those_of_this_sweep(castfem, tmp_path):
     """--overwrite with a changed case, stopped before its first run has ended."""
     path = write_small(tmp_path)

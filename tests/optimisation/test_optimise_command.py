@@ -16,7 +16,7 @@ from castfem.cli.app import app
 from castfem.model.shipped_cases import load
 from castfem.post.compare.optimum_files import mould_table
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("runs_here")]
 
 TABLE = """
 [optimise]
