@@ -260,8 +260,12 @@ def locate(
         chosen = order[first]
         best[found], cells[found] = outside[chosen], cell[chosen]
         shapes[found] = _first_order_shapes(section.cell, xi[chosen])
+        known: dict[tuple[float, ...], float] = {}  # many samples of a line lie in one cell
         for i in found:
-            sizes[i] = np.ptp(np.ascontiguousarray(x[node_of[cells[i]]]) @ along[i])
+            place = (cells[i], *along[i])
+            if place not in known:
+                known[place] = np.ptp(np.ascontiguousarray(x[node_of[cells[i]]]) @ along[i])
+            sizes[i] = known[place]
     rows = _won(section, points, best)
     columns = [
         dofmap.index_map.local_to_global(dofmap.cell_dofs(int(cells[i]))).astype(np.int32)

@@ -20,10 +20,11 @@ from castfem.base import atomic_files
 from castfem.base.errors import InputError, RunFailure
 from castfem.cli.sweeping import Options, sweep_case
 from castfem.model.load import portable
-from castfem.studies.optimisation import Evaluator, evaluator
+from castfem.studies.optimisation import Evaluator, evaluator, store
 from castfem.studies.optimisation.evaluator import lean
 from castfem.studies.optimisation.fidelity import at_level, idealised
 from castfem.studies.optimisation.store import key_of
+from castfem.studies.sweep import results
 
 SHORT = {"casting.length": "6 mm"}
 # Colder than the steel's data go: the run ends on its way.
@@ -51,6 +52,24 @@ def test_each_case_is_run_once(tmp_path):
     assert other.runs == 0
     assert other({"speed": "3 m/min", "output.every": "0.01 s"}) != first  # it ends windows
     assert other.runs == 1
+
+
+def test_a_row_is_read_when_its_run_has_ended(tmp_path, monkeypatch):
+    """And not again after each of the runs that follow; the table is that of all."""
+    read: list[str] = []
+
+    def rows(names, record):
+        read.extend(names)
+        return results.rows(names, record)
+
+    monkeypatch.setattr(store, "rows", rows)
+    with Evaluator(small(SHORT), tmp_path) as evaluate:
+        for speed in (3, 4, 5):
+            evaluate({"speed": f"{speed} m/min"})
+        names = list(evaluate.store.record.entries)
+        assert sorted(read) == sorted(names) and len(names) == 3
+        results.write_table(tmp_path / "whole.csv", results.rows(names, evaluate.store.record))
+    assert (tmp_path / "whole.csv").read_text() == (tmp_path / "sweep.csv").read_text()
 
 
 def test_rows_are_those_of_a_sweep(tmp_path, monkeypatch):
