@@ -7,9 +7,10 @@ import importlib.metadata
 import os
 import sys
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pytest
 from hypothesis import given, settings, strategies
@@ -101,6 +102,27 @@ def told(caplog: pytest.LogCaptureFixture) -> Iterator[pytest.LogCaptureFixture]
         yield caplog
     logger.propagate = before
     logger.removeHandler(caplog.handler)
+
+
+class Here(Executor):
+    """Does the runs of a sweep in this process."""
+
+    def __init__(self, count: int, noise: Path) -> None:
+        pass
+
+    def submit(self, function: Any, /, *args: Any, **keywords: Any) -> Future[Any]:
+        """Do it at once."""
+        call: Future[Any] = Future()
+        call.set_result(function(*args, **keywords))
+        return call
+
+
+@pytest.fixture
+def runs_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sweep starts no processes, which tests/cli/test_cli_sweep.py tests."""
+    from castfem.studies.sweep import workers
+
+    monkeypatch.setattr(workers, "Processes", Here)
 
 
 class Outcome(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
@@ -49,6 +50,25 @@ def python_on(
         timeout=timeout,
         check=False,
     )
+
+
+def mains(folder: Path, *commands: Sequence[str], then: Sequence[str] = ()) -> list[str]:
+    """Words for Python: commands of castfem one after another, each of which is refused.
+
+    Its status is 0 if each command has left with 1 on all ranks and, if there is one, that of the
+    command after them.
+    """
+    script = folder / "refused.py"
+    script.write_text(
+        "import json, sys\nfrom castfem.cli import main\nended = []\n"
+        "refused, then = json.loads(sys.argv[1])\n"
+        "for words in refused:\n"
+        "    try:\n        main(words)\n"
+        "    except SystemExit as end:\n        ended.append(end.code)\n"
+        "assert ended == [1] * len(refused), ended\n"
+        "then and main(then)\n"
+    )
+    return [str(script), json.dumps([commands, then])]
 
 
 def killed_on(

@@ -1,4 +1,4 @@
-"""How libraries are imported: DOLFINx after h5py and MPI, matplotlib without a display.
+"""How libraries are imported: DOLFINx after h5py and MPI, without numba; matplotlib, no display.
 
 DOLFINx and petsc4py of PyPI find MPI only where mpi4py has loaded it, and an h5py that is loaded
 after them meets their HDF5 instead of its own. PETSc replaces Python's handling of signals, so that
@@ -13,10 +13,13 @@ import sys
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from importlib.machinery import ModuleSpec
+from importlib.util import LazyLoader
 from types import ModuleType
 from typing import Any
 
 _LAST = ("dolfinx", "petsc4py")
+_AT_FIRST_USE = "dolfinx.utils"  # imports numba (0.4 s, 55 MB), for scripts of users alone
 _ALL = (*_LAST, "mpi4py", "ufl", "basix")
 HOW = (
     'install DOLFINx by `pip install "castfem[solver]"` (Python 3.12 or newer, Linux, x86-64), '
@@ -26,15 +29,22 @@ HOW = (
 
 
 class _Watch:
-    """A finder of modules that finds none: it acts before these are looked for."""
+    """A finder of modules that acts before these are looked for; finds what is loaded later."""
 
-    def find_spec(self, name: str, path: object = None, target: object = None) -> None:
+    def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
         """See `importlib.abc.MetaPathFinder`."""
         others = [finder for finder in sys.meta_path if finder is not self]
+        if name == _AT_FIRST_USE:
+            specs = (finder.find_spec(name, path, target) for finder in others)
+            spec = next((spec for spec in specs if spec is not None), None)
+            if spec is not None and spec.loader is not None:
+                spec.loader = LazyLoader(spec.loader)
+            return spec
         if name in _ALL and not any(finder.find_spec(name, None) for finder in others):
             raise ModuleNotFoundError(f"this Python has no {name}: {HOW}", name=name)
         if name in _LAST:
             _load_earlier()
+        return None
 
 
 def _load_earlier() -> None:

@@ -50,6 +50,7 @@ FAILED = (
 
 _MEND = "let XDG_CACHE_HOME name a folder that can be written"
 _whole = set[Path]()  # marks of forms that this process has compiled, or found whole
+_looked_through = dict[Path, int]()  # folder -> its last change when all marks in it were whole
 
 
 def compiled(comm: MPI.Comm, cache: Path, make: Callable[[Path], T]) -> T:
@@ -138,8 +139,11 @@ def _ready(cache: Path) -> Path:
     """The folder of a cache, or the one instead of it, without what is damaged."""
     try:
         cache.mkdir(parents=True, exist_ok=True)
-        if not all(_is_whole(ready) for ready in cache.glob(f"*{READY}")):
-            _clean(cache)
+        changed = cache.stat().st_mtime_ns
+        if _looked_through.get(cache) != changed:
+            if not all(_is_whole(ready) for ready in cache.glob(f"*{READY}")):
+                _clean(cache)
+            _looked_through[cache] = changed
     except OSError as error:
         return _instead(cache, error.strerror or str(error))
     return cache
@@ -194,6 +198,9 @@ def _seal(cache: Path) -> None:
 
     A module that is cut off is not noticed when it is loaded: it ends the process by a signal.
     """
+    with suppress(OSError):
+        if _looked_through.get(cache) == cache.stat().st_mtime_ns:
+            return  # nothing has been compiled since
     for ready in cache.glob(f"*{READY}"):
         if ready not in _whole and (found := _sum(ready)):
             with suppress(OSError):  # it is compiled anew then

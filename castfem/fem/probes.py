@@ -247,17 +247,25 @@ def locate(
         tree = geometry.bb_tree(mesh, 2, entities=np.arange(local, dtype=np.int32), padding=1e-9)
         xyz = np.column_stack([points, np.zeros(n)])
         near = geometry.compute_collisions_points(tree, xyz)
+        boxed, cell = np.repeat(np.arange(n), np.diff(near.offsets)), np.asarray(near.array)
         node_of, x = compat.geometry_dofmap(mesh), mesh.geometry.x[:, :2]
         cmap = compat.coordinate_map(mesh)
-        for i in range(n):
-            for cell in near.links(i):
-                corners = np.ascontiguousarray(x[node_of[cell]])
-                xi = cmap.pull_back(points[i : i + 1], corners)[0]
-                outside = _outside(section.cell, xi)
-                if outside < best[i]:
-                    best[i], cells[i] = outside, cell
-                    shapes[i] = _first_order_shapes(section.cell, xi)
-                    sizes[i] = np.ptp(corners @ along[i])
+        xi = np.zeros((len(cell), 2))
+        for one in np.unique(cell):
+            here = np.flatnonzero(cell == one)
+            xi[here] = cmap.pull_back(points[boxed[here]], np.ascontiguousarray(x[node_of[one]]))
+        outside = _outside(section.cell, xi)
+        order = np.lexsort((outside, boxed))  # of each point the deepest first
+        found, first = np.unique(boxed[order], return_index=True)
+        chosen = order[first]
+        best[found], cells[found] = outside[chosen], cell[chosen]
+        shapes[found] = _first_order_shapes(section.cell, xi[chosen])
+        known: dict[tuple[float, ...], float] = {}  # many samples of a line lie in one cell
+        for i in found:
+            place = (cells[i], *along[i])
+            if place not in known:
+                known[place] = np.ptp(np.ascontiguousarray(x[node_of[cells[i]]]) @ along[i])
+            sizes[i] = known[place]
     rows = _won(section, points, best)
     columns = [
         dofmap.index_map.local_to_global(dofmap.cell_dofs(int(cells[i]))).astype(np.int32)
@@ -279,16 +287,15 @@ def _won(section: Section, points: Array, outside: Array) -> npt.NDArray[np.int6
 
 
 def _first_order_shapes(cell: str, xi: Array) -> Array:
-    """First-order shape functions of the cell at reference point xi (2,)."""
-    r, s = xi[0], xi[1]
+    """First-order shape functions of the cell at reference points xi (n, 2)."""
+    r, s = xi.T
     if cell == "triangle":
-        return np.array([1 - r - s, r, s])
-    return np.array([(1 - r) * (1 - s), r * (1 - s), (1 - r) * s, r * s])
+        return np.column_stack([1 - r - s, r, s])
+    return np.column_stack([(1 - r) * (1 - s), r * (1 - s), (1 - r) * s, r * s])
 
 
-def _outside(cell: str, xi: Array) -> float:
-    """How far reference point xi (2,) lies outside its cell; negative inside."""
-    r, s = xi
-    if cell == "triangle":
-        return float(max(-r, -s, r + s - 1))
-    return float(max(-r, -s, r - 1, s - 1))
+def _outside(cell: str, xi: Array) -> Array:
+    """How far reference points xi (n, 2) lie outside their cell (n,); negative inside."""
+    r, s = xi.T
+    far = [r + s - 1] if cell == "triangle" else [r - 1, s - 1]
+    return np.asarray(np.max([-r, -s, *far], axis=0))

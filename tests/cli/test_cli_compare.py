@@ -93,6 +93,7 @@ def test_what_cannot_be_compared(castfem, runs, tmp_path):
     assert "holds other files" in problem(runs / "cold", runs / "warm", "-o", tmp_path / "mine")
 
 
+@pytest.mark.usefixtures("runs_here")
 def test_sweep_stands_for_its_runs(castfem, tmp_path):
     write_small(tmp_path)
     words = ("--set", "speed=3 m/min,4 m/min", "--set", "length=20 mm", "-j", 1, "-o", "out", "-q")
@@ -104,6 +105,7 @@ def test_sweep_stands_for_its_runs(castfem, tmp_path):
     assert "speed 4 m/min" in head
 
 
+@pytest.mark.usefixtures("runs_here")
 def test_runs_of_a_sweep_go_by_the_names_of_their_rows(castfem, tmp_path):
     write_small(tmp_path)
     (tmp_path / "runs.csv").write_text("name,speed [m/min]\nslow & steady,3\nfast,4\n")

@@ -50,6 +50,7 @@ def test_a_signal_ends_the_command_with_a_line(
     assert record.reason == "stopped with the command that had started it"
 
 
+@pytest.mark.usefixtures("runs_here")
 def test_an_error_that_goes_on_says_nothing_of_a_replaced_run(castfem, tmp_path: Path) -> None:
     """It takes up what was cut short by itself: it has no --resume."""
     (tmp_path / "small.toml").write_text(SMALL.replace('"60 mm"', '"6 mm"'))

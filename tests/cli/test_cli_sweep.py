@@ -60,6 +60,7 @@ def test_sweep(castfem, tmp_path):
     assert "castfem compare out" in shown.err
 
 
+@pytest.mark.usefixtures("runs_here")
 def test_finished_runs_are_not_run_again(castfem, tmp_path):
     write_small(tmp_path)
     words = ("sweep", "small", "-j", 1, "-o", "out", "--set")
@@ -96,6 +97,7 @@ def test_a_table_that_castfem_has_not_written_stays(castfem, tmp_path):
     assert mine.read_text() == "mine" and len(list(mine.parent.iterdir())) == 1
 
 
+@pytest.mark.usefixtures("runs_here")
 def test_results_of_another_case_are_not_those_of_this_sweep(castfem, tmp_path):
     """--overwrite with a changed case, stopped before its first run has ended."""
     path = write_small(tmp_path)
@@ -183,7 +185,7 @@ def test_a_process_that_dies_costs_its_run_alone(tmp_path):
     assert (tmp_path / "second" / "summary.json").is_file()
 
 
-def _wait_for(path: Path, lines: int = 30) -> None:
+def _wait_for(path: Path, lines: int) -> None:
     for _ in range(300):
         if path.is_file() and path.read_text().count("\n") > lines:
             return
@@ -191,35 +193,41 @@ def _wait_for(path: Path, lines: int = 30) -> None:
     raise AssertionError(f"{path} has not grown")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_ctrl_c_stops_all_and_resume_goes_on(tmp_path, number):
+def test_ctrl_c_stops_all_and_resume_goes_on(tmp_path):
+    """Each of three signals in turn, to the command and to those that resume it."""
     write_small(tmp_path)
     words = ("sweep", "small", *SPEEDS, "-j", "2", "-o", "out", "--set", "length=60 mm")
-    command = [sys.executable, "-m", "castfem.cli", *words, "--set", "thermal.time.step=2 ms"]
-    process = subprocess.Popen(
-        command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
-    runs = [tmp_path / "out" / f"speed_{speed}_m_min" for speed in (3, 4)]
-    for run in runs:
-        _wait_for(run / "history.csv")
-    children = psutil.Process(process.pid).children(recursive=True)
-    assert len(children) >= 2
-    os.killpg(process.pid, number)
-    _, err = process.communicate(timeout=30)
-    assert process.returncode == 130
-    assert err.strip().endswith("castfem: interrupted; the same command again goes on")
-    _, alive = psutil.wait_procs(children, timeout=5)
-    assert not alive
-    for run in runs:
-        record = json.loads((run / "run.json").read_text())
-        assert record["reason"] == "stopped with the command that had started it"
-        assert "no checkpoint" not in (run / "run.log").read_text()
-    done = subprocess.run([*command, "--resume"], cwd=tmp_path, capture_output=True, text=True)
+    words = (*words, "--set", "thermal.time.step=1 ms")
+    command = started = [sys.executable, "-m", "castfem.cli", *words]
+    histories = [tmp_path / "out" / f"speed_{speed}_m_min" / "history.csv" for speed in (3, 4)]
+    lines = [0, 0]
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        process = subprocess.Popen(
+            command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True
+        )
+        for history, before in zip(histories, lines, strict=True):
+            _wait_for(history, before + 30)
+        children = psutil.Process(process.pid).children(recursive=True)
+        assert len(children) >= 2
+        os.killpg(process.pid, number)
+        _, err = process.communicate(timeout=30)
+        assert process.returncode == 130
+        assert err.strip().endswith("castfem: interrupted; the same command again goes on")
+        assert "replaced" not in err
+        _, alive = psutil.wait_procs(children, timeout=5)
+        assert not alive
+        for history in histories:
+            record = json.loads((history.parent / "run.json").read_text())
+            assert record["reason"] == "stopped with the command that had started it"
+            assert "no checkpoint" not in (history.parent / "run.log").read_text()
+        lines = [history.read_text().count("\n") for history in histories]
+        command = [*started, "--resume"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "replaced" not in done.stderr
-    for run in runs:
-        record = json.loads((run / "run.json").read_text())
-        assert (record["status"], record["resumed"]) == ("finished", 1)
+    for history in histories:
+        record = json.loads((history.parent / "run.json").read_text())
+        assert (record["status"], record["resumed"]) == ("finished", 3)
 
 
 @needs_mpirun

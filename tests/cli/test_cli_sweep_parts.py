@@ -55,6 +55,7 @@ def _same(one: Path, other: Path) -> bool:
     return files and _results(one) == _results(other) and _fields(one) == _fields(other)
 
 
+@pytest.mark.usefixtures("runs_here")
 def test_parts_of_a_script_make_the_whole(castfem, tmp_path) -> None:
     """Two tasks at once, as a cluster would start them; then one table of all."""
     write_small(tmp_path)

@@ -12,10 +12,8 @@ import re
 import shlex
 import tomllib
 from collections.abc import Iterator
-from concurrent.futures import Executor, Future
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 import pytest
 from PIL import Image
@@ -23,7 +21,6 @@ from PIL import Image
 from castfem.cli import execute
 from castfem.model import load_case
 from castfem.model.shipped_cases import find
-from castfem.studies.sweep import workers
 
 pytestmark = pytest.mark.slow
 
@@ -93,18 +90,6 @@ def commands(text: str) -> Iterator[list[str]]:
         before = words
 
 
-class Here(Executor):
-    """Does the runs of a sweep in this process: what spares its start-up is tested elsewhere."""
-
-    def __init__(self, count: int, noise: Path) -> None:
-        pass
-
-    def submit(self, function: Any, /, *args: Any, **keywords: Any) -> Future[Any]:
-        call: Future[Any] = Future()
-        call.set_result(function(*args, **keywords))
-        return call
-
-
 def shortened(page: str, words: list[str]) -> tuple[list[str], bool]:
     """A command with other values of keys where it runs a case, and whether its numbers change."""
     if not AS_WRITTEN and words[1] == "compare":
@@ -169,6 +154,7 @@ def test_every_how_to_is_a_page() -> None:
     assert {page for page, _ in QUICK} <= set(PAGES)
 
 
+@pytest.mark.usefixtures("runs_here")
 @pytest.mark.parametrize("page", PAGES)
 def test_a_page_does_what_it_says(
     page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -176,7 +162,6 @@ def test_a_page_does_what_it_says(
     """Commands end well, files are sound, and the lines of an output are among those printed."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")
-    monkeypatch.setattr(workers, "Processes", Here)
     for name in ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID"):
         monkeypatch.delenv(name, raising=False)
     for kind, name, text in blocks("how_to/my_billet.md"):

@@ -20,10 +20,11 @@ from castfem.base import atomic_files
 from castfem.base.errors import InputError, RunFailure
 from castfem.cli.sweeping import Options, sweep_case
 from castfem.model.load import portable
-from castfem.studies.optimisation import Evaluator, evaluator
+from castfem.studies.optimisation import Evaluator, evaluator, store
 from castfem.studies.optimisation.evaluator import lean
 from castfem.studies.optimisation.fidelity import at_level, idealised
 from castfem.studies.optimisation.store import key_of
+from castfem.studies.sweep import results
 
 SHORT = {"casting.length": "6 mm"}
 # Colder than the steel's data go: the run ends on its way.
@@ -51,6 +52,24 @@ def test_each_case_is_run_once(tmp_path):
     assert other.runs == 0
     assert other({"speed": "3 m/min", "output.every": "0.01 s"}) != first  # it ends windows
     assert other.runs == 1
+
+
+def test_a_row_is_read_when_its_run_has_ended(tmp_path, monkeypatch):
+    """And not again after each of the runs that follow; the table is that of all."""
+    read: list[str] = []
+
+    def rows(names, record):
+        read.extend(names)
+        return results.rows(names, record)
+
+    monkeypatch.setattr(store, "rows", rows)
+    with Evaluator(small(SHORT), tmp_path) as evaluate:
+        for speed in (3, 4, 5):
+            evaluate({"speed": f"{speed} m/min"})
+        names = list(evaluate.store.record.entries)
+        assert sorted(read) == sorted(names) and len(names) == 3
+        results.write_table(tmp_path / "whole.csv", results.rows(names, evaluate.store.record))
+    assert (tmp_path / "whole.csv").read_text() == (tmp_path / "sweep.csv").read_text()
 
 
 def test_rows_are_those_of_a_sweep(tmp_path, monkeypatch):
@@ -228,39 +247,11 @@ def test_ranks_do_the_runs(tmp_path):
 
 
 @needs_mpirun
-def test_groups_of_ranks_do_the_runs(tmp_path):
-    """One fails, in whichever group: the others go on, and later calls find the ranks ready."""
-    write_small(tmp_path)
-    script = tmp_path / "script.py"
-    script.write_text(
-        "import castfem\nfrom mpi4py import MPI\n"
-        "from castfem.studies.optimisation import Evaluator, serve\n"
-        "comm = MPI.COMM_WORLD\n"
-        "if comm.rank:\n    serve(comm)\nelse:\n"
-        "    case = castfem.load('small').with_(length='6 mm')\n"
-        "    with Evaluator(case, 'runs', comm=comm, ranks=2) as evaluate:\n"
-        "        one = evaluate.many([{'speed': '3 m/min'}, {'speed': '4 m/min'}, "
-        f"{STOPS!r}, {{'speed': '5 m/min'}}])\n"
-        "        two = evaluate({'speed': '6 m/min'})\n"
-        "        every = (*one, two)\n"
-        "        print([e.failed or e['heat_removed'] for e in every], evaluate.runs)\n"
-    )
-    done = python_on(4, str(script), folder=tmp_path)
-    assert done.returncode == 0, done.stderr
-    alone = Evaluator(small(SHORT), tmp_path / "alone")
-    heat = [alone({"speed": f"{v} m/min"})["heat_removed"] for v in (3, 4, 5, 6)]
-    found, _, count = done.stdout.strip().rpartition(" ")
-    assert count == "5"
-    values = json.loads(found.replace("True", "true"))
-    assert values.pop(2) is True
-    assert values == pytest.approx(heat, rel=1e-9)
-    records = [json.loads(path.read_text()) for path in (tmp_path / "runs").glob("*/run.json")]
-    assert [record["ranks"] for record in records] == [2] * 5
+def test_groups_of_ranks_do_the_runs_also_after_a_full_disk(tmp_path):
+    """No rank is left waiting where rank 0 cannot write the record of the runs, and says so.
 
-
-@needs_mpirun
-def test_a_disk_that_is_full_leaves_no_rank_waiting(tmp_path):
-    """Rank 0 cannot write the record of the runs: all end with its message."""
+    One run fails, in whichever group: the others go on, and later calls find the ranks ready.
+    """
     write_small(tmp_path)
     script = tmp_path / "script.py"
     script.write_text(
@@ -269,17 +260,33 @@ def test_a_disk_that_is_full_leaves_no_rank_waiting(tmp_path):
         "from castfem.base.errors import RunFailure\n"
         "def full(*_):\n    raise RunFailure('no space')\n"
         "comm = MPI.COMM_WORLD\n"
-        "if comm.rank:\n    serve(comm)\nelse:\n"
+        "if comm.rank:\n    serve(comm)\n    serve(comm)\nelse:\n"
         "    case = castfem.load('small').with_(length='6 mm')\n"
-        "    with Evaluator(case, 'runs', comm=comm, ranks=1 + comm.size // 4) as evaluate:\n"
+        "    with Evaluator(case, 'full', comm=comm, ranks=2) as evaluate:\n"
         "        evaluate.store.record.note = full\n"
         "        try:\n"
         "            evaluate.many([{'speed': f'{v} m/min'} for v in (3, 4, 5)])\n"
         "        except RunFailure as error:\n            print(error)\n"
+        "    with Evaluator(case, 'runs', comm=comm, ranks=2) as evaluate:\n"
+        "        one = evaluate.many([{'speed': '3 m/min'}, {'speed': '4 m/min'}, "
+        f"{STOPS!r}, {{'speed': '5 m/min'}}])\n"
+        "        two = evaluate({'speed': '6 m/min'})\n"
+        "        every = (*one, two)\n"
+        "        print([e.failed or e['heat_removed'] for e in every], evaluate.runs)\n"
     )
-    done = python_on(4, str(script), folder=tmp_path, timeout=120.0)
+    done = python_on(4, str(script), folder=tmp_path, timeout=180.0)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == "no space"
+    alone = Evaluator(small(SHORT), tmp_path / "alone")
+    heat = [alone({"speed": f"{v} m/min"})["heat_removed"] for v in (3, 4, 5, 6)]
+    said, _, answer = done.stdout.strip().partition("\n")
+    assert said == "no space"
+    found, _, count = answer.rpartition(" ")
+    assert count == "5"
+    values = json.loads(found.replace("True", "true"))
+    assert values.pop(2) is True
+    assert values == pytest.approx(heat, rel=1e-9)
+    records = [json.loads(path.read_text()) for path in (tmp_path / "runs").glob("*/run.json")]
+    assert [record["ranks"] for record in records] == [2] * 5
 
 
 def test_ranks_that_cannot_be_parted(tmp_path):

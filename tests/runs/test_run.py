@@ -225,6 +225,10 @@ parts = (
 )
 unwanted = [m for m in sys.modules if f"{m}.".startswith(tuple(f"{name}." for name in parts))]
 unwanted += [m for m in ("gmsh", "matplotlib", "pandas", "pint") if m in sys.modules]
+import dolfinx
+if "utils" in vars(dolfinx):  # later versions have in fem.petsc what imports numba
+    unwanted += [m for m in ("numba",) if m in sys.modules]
+    dolfinx.utils.numba_utils.MatSetValuesLocal  # at first use it is there
 print("LOADED", unwanted, "GONE", [name for name in parts if find_spec(name) is None])
 """
 

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 
@@ -79,7 +80,7 @@ class RunRecord:
             if isinstance(record.get(key), dict):
                 record[key] = renamed({k: v for k, v in record[key].items() if v is not None})
         try:
-            found = TypeAdapter(cls).validate_python(record)
+            found = _reader().validate_python(record)
         except ValidationError as error:
             first = error.errors()[0]
             where = dotted(first["loc"])
@@ -94,6 +95,12 @@ class RunRecord:
     def write(self, folder: Path) -> None:
         """Writes run.json."""
         write_json(folder / RUN_NAME, {"format": _FORMAT, **asdict(self)})
+
+
+@cache
+def _reader() -> TypeAdapter[RunRecord]:
+    """What checks a record; it takes longer to make than to read hundreds of them."""
+    return TypeAdapter(RunRecord)
 
 
 def versions() -> dict[str, str]:

@@ -16,6 +16,7 @@ from castfem.runs.output.summary import Summary
 from castfem.runs.results.labels import last_quantities, probes_with
 from castfem.runs.results.roll_load import RollLoads
 
+_SHELLS = ("shell_", "solidus_cell_")  # beginnings of the columns that tell a shell and its cell
 OPEN = 1e-3  # mm; a gap beyond counts as lost contact
 
 
@@ -36,7 +37,8 @@ def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
     loads = RollLoads.of(folder)
     found = {} if loads is None else loads.quantities()
     at, name = mould_exit(position, summary)
-    row = {c: float(np.interp(at, position, table[c])) for c in table if str(c) in units}
+    shells = [c for c in map(str, table) if c in units and c.startswith(_SHELLS)]
+    row = {c: float(np.interp(at, position, table[c])) for c in shells}
     depths = {n: q for n, q in last_quantities(row, units).items() if n.startswith("shell_")}
     if depths:
         thinnest = min(depths, key=lambda shell: depths[shell].value)

@@ -11,7 +11,7 @@ import hashlib
 import json
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,8 +26,8 @@ from castfem.runs.output.folder import PROPERTIES_NAME, RunRecord
 from castfem.runs.output.summary import CUT, Summary
 from castfem.studies.sensitivity.result import Slopes, read_slopes
 from castfem.studies.sweep.plan import Variant, run_name
-from castfem.studies.sweep.record import Record, check_own
-from castfem.studies.sweep.results import TABLE_NAME, rows, write_table
+from castfem.studies.sweep.record import Entry, Record, check_own
+from castfem.studies.sweep.results import TABLE_NAME, Row, rows, write_table
 from castfem.studies.sweep.work import Derivatives, Job, Outcome
 
 if TYPE_CHECKING:
@@ -123,6 +123,7 @@ class Store:
         self.record = Record(folder)
         self._known: dict[str, Evaluation] = {}
         self._variants: dict[str, Variant] = {}
+        self._rows: dict[str, tuple[Entry, Row]] = {}  # of the table, and what they are of
         self._strands: dict[str, Strand] = {}
         for name in self.record.entries:
             self._read_earlier(name)
@@ -200,7 +201,11 @@ class Store:
             RunFailure: It cannot be written.
         """
         done = [n for n, entry in self.record.entries.items() if entry.status != "waiting"]
-        write_table(self.folder / TABLE_NAME, rows(done, self.record))
+        for name in done:
+            entry = self.record.entries[name]
+            if name not in self._rows or self._rows[name][0] != entry:
+                self._rows[name] = replace(entry), rows([name], self.record)[0]
+        write_table(self.folder / TABLE_NAME, [self._rows[name][1] for name in done])
 
     def _read_earlier(self, name: str) -> None:
         """Read a run of an earlier call, if it has ended."""
