@@ -123,18 +123,14 @@ def test_noise_is_no_front():
 
 
 def test_asked_run_by_run():
-    def studied() -> Study:  # which follows its search from the beginning each time it is asked
-        return study(front={"maximise": HEAT, "points": 4})
-
-    one, told_so_far = studied(), {}
-    at_once = solve(studied(), opposed)
-    assert at_once.front is not None and len(at_once.front.points) == 4
+    one, told_so_far = study(), {}
+    at_once = solve(study(), opposed)
     while wanted := one.ask():
         for run in reversed(wanted):
             told_so_far[run] = opposed(run)
             one.tell(run, told_so_far[run])
     assert one.result() == at_once
-    again = studied()
+    again = study()
     for run, values in told_so_far.items():
         again.tell(run, values)
     assert not again.ask()
