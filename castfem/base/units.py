@@ -196,6 +196,9 @@ def _conversion(
     parsed, target = _parse_unit(unit), _registry().parse_units("" if si == "1" else si)
     if parsed.dimensionality != target.dimensionality:
         fix = "; put a divisor of several units in brackets" if "/" in unit and " " in unit else ""
+        per = example.partition("/")[2]
+        if per and _parse_unit(f"{unit}/{per}").dimensionality == target.dimensionality:
+            fix = f"; did you mean {unit}/{per}?"
         found = _name_of(parsed)
         problem = f"is the unit of {_a(found)}" if found else "does not fit"
         raise ValueError(f"'{unit}' {problem}, {_a(name)} is needed, such as \"{example}\"{fix}")

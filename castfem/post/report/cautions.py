@@ -2,33 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.errors import InputError
+from castfem.base.result_registry import probe_label
 from castfem.base.shown_units import said
+from castfem.base.types import Array
+from castfem.model.check_cooling import law_groups
+from castfem.model.section import Round
 from castfem.physics.thermal.flux_laws import Radiation
 from castfem.post.plots.history import curves
-from castfem.post.report.remarks import NO_SHELL, NOT_CONVERGED, REMELTED, Remark, remarks
+from castfem.post.report.remarks import (
+    NO_SHELL,
+    NOT_CONVERGED,
+    REMELTED,
+    Remark,
+    contact_share,
+    in_mm,
+    remarks,
+)
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.derived import OPEN, spells
-from castfem.runs.results.labels import has_values
+from castfem.runs.results.labels import has_values, probes_with, unit_of
 from castfem.runs.results.run_case import case_with
+
+if TYPE_CHECKING:
+    import pandas
+
+    from castfem.model import Case
 
 FLICKERS = 3  # losses of contact at one probe: taper and shrinkage lose it once or twice
 SURFACE, WALL = 1200.0 + ZERO_CELSIUS, 150.0 + ZERO_CELSIUS  # K
 EMISSIVITY = 0.8
+_ALIKE = 5.0  # K; surfaces of places that are the same by symmetry may differ by this
+_MISSED = 0.03  # of the heat that is asked for
 _MOST = 10  # lines below a table of several runs
 
 
 def cautions(folder: Path, summary: Summary) -> list[str]:
     """Return what to say of a run, a line each; nothing of most."""
     bare = (_line(one) for one in _unsteady(folder, summary) if NO_SHELL in one.where)
-    found = (*summary.warnings, *bare, wide_gap(folder, summary), _even(folder))
+    found = (
+        *summary.warnings,
+        *bare,
+        *_off_the_mould(folder),
+        less_than_asked(summary),
+        wide_gap(folder, summary),
+        _even(folder),
+    )
     return [line for line in found if line]
 
 
@@ -80,6 +108,126 @@ def _flickering(folder: Path) -> Iterator[str]:
         lost = len(spells(table[column].to_numpy(), position, OPEN))
         if lost >= FLICKERS:
             yield f"contact lost {lost} times, {label}"
+
+
+def _off_the_mould(folder: Path) -> Iterator[str]:
+    """Where nothing touches the mould, and by how much places then differ that should be alike."""
+    try:
+        table = read_history(folder / HISTORY_NAME)
+    except InputError:
+        return
+    if not has_values(table, "position"):
+        return
+    position = table["position"].to_numpy()
+    yield lost_all_round(contact_share(table), position)
+    if (case := case_with(folder, "[mould")) is not None:
+        for places in equal_places(case, probes_with(table, "surface_temperature")):
+            yield _unequal(table, position, places)
+
+
+def lost_all_round(share: Array, position: Array) -> str:
+    """Say where no point of the surface touches the mould; "" where one always does.
+
+    Args:
+        share: (n,) of the surface that touches, %; NaN where there is no mould.
+        position: (n,) of the slice, m.
+    """
+    inside = np.flatnonzero(np.isfinite(share))
+    off = np.concatenate([[False], share[inside] == 0.0, [False]])
+    starts, ends = np.flatnonzero(off[1:] & ~off[:-1]), np.flatnonzero(off[:-1] & ~off[1:])
+    if not len(starts):
+        return ""
+    last = len(inside) - 1
+    found = [(position[inside[a]], position[inside[min(b, last)]], b > last)
+             for a, b in zip(starts, ends, strict=True)]  # fmt: skip
+    longest = max(found, key=lambda part: part[1] - part[0])
+    words = [
+        f"from {in_mm(a)} to {in_mm(b)}{', where mould or run ends' if to_end else ''}"
+        for a, b, to_end in (found[0], longest)
+    ]
+    text = words[0]
+    if len(found) > 1:
+        text = f"{len(found)} times, first {', longest '.join(dict.fromkeys(words))}"
+    return f"contact lost all round {text}: no point of the surface touches the mould there"
+
+
+def equal_places(case: Case, places: Iterable[str]) -> list[list[str]]:
+    """Return which places of a strand in its mould are the same by symmetry, two or more each.
+
+    None where section, mould or cooling make a difference; of a strand in a machine none are named.
+    """
+    section, mould, mechanics = case.section, case.mould, case.mechanics
+    if mould is None or mechanics is None or case.machine or case.secondary or mechanics.held:
+        return []
+    planes = mechanics.planes
+    uneven = mould.displacement is not None or set(mould.taper.parts) - {"face"}
+    if uneven or (planes.moment_x, planes.moment_y) != (0.0, 0.0):
+        return []
+    every = set(section.cooled_groups())
+    if any(law_groups(section, law) != every for zone in case.cooling for law in zone.surface):
+        return []
+    width, height = section.outline()
+    square = width == height and mould.width == mould.height
+    images = ("_left", "_right", "_intrados", "_extrados")
+    found: dict[str, list[str]] = {}
+    for name in places:
+        same = "" if isinstance(section, Round) else name
+        for image in images:
+            same = same.replace(image, "")
+        found.setdefault(same.replace("narrow_face", "mid_face") if square else same, []).append(
+            name
+        )
+    return [names for names in found.values() if len(names) > 1]
+
+
+def _unequal(table: pandas.DataFrame, position: Array, places: list[str]) -> str:
+    """Say by how much places differ that are the same by symmetry; "" where they hardly do."""
+    parts = []
+    for what, prefix in (("surface temperatures", "surface_temperature"), ("gaps", "gap")):
+        names = [f"{prefix}_{place}" for place in places if f"{prefix}_{place}" in table]
+        apart = np.ptp(table[names].to_numpy(), axis=1) if names else np.full(len(table), np.nan)
+        if np.isfinite(apart).any():
+            row, unit = int(np.nanargmax(apart)), unit_of(table, names[0])
+            size = said(float(apart[row]), "K" if what.startswith("s") else unit, ".3g", names[0])
+            parts.append(
+                (float(apart[row]), f"{what} differ by up to {size} (at {in_mm(position[row])})")
+            )
+    if not parts or parts[0][0] < _ALIKE:
+        return ""
+    return (
+        f"{', '.join(map(probe_label, places))} are the same by symmetry, yet their "
+        f"{' and their '.join(text for _, text in parts)}. The difference is numerical: errors of "
+        "mesh and rounding grow where the gap determines the heat (docs/coupling.md). Take the "
+        "values of these places as a range; a taper that keeps the strand on the mould lessens it"
+    )
+
+
+def less_than_asked(summary: Summary) -> str:
+    """Say that gaps keep a mould from taking the heat that its flux asks for; "" where they do not.
+
+    Heat per length of strand turns into that of the mould by the mean casting speed.
+    """
+    names = ("mould_heat_removed", "mould_heat_asked", "heat_removed", "cooling_power")
+    removed, asked, passed, power = (
+        math.nan if (found := summary.quantities.get(name)) is None else found.value
+        for name in names
+    )
+    if not (asked > 0.0 and passed > 0.0 and abs(removed / asked - 1.0) > _MISSED):
+        return ""
+    took, wanted = (
+        said(1e-3 * heat * power / passed, "kW", ".4g", "cooling_power")
+        for heat in (removed, asked)
+    )
+    share = 100.0 * abs(removed / asked - 1.0)
+    if removed > asked:
+        return (
+            f"the mould took {took}, {share:.1f} % more than the {wanted} of its given flux alone"
+        )
+    return (
+        f"the mould took {took}, {share:.1f} % less than the {wanted} that its flux asks for "
+        "without gaps. If that is the measured heat of the mould, gaps are in it already: give "
+        "more (power, or water_rise), or more taper, until the run takes what was measured"
+    )
 
 
 def _even(folder: Path) -> str:

@@ -96,8 +96,11 @@ def remarks(
     at, name = mould_exit(position, summary)
     where = f"{name} at {in_mm(at)}"
     weakest = _at_exit(table, position, at, where)
-    if fields is not None:
-        weakest |= _between_probes(fields, at, where, weakest)
+    index = None if fields is None else _state_of_surface(fields, at)
+    if fields is None or index is None:
+        weakest = {k: replace(one, what=f"{one.what} of the probes") for k, one in weakest.items()}
+    else:
+        weakest |= _between_probes(fields, index, where, weakest)
     if THINNEST in weakest and weakest[THINNEST].value <= 0.0:
         bare = weakest[THINNEST]
         weakest[THINNEST] = replace(bare, where=f"no shell at all; {bare.where}")
@@ -139,15 +142,19 @@ def _contact(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
         yield from _largest(table, position, "contact_pressure", what)
 
 
-def _share(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
-    """The least part of the surface that touches, unless all of it always does."""
+def contact_share(table: pandas.DataFrame) -> Array:
+    """Share of the surface that touches the mould, %; NaN below it and in a run without."""
     if not has_values(table, "contact_share"):
-        return
+        return np.full(len(table), np.nan)
     walls = [table[column].notna().to_numpy() for _, _, column in curves(table, "gap")]
     beside = np.any(walls, axis=0) if walls else np.ones(len(table), dtype=bool)
     scale = 1.0 if unit_of(table, "contact_share") == "%" else 100.0  # older runs have fractions
-    percent = scale * table["contact_share"].to_numpy()
-    share = np.where(beside, percent, np.nan)  # below the mould: nothing
+    return np.where(beside, scale * table["contact_share"].to_numpy(), np.nan)
+
+
+def _share(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+    """The least part of the surface that touches, unless all of it always does."""
+    share = contact_share(table)
     if np.isnan(share).all():
         return
     row = int(np.nanargmin(share))
@@ -322,15 +329,19 @@ def _at_exit(table: pandas.DataFrame, position: Array, at: float, where: str) ->
     return found
 
 
+def _state_of_surface(fields: Fields, at: float) -> int | None:
+    """Return which state has the temperature of the whole surface at a position [m], if any."""
+    times = np.flatnonzero(np.isclose(fields.positions, at, rtol=1e-6, atol=0.0))
+    return int(times[0]) if "temperature" in fields.names and len(times) else None
+
+
 def _between_probes(
-    fields: Fields, at: float, where: str, probes: dict[str, Remark]
+    fields: Fields, index: int, where: str, probes: dict[str, Remark]
 ) -> dict[str, Remark]:
     """Places of the surface at the exit that are worse off than every probe, in their stead."""
-    steel = Steel.of(fields.attributes)
-    times = np.flatnonzero(np.isclose(fields.positions, at, rtol=1e-6, atol=0.0))
-    if "temperature" not in fields.names or "symmetry" not in fields.attributes or not len(times):
+    steel, found = Steel.of(fields.attributes), {}
+    if "symmetry" not in fields.attributes:
         return {}  # a strip has sides, but no surface beside its probe
-    index, found = int(times[0]), {}
     thin = None if steel is None else thinnest(fields, steel.solidus, index)
     known = probes.get(THINNEST)
     if thin and known and 1e3 * thin.value < (1 - _THINNER) * known.value:
