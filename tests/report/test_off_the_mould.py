@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from runs.billet_runs import run_in_memory
 from small_case import small
+from synthetic_run import rectangle
 
 from castfem.base.shown_quantity import Quantity
 from castfem.model import Case
@@ -21,6 +22,7 @@ from castfem.post.report.cautions import (
 )
 from castfem.runs.output.history import HISTORY_NAME
 from castfem.runs.output.summary import Summary
+from castfem.runs.output.xdmf import FieldWriter
 
 CONTACT = {"law": "contact", "coefficient": "1600 W/(m^2 K)", "wall": "160 degC"}
 CONTACT |= {"gap_conductivity": "0.15 W/(m K)"}
@@ -95,10 +97,31 @@ def test_how_far_they_differ_is_said(tmp_path: Path, apart: float, told: bool) -
     assert len(found) == told
     for line in found:
         assert line.startswith(
-            "mid-face, narrow face are the same by symmetry, yet their surface temperatures differ "
-            "by up to 25 K (at 60 mm) and their gaps differ by up to 0.04 mm (at 60 mm). The "
-            "difference is numerical"
+            "all points of the surface are the same by symmetry, yet their surface temperatures "
+            "differ by up to 25 K (at 60 mm) and their gaps differ by up to 0.04 mm (at 60 mm). "
+            "This is numerical"
         )
+
+
+def test_of_a_round_the_whole_surface_counts(tmp_path: Path) -> None:
+    """Between the probes, which are alike, a point of the surface is 300 K colder."""
+    (tmp_path / CASE_NAME).write_text(round_({}).resolved_toml())
+    head = "time [s],position [m],surface_temperature_mid_face [degC],"
+    rows = ["0,0,1500,1500", "1,0.06,1400,1400"]
+    head += "surface_temperature_narrow_face [degC]"
+    (tmp_path / HISTORY_NAME).write_text("\n".join([head, *rows]) + "\n")
+    points, cells = rectangle(4, 4, 0.075, 0.075, "quadrilateral", 1)
+    kelvin = np.full(len(points), 1673.15)
+    with FieldWriter(
+        tmp_path, points, cells, "quadrilateral", 1, attributes={"symmetry": "quarter"}
+    ) as writer:
+        writer.write(0.0, 0.0, {"temperature": kelvin})
+        inner, outer = np.argmin(points.sum(axis=1)), np.argmax(points.sum(axis=1))
+        kelvin[inner] += 500.0
+        kelvin[outer] -= 300.0
+        writer.write(1.0, 0.06, {"temperature": kelvin})
+    (told,) = cautions(tmp_path, Summary("x", "finished", {}))
+    assert "yet their surface temperatures differ by up to 300 K (at 60 mm). This" in told
 
 
 def summary(removed: float, asked: float) -> Summary:

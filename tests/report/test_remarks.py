@@ -40,14 +40,14 @@ def of(found, what):
 
 def test_remarks_name_what_is_worth_a_look(table):
     found = remarks(table, summary())
-    lost = of(found, "contact lost, corner")
+    lost = of(found, "contact lost, corner, gap up to")
     assert "lost at 120 mm, t = 2 s, regained at 360 mm" in lost.where
     assert lost.value == table["gap_corner"].max()
-    assert not [r for r in found if r.what == "contact lost, mid-face"]
+    assert not [r for r in found if r.what == "contact lost, mid-face, gap up to"]
     assert of(found, "largest gap on the way").value == table["gap_max"].max()
     pressure = of(found, "highest contact pressure")
     assert pressure.value == pytest.approx(0.12)
-    assert pressure.where == "at 600 mm, t = 10 s; corner: 0.12"
+    assert pressure.where == "at 600 mm, t = 10 s; corner: 0.12 MPa"
     least = of(found, "least contact")
     assert (least.value, least.unit) == (pytest.approx(80.0), "%")
     assert least.where.endswith("; 100 % at the end of the run")
@@ -120,7 +120,7 @@ def test_the_highest_pressure_is_a_mean_where_there_is_one(table):
     table.attrs["units"]["mean_contact_pressure_max"] = "MPa"
     found = of(remarks(table, summary()), "highest contact pressure, mean over 5 mm")
     assert found.value == pytest.approx(0.06)
-    assert found.where == "at 600 mm, t = 10 s; corner: 0.12"
+    assert found.where == "at 600 mm, t = 10 s; corner: 0.12 MPa"
 
 
 def test_cells_too_large_for_the_shell_are_named(table):
@@ -153,7 +153,7 @@ def test_a_gap_without_a_wall_is_no_gap(table):
     table.attrs["units"] = units
     found = remarks(table, summary())
     assert of(found, "largest gap on the way").value == table["gap_max"][~beyond].max()
-    assert "regained at 360 mm" in of(found, "contact lost, corner").where
+    assert "regained at 360 mm" in of(found, "contact lost, corner, gap up to").where
 
 
 def test_remarks_need_a_way_downwards(table):
@@ -191,11 +191,11 @@ def test_weak_spots_between_the_probes_are_found_in_the_fields(tmp_path, table, 
             table[f"surface_temperature_{name}"] = 1326.85
         remark = of(remarks(table, summary(), fields), "thinnest shell")
         assert remark.value == pytest.approx(1e3 * thin.value)
-        probes = "; mid-face and corner: 6.26"
+        probes = "; mid-face and corner: 6.26 mm"
         assert remark.where.endswith(f" y = 62.5 mm, mould exit at 600 mm{probes}")
         remark = of(remarks(table, summary(), fields), "hottest surface")
         assert remark.value == pytest.approx(hot.value - 273.15)
-        assert remark.where.endswith("mould exit at 600 mm; mid-face and corner: 1327")
+        assert remark.where.endswith("mould exit at 600 mm; mid-face and corner: 1327 °C")
         later = Summary("x", "finished", mould_exit=0.45)
         remark = of(remarks(table, later, fields), "thinnest shell of the probes")  # no field there
         assert (remark.value, remark.where) == (
@@ -215,7 +215,9 @@ def test_show_prints_what_to_look_at_on_whole_lines(strained_run):
     show(strained_run, Console(file=stream, width=60), figures=False)
     text = stream.getvalue()
     assert "What to look at\n" in text
-    (line,) = [line for line in text.splitlines() if line.startswith("contact lost, corner")]
+    (line,) = [
+        line for line in text.splitlines() if line.startswith("contact lost, corner, gap up to")
+    ]
     assert "0.5" in line
     assert " mm  lost at 120 mm, t = 2 s, regained at 360 mm" in line
 
@@ -257,5 +259,5 @@ def test_a_shell_that_melts_again_is_told(corner, told):
 
 def test_a_time_of_many_seconds_is_a_plain_number(table):
     table["time"] *= 1000.0
-    lost = of(remarks(table, summary()), "contact lost, corner")
+    lost = of(remarks(table, summary()), "contact lost, corner, gap up to")
     assert "lost at 120 mm, t = 2003 s" in lost.where

@@ -18,6 +18,7 @@ from castfem.model.check_cooling import law_groups
 from castfem.model.section import Round
 from castfem.physics.thermal.flux_laws import Radiation
 from castfem.post.plots.history import curves
+from castfem.post.plots.shape import Outline
 from castfem.post.report.remarks import (
     NO_SHELL,
     NOT_CONVERGED,
@@ -27,6 +28,7 @@ from castfem.post.report.remarks import (
     in_mm,
     remarks,
 )
+from castfem.runs.output.fields import Fields
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.derived import OPEN, spells
@@ -121,8 +123,12 @@ def _off_the_mould(folder: Path) -> Iterator[str]:
     position = table["position"].to_numpy()
     yield lost_all_round(contact_share(table), position)
     if (case := case_with(folder, "[mould")) is not None:
+        whole = isinstance(case.section, Round)
         for places in equal_places(case, probes_with(table, "surface_temperature")):
-            yield _unequal(table, position, places)
+            who = "all points of the surface" if whole else " and ".join(map(probe_label, places))
+            surface = _of_whole_surface(folder) if whole else (0.0, 0.0)
+            if told := _unequal(table, position, places, surface):
+                yield f"{who} are the same by symmetry, yet their {told}"
 
 
 def lost_all_round(share: Array, position: Array) -> str:
@@ -180,26 +186,53 @@ def equal_places(case: Case, places: Iterable[str]) -> list[list[str]]:
     return [names for names in found.values() if len(names) > 1]
 
 
-def _unequal(table: pandas.DataFrame, position: Array, places: list[str]) -> str:
-    """Say by how much places differ that are the same by symmetry; "" where they hardly do."""
-    parts = []
-    for what, prefix in (("surface temperatures", "surface_temperature"), ("gaps", "gap")):
+def _unequal(
+    table: pandas.DataFrame, position: Array, places: list[str], surface: tuple[float, float]
+) -> str:
+    """Say by how much places differ that are the same by symmetry; "" where they hardly do.
+
+    Args:
+        table: The history.
+        position: (n,) of its rows, m.
+        places: Probes.
+        surface: By how much temperatures of the whole surface differ most, K, and where, m.
+    """
+    apart = {}
+    for prefix in ("surface_temperature", "gap"):
         names = [f"{prefix}_{place}" for place in places if f"{prefix}_{place}" in table]
-        apart = np.ptp(table[names].to_numpy(), axis=1) if names else np.full(len(table), np.nan)
-        if np.isfinite(apart).any():
-            row, unit = int(np.nanargmax(apart)), unit_of(table, names[0])
-            size = said(float(apart[row]), "K" if what.startswith("s") else unit, ".3g", names[0])
-            parts.append(
-                (float(apart[row]), f"{what} differ by up to {size} (at {in_mm(position[row])})")
-            )
-    if not parts or parts[0][0] < _ALIKE:
+        spread = np.ptp(table[names].to_numpy(), axis=1) if names else np.full(len(table), np.nan)
+        if np.isfinite(spread).any():
+            row = int(np.nanargmax(spread))
+            apart[prefix] = float(spread[row]), float(position[row])
+    kelvin, at = max(apart.get("surface_temperature", (0.0, 0.0)), surface)
+    if kelvin < _ALIKE:
         return ""
+    parts = [f"surface temperatures differ by up to {said(kelvin, 'K', '.3g')} (at {in_mm(at)})"]
+    if "gap" in apart:
+        size, at = apart["gap"]
+        unit = unit_of(table, f"gap_{places[0]}")
+        parts.append(f"gaps differ by up to {said(size, unit, '.2g', 'gap')} (at {in_mm(at)})")
     return (
-        f"{', '.join(map(probe_label, places))} are the same by symmetry, yet their "
-        f"{' and their '.join(text for _, text in parts)}. The difference is numerical: errors of "
-        "mesh and rounding grow where the gap determines the heat (docs/coupling.md). Take the "
-        "values of these places as a range; a taper that keeps the strand on the mould lessens it"
+        f"{' and their '.join(parts)}. This is numerical: errors of mesh and rounding grow where "
+        "the gap determines the heat (docs/coupling.md), and where it is hot or cold means "
+        "nothing. Take the values of these places as a range"
     )
+
+
+def _of_whole_surface(folder: Path) -> tuple[float, float]:
+    """By how much temperatures of the surface differ most in the fields, K, and where, m."""
+    try:
+        with Fields(folder) as fields:
+            if "temperature" not in fields.names or "symmetry" not in fields.attributes:
+                return 0.0, 0.0
+            nodes = np.unique(Outline.of(fields).surface)
+            found = [
+                float(np.ptp(fields.values("temperature", i)[nodes]))
+                for i in range(len(fields.times))
+            ]
+            return max(zip(found, map(float, fields.positions), strict=True), default=(0.0, 0.0))
+    except (InputError, OSError):
+        return 0.0, 0.0
 
 
 def less_than_asked(summary: Summary) -> str:
@@ -225,8 +258,8 @@ def less_than_asked(summary: Summary) -> str:
         )
     return (
         f"the mould took {took}, {share:.1f} % less than the {wanted} that its flux asks for "
-        "without gaps. If that is the measured heat of the mould, gaps are in it already: give "
-        "more (power, or water_rise), or more taper, until the run takes what was measured"
+        "without gaps. A heat that was measured at a mould has its gaps in it already: raise power "
+        "or water_rise, or the taper, until the run takes what was measured"
     )
 
 
@@ -273,7 +306,7 @@ def wide_gap(folder: Path, summary: Summary) -> str:
             gap = said(1e3 * widest.value, "mm", ".3g", "mould_gap_max")
             return (
                 f"the largest gap, {gap}, conducts {conducted:.0f} W/(m^2 K); radiation, which "
-                f'zone "{zone.name}" leaves out, would carry some {radiated():.0f}: lay law = '
-                '"radiation" beside contact'
+                f'zone "{zone.name}" leaves out, would transfer about {radiated():.0f} more: add a '
+                'surface with law = "radiation" to the zone'
             )
     return ""

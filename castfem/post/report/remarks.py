@@ -25,7 +25,7 @@ from castfem.runs.output.fields import Fields
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.derived import OPEN, mould_exit, spells
-from castfem.runs.results.labels import STAIR, has_values, unit_of
+from castfem.runs.results.labels import STAIR, beside_wall, has_values, unit_of
 from castfem.runs.results.roll_load import BULGE, RollLoads
 
 if TYPE_CHECKING:
@@ -131,7 +131,9 @@ def _contact(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
             where += (
                 f"; {len(stretches)} times, longest {in_mm(longest.start)} to {in_mm(longest.end)}"
             )
-        yield Remark(f"contact lost, {label}", float(np.nanmax(_finite(gap))), unit, where, column)
+        yield Remark(
+            f"contact lost, {label}, gap up to", float(np.nanmax(_finite(gap))), unit, where, column
+        )
     yield from _share(table, position)
     yield from _largest(table, position, "gap", "largest gap on the way", least=OPEN)
     what = "highest contact pressure"
@@ -146,10 +148,8 @@ def contact_share(table: pandas.DataFrame) -> Array:
     """Share of the surface that touches the mould, %; NaN below it and in a run without."""
     if not has_values(table, "contact_share"):
         return np.full(len(table), np.nan)
-    walls = [table[column].notna().to_numpy() for _, _, column in curves(table, "gap")]
-    beside = np.any(walls, axis=0) if walls else np.ones(len(table), dtype=bool)
     scale = 1.0 if unit_of(table, "contact_share") == "%" else 100.0  # older runs have fractions
-    return np.where(beside, scale * table["contact_share"].to_numpy(), np.nan)
+    return np.where(beside_wall(table), scale * table["contact_share"].to_numpy(), np.nan)
 
 
 def _share(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
@@ -180,7 +180,7 @@ def _stairs(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
         return
     off_, label, row, name = worst
     where = (
-        f"{label}, at {at_place(float(position[row]), table)}: its curve has steps, for the solidus"
+        f"{label}, at {at_place(float(position[row]), table)}: the curve has steps, as the solidus"
     )
     where += f" lies in cells of {said(float(table[name].iloc[row]), 'mm', '.2g', name)} there"
     yield Remark("resolution of the shell, ±", off_, unit_of(table, name), where, name)
@@ -303,8 +303,7 @@ def _largest(
             yield Remark(what, most, unit, f"{label}, {where}", column)
             return
         scale = scale_of(documented(unit), column)
-        where += f"; {label}: {scale(most):.3g}"
-        where += f" {plain_unit(scale.unit)}" if unit == "mm" else ""  # a small gap is told in µm
+        where += f"; {label}: {scale(most):.3g} {plain_unit(scale.unit)}"
     yield Remark(what, value, unit, where, column)
 
 
@@ -356,12 +355,12 @@ def _instead(probe: Remark, value: float, hot_spot: HotSpot, where: str) -> Rema
     """What holds at a hot spot, and what is worst among the probes."""
     label = probe.where.removesuffix(f", {where}")
     digits = ".4g" if probe.unit == "°C" else ".3g"
-    beside = scale_of(documented(probe.unit), probe.name)(probe.value)
+    own = scale_of(documented(probe.unit), probe.name)
     across = scale_of("mm")
     far = ".1f" if across.unit == "mm" else ".4g"
     x, y = (across(1e3 * place) for place in (hot_spot.x, hot_spot.y))
     place = f"x = {x:{far}}, y = {y:{far}} {plain_unit(across.unit)}, {where}"
-    said_ = f"{place}; {label}: {beside:{digits}}"
+    said_ = f"{place}; {label}: {own(probe.value):{digits}} {plain_unit(own.unit)}"
     return Remark(probe.what, value, probe.unit, said_, probe.name, probe.resolution)
 
 

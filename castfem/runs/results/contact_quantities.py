@@ -65,7 +65,7 @@ of_contact(
     "the mesh ([billet](billet.md#pressure-of-the-wall)).",
 )(lambda sample: sample.contact.pressure)  # fmt: skip
 of_contact(
-    "penetration", "um", "penetration of the mould here, at most", axis="largest\npenetration",
+    "penetration", "um", "largest penetration into the mould here", axis="largest\npenetration",
     says="How deep the surface lies in the wall, at most.",
 )(lambda sample: sample.contact.penetration)  # fmt: skip
 of_contact(
@@ -135,7 +135,7 @@ on_the_way(
     says="On the way through the mould.",
 )(lambda sample: sample.in_mould.pressure)  # fmt: skip
 on_the_way(
-    "mould_penetration_max", "um", "largest penetration of the mould, on the way",
+    "mould_penetration_max", "um", "largest penetration into the mould, on the way",
     says="On the way through the mould.",
 )(lambda sample: sample.in_mould.penetration)  # fmt: skip
 of_oscillation(
