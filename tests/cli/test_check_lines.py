@@ -56,7 +56,9 @@ def test_a_total_is_what_the_water_takes() -> None:
 
 @pytest.mark.parametrize(("flux", "far"), [("9 MW/m^2", False), ("2 kW/m^2", True)])
 def test_a_flux_in_another_unit_is_found(flux: str, far: bool) -> None:
-    assert any("check numbers and units" in one for one in told(mould(FLUX | {"flux": flux}))) == far
+    assert (
+        any("check numbers and units" in one for one in told(mould(FLUX | {"flux": flux}))) == far
+    )
 
 
 def test_each_face_and_a_flux_of_no_contact() -> None:

@@ -125,15 +125,13 @@ def _contact(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
             continue
         longest = max(stretches, key=lambda spell: spell.length)
         first = stretches[0]
-        where = f"lost at {at_place(first.start, table)}, "
+        where = f"contact lost at {at_place(first.start, table)}, "
         where += f"regained at {in_mm(first.end)}" if first.regained else "not regained"
         if len(stretches) > 1:
             where += (
                 f"; {len(stretches)} times, longest {in_mm(longest.start)} to {in_mm(longest.end)}"
             )
-        yield Remark(
-            f"contact lost, {label}, gap up to", float(np.nanmax(_finite(gap))), unit, where, column
-        )
+        yield Remark(f"largest gap, {label}", float(np.nanmax(_finite(gap))), unit, where, column)
     yield from _share(table, position)
     yield from _largest(table, position, "gap", "largest gap on the way", least=OPEN)
     what = "highest contact pressure"
