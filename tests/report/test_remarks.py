@@ -217,7 +217,7 @@ def test_show_prints_what_to_look_at_on_whole_lines(strained_run):
     assert "What to look at\n" in text
     (line,) = [line for line in text.splitlines() if line.startswith("largest gap, corner")]
     assert "0.5" in line
-    assert " mm  lost at 120 mm, t = 2 s, regained at 360 mm" in line
+    assert " mm  contact lost at 120 mm, t = 2 s, regained at 360 mm" in line
 
 
 def test_a_shell_that_nothing_holds_is_named(table):
