@@ -138,14 +138,15 @@ def lost_all_round(share: Array, position: Array) -> str:
         share: (n,) of the surface that touches, %; NaN where there is no mould.
         position: (n,) of the slice, m.
     """
-    inside = np.flatnonzero(np.isfinite(share))
-    off = np.concatenate([[False], share[inside] == 0.0, [False]])
-    starts, ends = np.flatnonzero(off[1:] & ~off[:-1]), np.flatnonzero(off[:-1] & ~off[1:])
-    if not len(starts):
+    known = np.isfinite(share)
+    where = position[known].tolist()
+    off = np.concatenate([[False], share[known] == 0.0, [False]])
+    starts = np.flatnonzero(off[1:] & ~off[:-1]).tolist()
+    ends = np.flatnonzero(off[:-1] & ~off[1:]).tolist()
+    if not starts:
         return ""
-    last = len(inside) - 1
-    found = [(position[inside[a]], position[inside[min(b, last)]], b > last)
-             for a, b in zip(starts, ends, strict=True)]  # fmt: skip
+    last = len(where) - 1
+    found = [(where[a], where[min(b, last)], b > last) for a, b in zip(starts, ends, strict=True)]
     longest = max(found, key=lambda part: part[1] - part[0])
     words = [
         f"from {in_mm(a)} to {in_mm(b)}{', where mould or run ends' if to_end else ''}"
