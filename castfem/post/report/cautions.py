@@ -31,7 +31,7 @@ from castfem.post.report.remarks import (
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
-from castfem.runs.results.derived import OPEN, spells
+from castfem.runs.results.derived import OPEN, Spell, spells
 from castfem.runs.results.labels import has_values, probes_with, unit_of
 from castfem.runs.results.run_case import case_with
 
@@ -138,19 +138,21 @@ def lost_all_round(share: Array, position: Array) -> str:
         share: (n,) of the surface that touches, %; NaN where there is no mould.
         position: (n,) of the slice, m.
     """
-    known = np.isfinite(share)
-    where = position[known].tolist()
-    off = np.concatenate([[False], share[known] == 0.0, [False]])
-    starts = np.flatnonzero(off[1:] & ~off[:-1]).tolist()
-    ends = np.flatnonzero(off[:-1] & ~off[1:]).tolist()
-    if not starts:
+    found: list[Spell] = []
+    start: float | None = None
+    at, known = 0.0, np.isfinite(share)
+    for percent, at in zip(share[known].tolist(), position[known].tolist(), strict=True):
+        if percent > 0.0 and start is not None:
+            found.append(Spell(start, at, True))
+        start = None if percent > 0.0 else at if start is None else start
+    if start is not None:
+        found.append(Spell(start, at, False))
+    if not found:
         return ""
-    last = len(where) - 1
-    found = [(where[a], where[min(b, last)], b > last) for a, b in zip(starts, ends, strict=True)]
-    longest = max(found, key=lambda part: part[1] - part[0])
     words = [
-        f"from {in_mm(a)} to {in_mm(b)}{', where mould or run ends' if to_end else ''}"
-        for a, b, to_end in (found[0], longest)
+        f"from {in_mm(one.start)} to {in_mm(one.end)}"
+        + ("" if one.regained else ", where mould or run ends")
+        for one in (found[0], max(found, key=lambda one: one.length))
     ]
     text = words[0]
     if len(found) > 1:
