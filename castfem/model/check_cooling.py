@@ -150,7 +150,8 @@ def _scaled(case: Case, law: HeatLaw) -> Faults:
     of_surface = isinstance(value, Table) and value.over == "temperature"
     if of_surface or getattr(law, "coefficient", None) is not None:
         what = "the table over temperature" if of_surface else "a coefficient"
-        fix = f"cannot be scaled to a measured total; give {key} over position or time"
+        fix = f"cannot be scaled to a measured total; leave out {' and '.join(has)}, or give {key} "
+        fix += "over position or time"
         yield "", f"the heat of {what} is known after the run alone and {fix}"
 
 

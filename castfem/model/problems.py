@@ -194,11 +194,14 @@ def _meant(root: type[TableModel], path: Path, keys: list[str]) -> str:
     name = str(path[-1])
     if len(path) == 1 and (found := below(root, name)):
         return f"; did you mean {' or '.join(found)}?"
+    here = tuple(part for part in path[:-1] if isinstance(part, str))
     homes: dict[str, dict[str, None]] = {}
     for table in tables(root):
         inner = [key for key in table.model.model_fields if key not in keys]
         for key in inner if table.path and table.path[0] not in NOT_MEANT else ():
             where = f"{key} of {table.heading}" if table.listed else dotted((*table.path, key))
+            if table.path == here and issubclass(table.model, Variants):
+                where = f'{key} of {table.model.tag_key} = "{tag_of(table.model)}"'
             homes.setdefault(key, {})[where] = None
     others = difflib.get_close_matches(name, homes, n=1, cutoff=_ELSEWHERE)
     own = difflib.get_close_matches(name, keys, n=1, cutoff=_BESIDE)

@@ -27,6 +27,12 @@ MISTAKES = {
         "section.step",
         ["did you mean thermal.time.step?"],
     ),
+    "key of another kind of table": (
+        'width = "125 mm"\n',
+        'width = "125 mm"\ndiameter = "1 mm"\n',
+        "section.diameter",
+        ['did you mean diameter of shape = "round" or mould.diameter'],
+    ),
     "key beside and elsewhere": (
         'width = "125 mm"\n',
         'width = "125 mm"\nradius = "1 mm"\n',
