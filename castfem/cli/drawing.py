@@ -66,7 +66,7 @@ def draw_material(name: str, composition: Iterable[str], picture: Path) -> None:
     try:
         steel = load_steel(name, Path.cwd(), composition=amounts, origin="steel")
     except InputError as error:
-        told = [f"{one}, given by -c C=0.2" if _LACKS in one else one for one in error.problems]
+        told = [f"{one}, here by -c C=0.2" if _LACKS in one else one for one in error.problems]
         raise InputError(told) from None
     say(parallel.console(), pairs(describe_steel(steel)))
     with drawing(picture):
