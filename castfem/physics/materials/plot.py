@@ -192,9 +192,7 @@ def _enthalpy(axis: Axes, steel: Steel) -> None:
     total = np.concatenate([[0.0], np.cumsum(gain)]) + np.cumsum(jump) - jump
     at = np.repeat(t - ZERO_CELSIUS, 2)
     values = np.ravel(np.column_stack([total, total + jump]))
-    axis.plot(
-        at, values / 1e9, color=LIQUID, label=f"of heating from {lower - ZERO_CELSIUS:.0f} °C"
-    )
+    axis.plot(at, values / 1e9, color=LIQUID, label=f"from {lower - ZERO_CELSIUS:.0f} °C on")
     limits = {"solidus": (steel.solidus, "--"), "liquidus": (steel.liquidus, ":")}
     if steel.solidus == steel.liquidus:
         limits = {"melting point": (steel.solidus, "--")}
