@@ -231,7 +231,7 @@ def below_meniscus(position: float, digits: str = ".6g") -> str:
 def label_shown(label: str) -> str:
     """The label of a result, the places and temperatures in it in the units that were chosen."""
     if not is_chosen():
-        return label
+        return label.replace(" degC", " °C")
     label = _PLACE.sub(r"x = \1 mm, y = \2 mm", label)
     return _IN_WORDS.sub(lambda found: said(float(found[1]), found[2], ".6g"), label)
 

@@ -117,6 +117,19 @@ def _unknown(unit: str) -> str:
     return f"{text}; write products and powers like W/(m^2 K)"
 
 
+def _meant(unit: str, example: str, target: pint.Unit) -> str:
+    """Return a unit of the right dimension that a wrong one may stand for; "" where none is near.
+
+    It is that with the divisor of the example ("%/m" for "%"), or one of the same letters
+    ("W/(m K)" for "W/mK").
+    """
+    per = example.partition("/")[2]
+    whole = [f"{unit}/{per}"] if per and "/" not in unit else []
+    alike = sorted(name for name in _KNOWN if _letters(name) == _letters(unit))
+    right = target.dimensionality
+    return next((one for one in whole + alike if _parse_unit(one).dimensionality == right), "")
+
+
 def nearest(name: str, allowed: Iterable[str]) -> str:
     """Return "; did you mean X?" for the allowed name nearest to `name`, empty if none is near."""
     choices = list(allowed)
@@ -196,6 +209,8 @@ def _conversion(
     parsed, target = _parse_unit(unit), _registry().parse_units("" if si == "1" else si)
     if parsed.dimensionality != target.dimensionality:
         fix = "; put a divisor of several units in brackets" if "/" in unit and " " in unit else ""
+        if meant := _meant(unit, example, target):
+            fix = f"; did you mean {meant}?"
         found = _name_of(parsed)
         problem = f"is the unit of {_a(found)}" if found else "does not fit"
         raise ValueError(f"'{unit}' {problem}, {_a(name)} is needed, such as \"{example}\"{fix}")

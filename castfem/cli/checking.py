@@ -227,7 +227,7 @@ def describe_test(name: str, case: TensileCase) -> str:
     table = case.tensile
     material = table.material
     law = material if isinstance(material, str) else material.get("law", "")
-    lines = [f"{name}: sound", f"  {case.title}", f"  law {law}, {table.steps} steps a segment"]
+    lines = [f"{name}: valid", f"  {case.title}", f"  law {law}, {table.steps} steps a segment"]
     for segment in table.segment:
         lines.append(f"  {segment.duration:7.4g} s at {segment.rate:.4g} 1/s")
     if table.cycles > 1:
@@ -248,7 +248,7 @@ def describe(name: str, case: Case, steel: Steel, mesh: SectionMesh) -> str:
     solidus = convert(steel.solidus, "K", "degC")
     liquidus = convert(steel.liquidus, "K", "degC")
     lines = [
-        f"{name}: sound",
+        f"{name}: valid",
         f"  {case.title}",
         f"  {casting.length:g} m at {_speed(casting.speed)}, {casting.duration:.4g} s",
         f"  steel {steel.name}: solidus {solidus:.6g} degC, liquidus {liquidus:.6g} degC",

@@ -53,6 +53,9 @@ def mesh_rows(mesh: SectionMesh) -> list[tuple[str, str]]:
     ]
 
 
+_LACKS = "is needed by"  # of an element that a composition does not have
+
+
 def draw_material(name: str, composition: Iterable[str], picture: Path) -> None:
     """Describe a steel and plot its properties."""
     amounts = _composition(composition)
@@ -60,7 +63,11 @@ def draw_material(name: str, composition: Iterable[str], picture: Path) -> None:
     from castfem.physics.materials import describe_steel, load_steel
     from castfem.physics.materials.plot import plot_steel
 
-    steel = load_steel(name, Path.cwd(), composition=amounts, origin="steel")
+    try:
+        steel = load_steel(name, Path.cwd(), composition=amounts, origin="steel")
+    except InputError as error:
+        told = [f"{one}, here by -c C=0.2" if _LACKS in one else one for one in error.problems]
+        raise InputError(told) from None
     say(parallel.console(), pairs(describe_steel(steel)))
     with drawing(picture):
         plot_steel(steel, picture)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -49,13 +50,15 @@ class Request:
         return self.folder or alone.with_name(f"{alone.name}{ending}")
 
     def sizes(self, path: Path) -> list[str]:
-        """The assignments that stand for the accuracy that is asked for."""
+        """The assignments that stand for the accuracy that is asked for, and name it."""
         if self.accuracy == DEFAULT:
             return []
         from castfem.model import load_case
         from castfem.studies.accuracy.sizes import assignments
 
-        return assignments(load_case(path, self.overrides), self.accuracy)
+        case = load_case(path, self.overrides)
+        title = json.dumps(f"{case.title}; {self.accuracy} accuracy")
+        return [*assignments(case, self.accuracy), f"title={title}"]
 
     def case(self, path: Path) -> Case:
         """The case with the keys and the accuracy that are asked for."""

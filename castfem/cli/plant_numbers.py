@@ -44,8 +44,8 @@ def heat_lines(case: Case, steel: Steel, mesh: SectionMesh) -> list[str]:
             lines += _lines(zone, law, given, around)
             if zone.name + _on(law) in fixed:
                 lines.append(
-                    "  at every casting speed; give measured_at, the speed at which it was "
-                    "measured, or a table over speed, before speeds are compared"
+                    "  the same at every casting speed; before speeds are compared give "
+                    "measured_at, the speed at which it was measured, or a table over speed"
                 )
             if is_even(case, law):
                 lines.append(f"  {EVEN_FLUX}; {fix(case)}")
@@ -69,16 +69,16 @@ def _lines(
     kinks = (*law.kinks(given, around), *machine.kinks)
     mean = heat_to_mould(value, machine.speed, between, kinks) / (extent.end - extent.start)
     heat = mean * extent.perimeter * (extent.end - extent.start)
-    least = ", if no gap opens" if isinstance(law, Contact) else ""
+    least = " without a gap" if isinstance(law, Contact) else ""
     line = f"{zone.name}{_on(law)}: {1e-3 * heat:.4g} kW in all{least}"
-    line += f", {1e-6 * mean:.3g} MW/m^2 in the mean"
+    line += f", {1e-6 * mean:.3g} MW/m^2 on average"
     usual = _published(machine, between) if extent.start == 0.0 else {}
     if not usual:
         return [line]
-    lines = [line, "  published for that time in the mould, MW/m^2: "
+    lines = [line, "  published averages for this time in the mould, MW/m^2: "
              + ", ".join(f"{name} {1e-6 * flux:.3g}" for name, flux in usual.items())]  # fmt: skip
     if mean > _FAR * max(usual.values()) or mean * _FAR < min(usual.values()):
-        lines.append("  that is far from them: are numbers and units right?")
+        lines.append("  that is far from the published ones: check numbers and units")
     return lines
 
 
@@ -127,7 +127,7 @@ def water_lines(case: Case, steel: Steel, mesh: SectionMesh) -> list[str]:
     cast = supply.mass * supply.travel.fastest
     rows = [*found, ("in all", sum(flow for _, flow in found))]
     widest = max(len(name) for name, _ in rows)
-    lines = [f"spray water at most, of {3.6 * cast:.4g} t/h of steel:"]
+    lines = [f"largest flow of spray water, for {3.6 * cast:.4g} t/h of steel:"]
     for name, flow in rows:
         per_mass = PER_LITRE_AND_KG * flow / cast
         flows = f"{LITRES_A_MINUTE * flow:8.4g} L/min  {per_mass:7.3g} L/kg"

@@ -116,7 +116,10 @@ def _wall(case: Case, law: HeatLaw) -> Faults:
     of_mould = None if case.mould is None else case.mould.wall_temperature
     if law.wall in (None, MOULD):
         if of_mould is None:
-            yield "", 'wall is missing; such as "160 degC", here or as mould.wall_temperature'
+            fix = 'wall = "160 degC" here, or wall_temperature = "160 degC" in [mould]'
+            takes = 'wall = "mould" takes mould.wall_temperature, which is not given'
+            what = "the temperature of the mould's wall is missing" if law.wall is None else takes
+            yield "", f"{what}; give {fix}"
     elif of_mould is not None and law.wall != of_mould:
         fix = 'leave one of the two out, or set this to "mould"'
         there = f"{_degrees(of_mould)} as mould.wall_temperature"
@@ -147,7 +150,8 @@ def _scaled(case: Case, law: HeatLaw) -> Faults:
     of_surface = isinstance(value, Table) and value.over == "temperature"
     if of_surface or getattr(law, "coefficient", None) is not None:
         what = "the table over temperature" if of_surface else "a coefficient"
-        fix = f"cannot be scaled to a measured total; give {key} over position or time"
+        fix = f"cannot be scaled to a measured total; leave out {' and '.join(has)}, or give {key} "
+        fix += "over position or time"
         yield "", f"the heat of {what} is known after the run alone and {fix}"
 
 
@@ -174,18 +178,32 @@ def _range_of_formula(case: Case, zone: Zone) -> Faults:
         curve = law.curve if isinstance(law, ScaledLaw) else None
         if not isinstance(law, ScaledLaw) or not isinstance(curve, str):
             continue
-        ends = {"": case.casting.travel.time_at(end)}
+        travel, until = case.casting.travel, MOULD_FLUXES[curve].until
+        passes = [("", travel.time_at(end), travel.position(until))]
         if isinstance(law.measured_at, float):
-            ends[", at the speed of measured_at,"] = end / law.measured_at
-        until = MOULD_FLUXES[curve].until
-        for at, time in ends.items():
+            at = ", at the speed of measured_at"
+            passes.append((at, end / law.measured_at, until * law.measured_at))
+        for at, time, most in passes:
             if time > until * (1 + ROUNDING):
                 long = [n for n, f in MOULD_FLUXES.items() if time <= f.until * (1 + ROUNDING)]
-                longer = f" take {' or '.join(long)}, which is valid so long," if long else ""
-                text = f'("{curve}") goes to {until:g} s, the zone{at} to {time:.4g} s'
-                fix = "end the zone with the mould, or give a table"
-                yield f"surface.{j}.{law.curve_key}", f"{text} after the meniscus;{longer} {fix}"
+                takes = [*(f'{law.curve_key} = "{name}"' for name in long), "a table"]
+                text = f'"{curve}" holds for {until:g} s from the meniscus, and the slice leaves'
+                fix = f"{_shorter(case, most)}take {' or '.join(takes)}"
+                yield (
+                    f"surface.{j}.{law.curve_key}",
+                    f"{text} this zone after {time:.4g} s{at}; {fix}",
+                )
                 break
+
+
+def _shorter(case: Case, most: float) -> str:
+    """Say where a zone should end that must not go beyond `most` (m); "" if its mould does."""
+    if case.mould is None:
+        whole = math.floor(1e3 * most * (1 + ROUNDING))
+        return f'if the mould ends before, give the zone its end, to = "{whole} mm" at most; else '
+    if case.mould.length > most * (1 + ROUNDING):
+        return ""
+    return f'end the zone with the mould, to = "{in_mm(case.mould.length)}", or '
 
 
 def _degrees(wall: Any) -> str:

@@ -114,14 +114,14 @@ class Contact(ScaledLaw):
 
     def _good(self, around: Surroundings) -> float | mould_flux.Curve:
         if self.flux is not None:
-            table = _over_temperature(self.flux)
+            table = over_temperature(self.flux)
             if table is not None:
                 return mould_flux.FluxCurve(over_temperature=table)
             return mould_flux.FluxCurve(self.scaled(self.flux, around))
         assert self.coefficient is not None, "the case has been checked"
         if not isinstance(self.coefficient, Table):
             return self.coefficient
-        table = _over_temperature(self.coefficient)
+        table = over_temperature(self.coefficient)
         if table is not None:
             return mould_flux.CoefficientCurve(over_temperature=table)
         return mould_flux.CoefficientCurve(around.over_time(self.coefficient))
@@ -141,7 +141,8 @@ class Flux(ScaledLaw):
         return flux_laws.PrescribedFlux(self.scaled(self.value, around))
 
 
-def _over_temperature(given: object) -> Table | None:
+def over_temperature(given: object) -> Table | None:
+    """Return a value of a law if it is a table over the surface temperature."""
     return given if isinstance(given, Table) and given.over == "temperature" else None
 
 

@@ -19,7 +19,7 @@ from castfem.base.errors import dotted
 from castfem.base.units import nearest
 from castfem.model.base import TableModel
 from castfem.model.mould import EXAMPLES
-from castfem.model.problems import below, model_at, submodels
+from castfem.model.problems import NOT_MEANT, below, model_at, submodels
 
 
 def value_at(data: Mapping[str, Any], key: str) -> Any:
@@ -75,8 +75,6 @@ def no_entry(place: Any, path: tuple[str | int, ...], part: str) -> str:
 
 Keys = tuple[str | int, ...]
 
-_NOT_MEANT = ("reference", "optimise")  # of what a run gives: no settings of it
-
 
 def full_key(root: type[TableModel], data: Mapping[str, Any], key: str) -> str:
     """Return the dotted key that `key` stands for in a case.
@@ -103,7 +101,7 @@ def full_key(root: type[TableModel], data: Mapping[str, Any], key: str) -> str:
         more = f" and {len(names) - 6} more" if len(names) > 6 else ""
         raise ValueError(f"may stand for {', '.join(names[:6])}{more}; write one in full")
     near = nearest(key, dict.fromkeys([*root.model_fields, *(str(path[-1]) for path in known)]))
-    absent = [name for name in below(root, key) if name.partition(".")[0] not in _NOT_MEANT]
+    absent = [name for name in below(root, key) if name.partition(".")[0] not in NOT_MEANT]
     similar = absent or [_written(data, p) for p in known if near and f" {p[-1]}?" in near]
     if similar:
         near = f"; did you mean {' or '.join(similar[:3])}?"
@@ -153,7 +151,7 @@ def _keys(
         table = table[part] if isinstance(part, int) else table.get(part, {})
     for name, field in model.model_fields.items():
         here, value = (*path, name), table.get(name)
-        if here[0] in _NOT_MEANT:
+        if here[0] in NOT_MEANT:
             continue
         if path:
             yield here

@@ -214,7 +214,7 @@ def _sprays(case: Case, law: HeatLaw) -> Faults:
 def _radiates(case: Case, zone: Zone) -> Faults:
     sprays = any(isinstance(law, Spray) for law in zone.surface)
     if sprays and not any(isinstance(law, Radiation) for law in zone.surface):
-        fix = 'the correlation is of the water alone, add a surface with law = "radiation"'
+        fix = 'its correlation is that of water alone; add a surface with law = "radiation"'
         yield "", f"a spray without radiation; {fix}"
 
 

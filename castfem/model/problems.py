@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import types
 import typing
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,6 +18,9 @@ from castfem.base.units import nearest
 from castfem.model.base import TableModel, Variants, meaning, tag_of
 
 _MISSING = object()
+_BESIDE, _ELSEWHERE = 0.6, 0.8  # likeness of a key beside a misspelt one, and of one elsewhere
+NOT_MEANT = ("reference", "optimise")
+"""Tables of what a run gives: none of their keys is a setting of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,9 +75,7 @@ def _text(
         model = model_at(root, path[:-1], data)
         keys = list(model.model_fields) if model else []
         keys += ["extends"] if len(path) == 1 else []
-        meant = below(root, str(path[0])) if len(path) == 1 else []
-        near = f"; did you mean {' or '.join(meant)}?" if meant else nearest(str(path[-1]), keys)
-        return f"unknown key{given}; allowed: {choices(keys)}{near}"
+        return f"unknown key{given}; allowed: {choices(keys)}{_meant(root, path, keys)}"
     if kind == "missing":
         return _missing(model_at(root, path[:-1], data), path)
     if kind == "union_tag_not_found":
@@ -185,6 +187,27 @@ def tables(root: type[TableModel]) -> Iterator[Table]:
                 yield from within(Table(path, model, listed or table.listed, heading))
 
     yield from within(Table((), root, False, ""))
+
+
+def _meant(root: type[TableModel], path: Path, keys: list[str]) -> str:
+    """Return "; did you mean X?" for an unknown key: one of its table, or of another one."""
+    name = str(path[-1])
+    if len(path) == 1 and (found := below(root, name)):
+        return f"; did you mean {' or '.join(found)}?"
+    here = tuple(part for part in path[:-1] if isinstance(part, str))
+    homes: dict[str, dict[str, None]] = {}
+    for table in tables(root):
+        inner = [key for key in table.model.model_fields if key not in keys]
+        for key in inner if table.path and table.path[0] not in NOT_MEANT else ():
+            where = f"{key} of {table.heading}" if table.listed else dotted((*table.path, key))
+            if table.path == here and issubclass(table.model, Variants):
+                where = f'{key} of {table.model.tag_key} = "{tag_of(table.model)}"'
+            homes.setdefault(key, {})[where] = None
+    others = difflib.get_close_matches(name, homes, n=1, cutoff=_ELSEWHERE)
+    own = difflib.get_close_matches(name, keys, n=1, cutoff=_BESIDE)
+    if not others:
+        return nearest(name, keys)
+    return f"; did you mean {' or '.join([*own, *list(homes[others[0]])[:3]])}?"
 
 
 def below(root: type[TableModel], name: str) -> list[str]:

@@ -128,6 +128,13 @@ def test_show_needs_a_folder(castfem):
     assert "nowhere: no such folder" in outcome.err
 
 
+def test_a_steel_without_its_composition_is_told_the_option(castfem):
+    outcome = castfem("material", "plain_carbon")
+    assert outcome.status == 1 and outcome.err.rstrip().endswith(
+        "such as C = 0.2, here by -c C=0.2"
+    )
+
+
 def test_composition_of_material(castfem):
     outcome = castfem("material", "carbon_042", "-c", "C:0.2")
     assert outcome.status == 1

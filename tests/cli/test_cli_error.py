@@ -125,6 +125,7 @@ def test_a_run_with_coarser_cells_by_one_word(castfem, tmp_path) -> None:
     ratios = factors_between(described(case), described(ran))
     assert ratios is not None
     assert ratios == {"mesh": pytest.approx(1.5), "step": pytest.approx(2.0)}
+    assert ran.title == "coarse billet; casting.length = 10 mm; coarse accuracy"
     again = castfem("run", "out", "--resume", "--accuracy", "coarse")
     assert again.status == 1
     assert "leave out --accuracy" in again.err

@@ -108,7 +108,7 @@ def test_a_hot_mould_has_all_ranks_by_either_word(monkeypatch):
 def test_check_runs_on_one_rank(tmp_path):
     done = _mpirun(tmp_path, "return ''", "check", "billet125/thermal")
     assert done.returncode == 0, done.stderr
-    assert done.stdout.count("billet125/thermal: sound") == 1
+    assert done.stdout.count("billet125/thermal: valid") == 1
 
 
 ENTERED = "from castfem.cli import main; main()"

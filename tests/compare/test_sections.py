@@ -39,3 +39,11 @@ def test_the_gap_of_a_shape_is_told_in_a_fitting_unit(tmp_path):
         runs.append(Run(tmp_path / name, name, replace(summary, quantities=quantities)))
     titles = [axes.get_title() for axes in draw_sections(runs, str)["shape"].axes[:3]]
     assert titles == ["shut: no gap", "tight: gap up to 4.9 µm", "loose: gap up to 0.55 mm"]
+    end = {"position": Quantity(0.8, "m", "position")}
+    below = [
+        replace(run, summary=replace(run.summary, mould_exit=0.6,
+                quantities={**run.summary.quantities, **end}))
+        for run in runs
+    ]  # fmt: skip
+    titles = [axes.get_title() for axes in draw_sections(below, str)["shape"].axes[:3]]
+    assert titles == ["shut", "tight", "loose"]  # below the mould there is no gap to speak of

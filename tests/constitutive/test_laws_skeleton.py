@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -132,7 +133,7 @@ def cooled(law: RadialReturn, ends: tuple[float, float], strain: float, steps: i
     stress, state = np.zeros((1, 4)), law.initial_state(1)
     heat, nothing = np.linspace(*ends, steps + 1)[:, None], np.zeros(1)
     change = np.array([[0.0, 0.0, 0.0, np.sqrt(1.5) * strain / steps]])
-    for before, after in zip(heat[:-1], heat[1:], strict=True):
+    for before, after in itertools.pairwise(heat):
         answer = law.integrate(
             MaterialStep(change, nothing, before, after, 1.0 / steps), stress, state
         )
@@ -160,7 +161,7 @@ def test_flow_under_an_even_stress_is_of_second_order_in_the_step() -> None:
         """Strain that keeps the stress at 1 MPa while the steel cools by 100 K in 10 s."""
         total, state = 0.0, law.initial_state(1)
         heat, dt = np.linspace(SOLIDUS, SOLIDUS - 100.0, steps + 1)[:, None], 10.0 / steps
-        for before, after in zip(heat[:-1], heat[1:], strict=True):
+        for before, after in itertools.pairwise(heat):
             change = np.zeros((1, 4))
             for _ in range(30):
                 step = MaterialStep(change, np.zeros(1), before, after, dt)

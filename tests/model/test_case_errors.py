@@ -15,6 +15,30 @@ MISTAKES = {
         "section.hieght",
         ['("3 mm")', "unknown key", "allowed: shape, width, height", "did you mean height?"],
     ),
+    "misspelt key of an inner table": (
+        'name = "mould"\n',
+        'name = "mould"\ngap_conductivty = "0.1 W/(m K)"\n',
+        "cooling.0.gap_conductivty",
+        ["allowed: name, to, surface", "did you mean gap_conductivity of [[cooling.surface]]?"],
+    ),
+    "key of another table": (
+        'width = "125 mm"\n',
+        'width = "125 mm"\nstep = "1 s"\n',
+        "section.step",
+        ["did you mean thermal.time.step?"],
+    ),
+    "key of another kind of table": (
+        'width = "125 mm"\n',
+        'width = "125 mm"\ndiameter = "1 mm"\n',
+        "section.diameter",
+        ['did you mean diameter of shape = "round" or mould.diameter'],
+    ),
+    "key beside and elsewhere": (
+        'width = "125 mm"\n',
+        'width = "125 mm"\nradius = "1 mm"\n',
+        "section.radius",
+        ["did you mean corner_radius or radius of [[machine.segment]]?"],
+    ),
     "wrong unit": (
         '"3.6 m/min"',
         '"3.6 m/mn"',

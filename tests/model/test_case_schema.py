@@ -11,6 +11,7 @@ from castfem.cli.app import starter
 from castfem.model import load_any, load_case
 from castfem.model.base import tag_of
 from castfem.model.case import Case
+from castfem.model.casting import CONTACT_FIELDS
 from castfem.model.problems import submodels
 from castfem.model.schema import case_schema, markdown_page
 from castfem.model.shipped_cases import shipped
@@ -118,6 +119,8 @@ def test_starter_has_a_mould_in_reserve(tmp_path):
     case = load_case(path)
     assert case.mechanics is not None and case.mould is not None
     assert case.mould.length == pytest.approx(0.8)
+    assert {"temperature", "displacement", "von_mises"} <= set(case.output_fields)
+    assert set(CONTACT_FIELDS) <= set(case.output_fields)
 
 
 def test_starter_is_a_sound_case_with_every_key_known(tmp_path):

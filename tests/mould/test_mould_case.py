@@ -198,6 +198,7 @@ def test_friction_laws_as_contact_computes_them(write):
 # lines of [mould], the dotted key, words of the message
 MISTAKES = {
     "no unit": ('taper = "1"', "mould.taper", ['("1")', "needs its unit", '"1 %/m"']),
+    "no divisor": ('taper = "2 %"', "mould.taper", ['("2 %")', "did you mean %/m?"]),
     "slip": ('taper = "1 %/mm"', "mould.taper", ["is 1000 %/m", "at most 50 %/m"]),
     "half a parabola": ('taper = { top = "1 %/m" }', "mould.taper", ["'exit' is missing"]),
     "unknown key": ('taper = { tap = "1 %/m" }', "mould.taper", ["'tap'", "did you mean top?"]),

@@ -188,7 +188,7 @@ def test_data_from_memory_are_told_in_every_run(tmp_path: Path) -> None:
     console = Console(record=True, width=200)
     show(tmp_path / "run", console, figures=False)
     shown = " ".join(console.export_text().split())
-    assert "from memory, not compared with its source: density" in shown
+    assert "not yet checked against its source: density" in shown
     steel = ["steel.name=plain_carbon", "steel.composition={C=0.2}"]
     short = ["casting.length=6 mm", "mesh.surface_size=3 mm", "output.fields=[]"]
     with castfem.run(load_case(find("billet125/thermal"), [*steel, *short])) as result:

@@ -17,6 +17,7 @@ from synthetic_run import COLUMNS, HALF, LIQUIDUS, SOLIDUS, rectangle, temperatu
 
 from castfem.model import load_case
 from castfem.model.shipped_cases import find
+from castfem.post.compare.figures import _derive
 from castfem.post.compare.runs import read_runs
 from castfem.post.compare.sections import Section, draw_sections
 from castfem.post.plots.along_strand import (
@@ -335,6 +336,18 @@ def test_a_strip_and_a_slice_that_stands_still_are_no_strand(tmp_path):
             assert draw_stack(fields, STEEL) is None
             assert draw_von_mises(fields, STEEL) is not None
             assert (draw_shape(fields, STEEL) is None) == (name == "strip")
+
+
+def test_below_the_mould_no_gap_is_drawn(table, abscissa):
+    """A history has a largest gap of 0 there; a curve that falls to it would say that it closes."""
+    below = table["position"].to_numpy() > 0.5
+    table.loc[below, ["gap_mid_face", "gap_corner"]] = np.nan
+    table.loc[below, "gap_max"] = 0.0
+    drawn = draw_contact(table, abscissa, STEEL).axes[0].get_lines()
+    (largest,) = [line for line in drawn if line.get_label() == "largest anywhere"]
+    assert (np.isnan(largest.get_ydata()) == below).all()
+    _derive(table, None)
+    assert (table["gap_max"].isna() == below).all()
 
 
 def test_long_numbers_do_not_push_their_label_off_the_figure(table, abscissa):

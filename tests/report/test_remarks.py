@@ -40,21 +40,21 @@ def of(found, what):
 
 def test_remarks_name_what_is_worth_a_look(table):
     found = remarks(table, summary())
-    lost = of(found, "contact lost, corner")
+    lost = of(found, "largest gap, corner")
     assert "lost at 120 mm, t = 2 s, regained at 360 mm" in lost.where
     assert lost.value == table["gap_corner"].max()
-    assert not [r for r in found if r.what == "contact lost, mid-face"]
+    assert not [r for r in found if r.what == "largest gap, mid-face"]
     assert of(found, "largest gap on the way").value == table["gap_max"].max()
     pressure = of(found, "highest contact pressure")
     assert pressure.value == pytest.approx(0.12)
-    assert pressure.where == "at 600 mm, t = 10 s; corner: 0.12"
+    assert pressure.where == "at 600 mm, t = 10 s; corner: 0.12 MPa"
     least = of(found, "least contact")
     assert (least.value, least.unit) == (pytest.approx(80.0), "%")
     assert least.where.endswith("; 100 % at the end of the run")
-    thinnest = of(found, "thinnest shell")
+    thinnest = of(found, "thinnest shell of the probes")
     assert thinnest.value == pytest.approx(table["shell_mid_face"].iloc[-1])
     assert thinnest.where == "mid-face, mould exit at 600 mm"
-    hottest = of(found, "hottest surface")
+    hottest = of(found, "hottest surface of the probes")
     assert (hottest.value, hottest.unit) == (
         pytest.approx(table["surface_temperature_mid_face"].iloc[-1]),
         "°C",
@@ -69,17 +69,21 @@ def test_the_mould_ends_where_the_summary_says_and_reheating_is_named(table):
     table.loc[late, "surface_temperature_corner"] += 100.0
     table.attrs["units"] = units
     found = remarks(table, Summary("x", "finished", zones=zones, mould_exit=0.3))
-    assert of(found, "thinnest shell").where.endswith("mould exit at 300 mm")
+    assert of(found, "thinnest shell of the probes").where.endswith("mould exit at 300 mm")
     within = Summary("x", "finished", zones=(Zone("mould", 0.0, 0.6),), mould_exit=0.8)
-    assert of(remarks(table, within), "thinnest shell").where.endswith("end of the run at 600 mm")
+    assert of(remarks(table, within), "thinnest shell of the probes").where.endswith(
+        "end of the run at 600 mm"
+    )
     z, shell = table["position"], table["shell_mid_face"]
-    assert of(found, "thinnest shell").value == pytest.approx(np.interp(0.3, z, shell))
+    assert of(found, "thinnest shell of the probes").value == pytest.approx(
+        np.interp(0.3, z, shell)
+    )
     reheated = of(found, "largest reheating of the surface")
     assert reheated.unit == "K"
     assert 50.0 < reheated.value < 100.0
     assert reheated.where.startswith("corner, from ")
     found = remarks(table, Summary("x", "finished", zones=(Zone("mould", 0.0, 0.6),)))
-    assert of(found, "thinnest shell").where.endswith("end of the run at 600 mm")
+    assert of(found, "thinnest shell of the probes").where.endswith("end of the run at 600 mm")
 
 
 def test_no_shell_is_said_and_full_contact_is_not_named(table):
@@ -88,7 +92,7 @@ def test_no_shell_is_said_and_full_contact_is_not_named(table):
     table["contact_share"] = 100.0
     table.attrs["units"] = units
     found = remarks(table, summary())
-    thin = of(found, "thinnest shell")
+    thin = of(found, "thinnest shell of the probes")
     assert (thin.value, thin.where) == (0.0, "no shell at all; corner, mould exit at 600 mm")
     assert not [r for r in found if r.what == "least contact"]
 
@@ -116,7 +120,7 @@ def test_the_highest_pressure_is_a_mean_where_there_is_one(table):
     table.attrs["units"]["mean_contact_pressure_max"] = "MPa"
     found = of(remarks(table, summary()), "highest contact pressure, mean over 5 mm")
     assert found.value == pytest.approx(0.06)
-    assert found.where == "at 600 mm, t = 10 s; corner: 0.12"
+    assert found.where == "at 600 mm, t = 10 s; corner: 0.12 MPa"
 
 
 def test_cells_too_large_for_the_shell_are_named(table):
@@ -136,7 +140,7 @@ def test_a_shell_that_is_none_at_the_exit_has_no_resolution(table):
     table["solidus_cell_corner"] = np.where(table["position"] < 0.4, 1.0, np.nan)
     table["shell_corner"] = np.where(table["position"] < 0.4, 1.0, 0.0)
     table.attrs["units"]["solidus_cell_corner"] = "mm"
-    found = of(remarks(table, summary()), "thinnest shell")
+    found = of(remarks(table, summary()), "thinnest shell of the probes")
     assert (found.value, found.resolution) == (0.0, None)
     assert finely(found.value, found.unit, found.name, found.resolution) == "0.000 mm"
 
@@ -149,7 +153,7 @@ def test_a_gap_without_a_wall_is_no_gap(table):
     table.attrs["units"] = units
     found = remarks(table, summary())
     assert of(found, "largest gap on the way").value == table["gap_max"][~beyond].max()
-    assert "regained at 360 mm" in of(found, "contact lost, corner").where
+    assert "regained at 360 mm" in of(found, "largest gap, corner").where
 
 
 def test_remarks_need_a_way_downwards(table):
@@ -187,13 +191,13 @@ def test_weak_spots_between_the_probes_are_found_in_the_fields(tmp_path, table, 
             table[f"surface_temperature_{name}"] = 1326.85
         remark = of(remarks(table, summary(), fields), "thinnest shell")
         assert remark.value == pytest.approx(1e3 * thin.value)
-        probes = "; mid-face and corner: 6.26"
+        probes = "; mid-face and corner: 6.26 mm"
         assert remark.where.endswith(f" y = 62.5 mm, mould exit at 600 mm{probes}")
         remark = of(remarks(table, summary(), fields), "hottest surface")
         assert remark.value == pytest.approx(hot.value - 273.15)
-        assert remark.where.endswith("mould exit at 600 mm; mid-face and corner: 1327")
+        assert remark.where.endswith("mould exit at 600 mm; mid-face and corner: 1327 °C")
         later = Summary("x", "finished", mould_exit=0.45)
-        remark = of(remarks(table, later, fields), "thinnest shell")  # no field at 450 mm
+        remark = of(remarks(table, later, fields), "thinnest shell of the probes")  # no field there
         assert (remark.value, remark.where) == (
             pytest.approx(6.2575),
             "mid-face and corner, mould exit at 450 mm",
@@ -211,9 +215,9 @@ def test_show_prints_what_to_look_at_on_whole_lines(strained_run):
     show(strained_run, Console(file=stream, width=60), figures=False)
     text = stream.getvalue()
     assert "What to look at\n" in text
-    (line,) = [line for line in text.splitlines() if line.startswith("contact lost, corner")]
+    (line,) = [line for line in text.splitlines() if line.startswith("largest gap, corner")]
     assert "0.5" in line
-    assert " mm  lost at 120 mm, t = 2 s, regained at 360 mm" in line
+    assert " mm  contact lost at 120 mm, t = 2 s, regained at 360 mm" in line
 
 
 def test_a_shell_that_nothing_holds_is_named(table):
@@ -253,5 +257,5 @@ def test_a_shell_that_melts_again_is_told(corner, told):
 
 def test_a_time_of_many_seconds_is_a_plain_number(table):
     table["time"] *= 1000.0
-    lost = of(remarks(table, summary()), "contact lost, corner")
+    lost = of(remarks(table, summary()), "largest gap, corner")
     assert "lost at 120 mm, t = 2003 s" in lost.where

@@ -212,7 +212,7 @@ def test_on_a_screen_long_lines_go_on_below_their_beginning(strained_run):
     (start,) = [i for i, line in enumerate(lines) if line.startswith("highest contact pressure")]
     assert max(map(len, lines)) <= 62
     assert lines[start].endswith(" at 600 mm, t = 10 s;")
-    assert lines[start + 1].strip() == "corner: 0.12"
+    assert lines[start + 1].strip() == "corner: 0.12 MPa"
     assert lines[start + 1].startswith(" " * 11)
 
 

@@ -37,7 +37,7 @@ def test_what_radiates() -> None:
 def test_a_wide_gap_is_told_with_the_mend(tmp_path: Path) -> None:
     told = wide_gap(folder(tmp_path), summary(2e-3))
     assert 'the largest gap, 2 mm, conducts 75 W/(m^2 K); radiation, which zone "mould"' in told
-    assert f"would carry some {radiated():.0f}" in told and '"radiation" beside contact' in told
+    assert f"would transfer about {radiated():.0f} more" in told and 'law = "radiation"' in told
     assert wide_gap(tmp_path, summary(0.5e-3)) == ""
     assert wide_gap(tmp_path, summary(0.0)) == ""
 

@@ -36,7 +36,7 @@ def test_an_interrupted_run_is_told_in_the_words_of_a_finished_one(tmp_path):
     assert told["diagonal"] == ["172.12", "mm"]
     assert told["von Mises stress, mid-face"] == ["3.6", "MPa"]
     assert told["heat removed per m"][1] == "MJ/m"
-    assert told["penetration of the mould here, at most"] == ["0.01", "µm"]
+    assert told["largest penetration into the mould here"] == ["0.01", "µm"]
     for word in ("newton", "force", "error", "step"):
         assert not any(word in label for label in told)
 

@@ -58,6 +58,10 @@ SMOOTH = "output.smooth=true"
 # What a quarter of a billet in its mould has not.
 OTHERS = {"bending", "quality", "extraction", "bulging", "tilt_x", "tilt_y", "closed_form"}
 FRICTION = ("mould.friction.law=coulomb", "mould.friction.coefficient=0.2", "casting.length=150 mm")
+GIVEN = (
+    'cooling.mould.surface=[{law="contact",flux="savage_pritchard",wall="160 degC",'
+    'gap_conductivity="0.15 W/(m K)"}]'
+)
 THIN = (
     "section.width=20 mm", "section.height=20 mm", "section.corner_radius=2 mm",
     "mesh.face_size=4 mm", "mesh.core_size=4 mm", "casting.length=1 m", "thermal.time.step=0.5 s",
@@ -88,7 +92,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Sample, 
     curved = drawn(quality={"critical_strain": 0.01}, casting__length="0.7 m")
     rolled = slab(mechanics__bulging="elastic", casting__length="0.95 m")
     cases = (
-        billet("taper_1", *FRICTION, *OSCILLATION, SMOOTH),
+        billet("taper_1", *FRICTION, *OSCILLATION, GIVEN, SMOOTH),
         load_case(thin, THIN),
         curved,
         rolled,

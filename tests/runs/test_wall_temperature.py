@@ -37,7 +37,11 @@ def test_heat_meets_the_wall_where_it_is() -> None:
             r'mould\.wall_temperature; leave one of the two out, or set this to "mould"$',
         ),
         ((f"mould.wall_temperature={TABLE}",), "160 degC here, a table as mould"),
-        (("cooling.mould.surface.0.wall=mould",), "wall is missing"),
+        (
+            ("cooling.mould.surface.0.wall=mould",),
+            r'wall = "mould" takes mould\.wall_temperature, which is not given; give wall = '
+            r'"160 degC" here, or wall_temperature = "160 degC" in \[mould\]$',
+        ),
     ],
 )
 def test_a_wall_has_one_temperature(changes: tuple[str, ...], message: str) -> None:

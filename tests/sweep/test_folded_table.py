@@ -20,7 +20,7 @@ RESULTS = {
     "mould_mean_flux": Quantity(1.9e6, "kW/m^2", "mean heat flux in the mould"),
     "shell_least": Quantity(4.1e-3, "mm", "thinnest shell, mould exit"),
     "contact_lost": Quantity(0.3, "mm", "contact lost at"),
-    "contact_regained": Quantity(0.4, "mm", "contact regained at"),
+    "contact_regained": Quantity(0.4, "mm", "contact mid-face found"),
 }
 
 
@@ -42,7 +42,7 @@ def test_six_keys_leave_room_for_the_results(width: int) -> None:
     for key, value in (("superheat", "40 K"), ("taper", "1 percent/m"), ("interval", "0.1 s")):
         assert f"{key} {value}" in text
     below = " ".join(text.split())
-    assert "not shown, but in sweep.csv: " in below and "contact regained" in below
+    assert "not shown, but in sweep.csv: " in below and "contact mid-face found" in below
 
 
 def test_a_wide_terminal_has_a_column_for_each_key_and_all_results() -> None:

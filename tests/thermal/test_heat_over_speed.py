@@ -101,7 +101,10 @@ def test_a_case_reads_back_what_it_was_given() -> None:
         ({"power": SPEEDS, "measured_at": "1 m/min"}, "excludes power as a table over the"),
         ({"measured_at": "1 m/min"}, "needs a measured total .* or flux over position"),
         ({"power": "5 kW", "measured_at": "all"}, '"2 m/min"|or "any speed"'),
-        ({"power": "5 kW", "measured_at": "1.2 m/min"}, "the zone, at the speed of measured_at,"),
+        (
+            {"power": "5 kW", "measured_at": "1.2 m/min"},
+            "this zone after .* s, at the speed of measured_at;",
+        ),
         ({"power": {"time": ["0 s", "1 s"], "value": ["1 kW", "2 kW"]}}, "unknown key 'time'"),
     ],
 )
@@ -110,11 +113,27 @@ def test_what_does_not_fit_is_refused(law: dict[str, Any], message: str) -> None
         billet("3 m/min", law)
 
 
-def test_beyond_its_range_a_formula_is_refused_with_one_that_goes_further() -> None:
-    with pytest.raises(InputError, match="take brimacombe or li_thomas, which is valid so long"):
+def test_beyond_its_range_a_formula_is_refused_with_what_to_write() -> None:
+    """Formulas that are valid so long, and where the zone must end for this one."""
+    with pytest.raises(InputError, match='take flux = "brimacombe" or flux = "li_thomas" or a tab'):
         billet("1 m/min", {})
-    with pytest.raises(InputError, match="after the meniscus; end the zone with the mould, or"):
-        billet("0.5 m/min", {})
+    with pytest.raises(InputError, match=r'end, to = "266 mm" at most; else take a table$'):
+        billet("0.5 m/min", {})  # 32 s
+
+
+@pytest.mark.parametrize(
+    ("length", "fix"), [(600.0, 'end the zone with the mould, to = "600 mm", or '), (900.0, "")]
+)
+def test_a_zone_that_is_too_long_for_a_formula_may_end_with_the_mould(
+    length: float, fix: str
+) -> None:
+    """The formula goes to 32 s, which is 800 mm; a longer mould needs another one."""
+    changes = {"mechanics": {}, "mould": {"length": f"{length} mm"}}
+    changes |= {"cooling.0.surface.0.gap_conductivity": "0.15 W/(m K)"}
+    with pytest.raises(InputError) as error:
+        billet("1.5 m/min", {}).with_({**changes, "cooling.0.to": "900 mm"})
+    (told,) = [one for one in error.value.problems if "savage_pritchard" in one]
+    assert f"after 36 s; {fix}take flux" in told
 
 
 @pytest.mark.parametrize("law", [{"power": "500 kW"}, {"flux": PLACES}])

@@ -75,7 +75,10 @@ def test_difference_of_temperatures_is_written_in_kelvin():
     ("text", "unit", "said"),
     [
         (160, "K", 'needs its unit, such as "160 degC"'),
-        ("3.6 m", "m/s", "'m' is the unit of a length, a speed is needed"),
+        ("3.6 m", "m/s", r"'m' is the unit of a length, a speed is needed.*did you mean m/min\?"),
+        ("2 kW", "W/m^2", r"did you mean kW/m\^2\?"),
+        ("0.15 W/mK", "W/(m K)", r"did you mean W/\(m K\)\?"),
+        ("3 kg", "m/s", 'a speed is needed, such as "3.6 m/min"$'),
         ("3.6 m/mn", "m/s", "did you mean m/min?"),
         ("1600 W/m2K", "W/(m^2 K)", r"did you mean W/\(m\^2 K\)\?"),
         ("3,6 m/min", "m/s", "decimal point"),

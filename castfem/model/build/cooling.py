@@ -16,11 +16,13 @@ from castfem.base.errors import InputError
 from castfem.base.tables import Table
 from castfem.base.types import Array
 from castfem.fem import reductions
+from castfem.model.cooling import Contact, over_temperature
 from castfem.model.heat_law import Extent, Surroundings
 from castfem.model.water import Supply, steel_per_length
 from castfem.physics.machine.machine import OverTime
 from castfem.physics.thermal import flux_laws
 from castfem.physics.thermal.boundary import Cooling, Patch, Surface
+from castfem.physics.thermal.mould_flux import heat_to_mould
 
 if TYPE_CHECKING:
     from castfem.fem.section import Section
@@ -118,6 +120,32 @@ class Zones:
                 across = law.across(gap[patch.dofs])
                 flux[patch.dofs] += across.flux(temperature[patch.dofs], time)[0]
         return flux
+
+    @property
+    def has_given_heat(self) -> bool:
+        """Whether the flux of each contact is given, and not over the surface temperature."""
+        laws = [law for span in self.spans for _, law in span.laws if isinstance(law, Contact)]
+        return bool(laws) and all(
+            law.flux is not None and over_temperature(law.flux) is None for law in laws
+        )
+
+    def heat_asked(self, end: float) -> float:
+        """Heat that given fluxes of contact would take to a time `end` (s) without a gap, J/m.
+
+        That of the whole strand (collective).
+        """
+        asked = 0.0
+        for i, (span, start) in enumerate(zip(self.spans, self.starts, strict=False)):
+            until = min(end, self._around.machine.time_at(span.end))
+            for names, law in span.laws if start < until else ():
+                if not isinstance(law, Contact) or law.flux is None:
+                    continue
+                tags = self._tags(names)
+                around = self._seen(i, law, tags)
+                kinks = law.kinks(law.flux, around)
+                flux, length = law.scaled(law.flux, around), self._length(self._surface.patch(tags))
+                asked += length * heat_to_mould(flux, lambda _: 1.0, (start, until), kinks)
+        return asked
 
     def index(self, time: float) -> int:
         """Zone of a step that begins at `time` (s)."""

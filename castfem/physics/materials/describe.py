@@ -13,6 +13,12 @@ _LABELS = (
     ("youngs_modulus", "Young's modulus", "{:.3g}", 1e-9, " GPa"),
     ("poisson_ratio", "Poisson's ratio", "{:.3g}", 1.0, ""),
 )
+_STATUS = {
+    "F": "read in the source",
+    "M": "not yet checked against it",
+    "C": "computed",
+    "U": "the user's own",
+}
 
 
 def describe_steel(steel: Steel) -> list[tuple[str, str]]:
@@ -47,6 +53,8 @@ def describe_steel(steel: Steel) -> list[tuple[str, str]]:
         mean = 1e6 * float(steel.thermal_expansion(1273.15))
         note = _origin_note(steel, "thermal_expansion")
         rows.append(("thermal expansion", f"{mean:.1f}e-6 1/K from solidus to 1000 °C{note}"))
+    if steel.origins:
+        rows.append(("sources", ", ".join(f"{code}: {text}" for code, text in _STATUS.items())))
     return rows
 
 

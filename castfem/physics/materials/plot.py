@@ -54,7 +54,7 @@ def plot_steel(steel: Steel, path: str | os.PathLike[str]) -> Path:
     axes = figure.subplots(rows, 2, squeeze=False).ravel()
     for draw, axis in zip(panels, axes, strict=False):
         draw(axis, steel)
-        axis.set_xlabel("temperature (°C)")
+        axis.set_xlabel("temperature [°C]")
         axis.xaxis.set_major_locator(MaxNLocator(6))
         axis.grid(True, color="0.92")
         axis.set_axisbelow(True)
@@ -124,7 +124,7 @@ def _fractions(axis: Axes, steel: Steel) -> None:
             axis.plot(*curve, color=colour, label=label)
         if not isinstance(steel.fraction, LeverFraction):
             axis.plot(*own, color=SOLID, ls="--", lw=1.2, label="solid, as used")
-    axis.set_ylabel("mass fraction")
+    axis.set_ylabel("mass fraction [-]")
     axis.set_ylim(-0.03, 1.03)
     _legend(axis, 4)
 
@@ -151,7 +151,7 @@ def _carbon(axis: Axes, steel: Steel) -> None:
     for name, colour, label in _PHASES:
         curve = _curve(_of_phase(steel.diagram, f"carbon_{name}"), lower, upper, breaks)
         axis.plot(*curve, color=colour, label=f"in {label}")
-    axis.set_ylabel("carbon content (wt%)")
+    axis.set_ylabel("carbon content [wt%]")
     axis.set_ylim(bottom=0.0)
     _legend(axis)
 
@@ -171,17 +171,17 @@ def _effective_heat(axis: Axes, steel: Steel) -> None:
         effective += list(np.ravel(np.column_stack([heat, last])) / 1e3)
     axis.plot(along, effective, color=LIQUID, label="with latent heat, c̃")
     sensible = _curve(steel.specific_heat, lower, upper, breaks)
-    axis.plot(sensible[0], sensible[1] / 1e3, color=SOLID, lw=1.2, ls="--", label="without, c")
+    axis.plot(sensible[0], sensible[1] / 1e3, color=SOLID, lw=1.2, ls="--", label="without it, c")
     t, *_, jump = steel.enthalpy_knots(lower, upper)
     density = 0.5 * (steel.density(t, "above") + steel.density(t, "below"))
     for at, released in zip(t[jump > 0.0], (jump / density)[jump > 0.0], strict=True):
-        label = f"{released / 1e3:.0f} kJ/kg at {at - ZERO_CELSIUS:.1f} °C"
+        label = f"{released / 1e3:.0f} kJ/kg released at {at - ZERO_CELSIUS:.1f} °C"
         axis.axvline(at - ZERO_CELSIUS, color=GAMMA, ls=":", lw=1.5, label=label)
     if max(effective) > 30.0:
         axis.set_yscale("log")
     else:
         axis.set_ylim(0.0, 1.08 * max(effective))
-    axis.set_ylabel("specific heat (kJ/kg K)")
+    axis.set_ylabel("specific heat [kJ/(kg K)]")
     _legend(axis)
 
 
@@ -192,24 +192,24 @@ def _enthalpy(axis: Axes, steel: Steel) -> None:
     total = np.concatenate([[0.0], np.cumsum(gain)]) + np.cumsum(jump) - jump
     at = np.repeat(t - ZERO_CELSIUS, 2)
     values = np.ravel(np.column_stack([total, total + jump]))
-    axis.plot(at, values / 1e9, color=LIQUID, label=f"above {lower - ZERO_CELSIUS:.0f} °C")
+    axis.plot(at, values / 1e9, color=LIQUID, label=f"from {lower - ZERO_CELSIUS:.0f} °C on")
     limits = {"solidus": (steel.solidus, "--"), "liquidus": (steel.liquidus, ":")}
     if steel.solidus == steel.liquidus:
         limits = {"melting point": (steel.solidus, "--")}
     for label, (value, style) in limits.items():
         text = f"{label} {celsius(value)} °C"
         axis.axvline(value - ZERO_CELSIUS, color="0.5", lw=1.0, ls=style, label=text)
-    axis.set_ylabel("enthalpy (GJ/m³)")
+    axis.set_ylabel("enthalpy [GJ/m³]")
     _legend(axis)
 
 
 def _conductivity(axis: Axes, steel: Steel) -> None:
     breaks = steel.breakpoints(COLD, HOT)
     axis.plot(*_curve(steel.conductivity, COLD, HOT, breaks), color=LIQUID, label="conductivity")
-    axis.set_ylabel("conductivity (W/m K)")
+    axis.set_ylabel("conductivity [W/(m K)]")
     other = axis.twinx()
     other.plot(*_curve(steel.density, COLD, HOT, breaks), color=DELTA, ls="--", label="density")
-    other.set_ylabel("density (kg/m³)")
+    other.set_ylabel("density [kg/m³]")
     # The conductivity a little higher than the density, so that two constants do not coincide.
     for one, down, up in ((axis, 0.75, 0.55), (other, 0.55, 0.75)):
         low, high = one.get_ylim()
@@ -222,13 +222,20 @@ def _expansion(axis: Axes, steel: Steel) -> None:
     below = np.linspace(COLD, steel.solidus - 1e-2, 500)
     t = np.concatenate([below, [steel.solidus, HOT]])
     axis.plot(
-        t - ZERO_CELSIUS, 1e6 * steel.thermal_expansion(t), color=GAMMA, label="mean since solidus"
+        t - ZERO_CELSIUS,
+        1e6 * steel.thermal_expansion(t),
+        color=GAMMA,
+        label="mean from the solidus",
     )
-    axis.set_ylabel("mean expansion (10⁻⁶/K)")
+    axis.set_ylabel("mean expansion [10⁻⁶/K]")
     axis.set_ylim(bottom=0.0)
     other = axis.twinx()
     other.plot(
-        t - ZERO_CELSIUS, 1e2 * steel.thermal_strain(t), color=SOLID, ls="--", label="strain"
+        t - ZERO_CELSIUS,
+        1e2 * steel.thermal_strain(t),
+        color=SOLID,
+        ls="--",
+        label="thermal strain",
     )
-    other.set_ylabel("thermal strain (%)")
+    other.set_ylabel("thermal strain [%]")
     _legend(axis, extra=other)

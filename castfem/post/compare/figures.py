@@ -17,6 +17,7 @@ from castfem.post.compare.runs import Run
 from castfem.post.plots.along_strand import rate_of
 from castfem.post.plots.history import open_front
 from castfem.post.plots.style import STYLE
+from castfem.runs.results.labels import beside_wall
 
 _PLACES = ("mid_face", "narrow_face", "corner", "max", "min", "mean", "core")
 _LAST = ("max", "min", "mean")  # places that are none: their panels come after the others
@@ -196,8 +197,13 @@ def _different(panels: list[Panel]) -> list[Panel]:
 
 
 def _derive(table: pandas.DataFrame, base: pandas.DataFrame | None) -> None:
-    """Add the heat that leaves per time, and the heat removed as a share of the base run's."""
+    """Add the heat that leaves per time, and the heat removed as a share of the base run's.
+
+    Below the mould there is no largest gap, where a history has 0.
+    """
     units = table.attrs["units"]
+    if "gap_max" in table:
+        table["gap_max"] = table["gap_max"].where(beside_wall(table))
     if "heat_removed" not in table or units["heat_removed"] != "J/m":
         return
     removed, position = table["heat_removed"].to_numpy(), table["position"].to_numpy()

@@ -86,6 +86,8 @@ class Section:
             math.nan if (found := run.summary.quantities.get(name)) is None else found.value
             for name in ("von_mises_max", "gap_max")
         )
+        if run.summary.ends_below_mould:
+            gap = math.nan
         return cls(
             label=run.label,
             mesh=mesh,

@@ -44,7 +44,7 @@ def sweep_table(table: Sequence[Row], width: int) -> Table:
     rows = [
         (*(cells[number] for _, cells in columns), remark) for number, remark in enumerate(remarks)
     ]
-    names = ", ".join(" ".join(heading.split()) for heading, _ in beside)
+    names = ", ".join(" ".join(heading.replace("-\n", "-").split()) for heading, _ in beside)
     return Table(
         (*(heading for heading, _ in columns), ""),
         rows,
@@ -106,8 +106,7 @@ def _main_columns(table: Sequence[Row]) -> list[_Column]:
             shown(scale(q.shown), scale.unit, resolution_in(scale, q)) if q else "-"
             for q in quantities
         ]
-        unit = scale.unit if scale.unit == some.shown_unit else plain_unit(scale.unit)
-        found.append((_header(plain_label(some), f"[{unit}]"), cells))
+        found.append((_header(plain_label(some), f"[{plain_unit(scale.unit)}]"), cells))
     return found
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from castfem.post.plots.history import (
 )
 from castfem.post.plots.section import Steel
 from castfem.post.plots.style import LIQUIDUS_COLOUR, SOLIDUS_COLOUR, STYLE, Abscissa, new_figure
-from castfem.runs.results.labels import STAIR, has_values, unit_of
+from castfem.runs.results.labels import STAIR, beside_wall, has_values, unit_of
 
 if TYPE_CHECKING:
     import pandas
@@ -278,7 +279,12 @@ def draw_contact(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | Non
         ("gap", "gap_max", "largest anywhere", STYLE.gap),
         ("contact_pressure", highest, "largest anywhere" + ", over 5 mm" * mean, 0.0),
     ):
-        lines = [*at_probes(table, prefix), *column(table, largest, words, **_WHOLE)]
+        whole = column(table, largest, words, **_WHOLE)
+        if prefix == "gap":  # below the mould there is none, not one of 0
+            whole = [
+                replace(w, values=np.where(beside_wall(table), w.values, np.nan)) for w in whole
+            ]
+        lines = [*at_probes(table, prefix), *whole]
         if lines:
             axis = axis_of(table, prefix, largest)
             panels.append(Panel(lines, *axis, zero=True, below=0.03, reach=reach))

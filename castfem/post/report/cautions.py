@@ -2,22 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.errors import InputError
+from castfem.base.result_registry import probe_label
 from castfem.base.shown_units import said
+from castfem.base.types import Array
+from castfem.model.check_cooling import law_groups
+from castfem.model.section import Round
 from castfem.physics.thermal.flux_laws import Radiation
 from castfem.post.plots.history import curves
-from castfem.post.report.remarks import LIMITS, NO_SHELL, NOT_CONVERGED, REMELTED, Remark, remarks
+from castfem.post.plots.shape import Outline
+from castfem.post.report.remarks import (
+    LIMITS,
+    NO_SHELL,
+    NOT_CONVERGED,
+    REMELTED,
+    Remark,
+    contact_share,
+    in_mm,
+    remarks,
+)
+from castfem.runs.output.fields import Fields
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
-from castfem.runs.results.derived import OPEN, spells
-from castfem.runs.results.labels import has_values
+from castfem.runs.results.derived import OPEN, Spell, spells
+from castfem.runs.results.labels import has_values, probes_with, unit_of
 from castfem.runs.results.run_case import case_with
+
+if TYPE_CHECKING:
+    import pandas
+
+    from castfem.model import Case
 
 SURFACE, WALL = 1200.0 + ZERO_CELSIUS, 150.0 + ZERO_CELSIUS  # K
 
@@ -25,7 +47,14 @@ SURFACE, WALL = 1200.0 + ZERO_CELSIUS, 150.0 + ZERO_CELSIUS  # K
 def cautions(folder: Path, summary: Summary) -> list[str]:
     """Return what to say of a run, a line each; nothing of most."""
     bare = (_line(one) for one in _unsteady(folder, summary) if NO_SHELL in one.where)
-    found = (*summary.warnings, *bare, wide_gap(folder, summary), _even(folder))
+    found = (
+        *summary.warnings,
+        *bare,
+        *_off_the_mould(folder),
+        less_than_asked(summary),
+        wide_gap(folder, summary),
+        _even(folder),
+    )
     return [line for line in found if line]
 
 
@@ -80,6 +109,160 @@ def _flickering(folder: Path) -> Iterator[str]:
             yield f"contact lost {lost} times, {label}"
 
 
+def _off_the_mould(folder: Path) -> Iterator[str]:
+    """Where nothing touches the mould, and by how much places then differ that should be alike."""
+    try:
+        table = read_history(folder / HISTORY_NAME)
+    except InputError:
+        return
+    if not has_values(table, "position"):
+        return
+    position = table["position"].to_numpy()
+    yield lost_all_round(contact_share(table), position)
+    if (case := case_with(folder, "[mould")) is not None:
+        whole = isinstance(case.section, Round)
+        for places in equal_places(case, probes_with(table, "surface_temperature")):
+            who = "all points of the surface" if whole else " and ".join(map(probe_label, places))
+            surface = _of_whole_surface(folder) if whole else (0.0, 0.0)
+            if told := _unequal(table, position, places, surface):
+                yield f"{who} are the same by symmetry, yet their {told}"
+
+
+def lost_all_round(share: Array, position: Array) -> str:
+    """Say where no point of the surface touches the mould; "" where one always does.
+
+    Args:
+        share: (n,) of the surface that touches, %; NaN where there is no mould.
+        position: (n,) of the slice, m.
+    """
+    found: list[Spell] = []
+    start: float | None = None
+    at, known = 0.0, np.isfinite(share)
+    for percent, at in zip(share[known].tolist(), position[known].tolist(), strict=True):
+        if percent > 0.0 and start is not None:
+            found.append(Spell(start, at, True))
+        start = None if percent > 0.0 else at if start is None else start
+    if start is not None:
+        found.append(Spell(start, at, False))
+    if not found:
+        return ""
+    words = [
+        f"from {in_mm(one.start)} to {in_mm(one.end)}"
+        + ("" if one.regained else ", where mould or run ends")
+        for one in (found[0], max(found, key=lambda one: one.length))
+    ]
+    text = words[0]
+    if len(found) > 1:
+        text = f"{len(found)} times, first {', longest '.join(dict.fromkeys(words))}"
+    return f"contact lost all round {text}: no point of the surface touches the mould there"
+
+
+def equal_places(case: Case, places: Iterable[str]) -> list[list[str]]:
+    """Return which places of a strand in its mould are the same by symmetry, two or more each.
+
+    None where section, mould or cooling make a difference; of a strand in a machine none are named.
+    """
+    section, mould, mechanics = case.section, case.mould, case.mechanics
+    if mould is None or mechanics is None or case.machine or case.secondary or mechanics.held:
+        return []
+    planes = mechanics.planes
+    uneven = mould.displacement is not None or set(mould.taper.parts) - {"face"}
+    if uneven or (planes.moment_x, planes.moment_y) != (0.0, 0.0):
+        return []
+    every = set(section.cooled_groups())
+    if any(law_groups(section, law) != every for zone in case.cooling for law in zone.surface):
+        return []
+    width, height = section.outline()
+    square = width == height and mould.width == mould.height
+    images = ("_left", "_right", "_intrados", "_extrados")
+    found: dict[str, list[str]] = {}
+    for name in places:
+        same = "" if isinstance(section, Round) else name
+        for image in images:
+            same = same.replace(image, "")
+        found.setdefault(same.replace("narrow_face", "mid_face") if square else same, []).append(
+            name
+        )
+    return [names for names in found.values() if len(names) > 1]
+
+
+def _unequal(
+    table: pandas.DataFrame, position: Array, places: list[str], surface: tuple[float, float]
+) -> str:
+    """Say by how much places differ that are the same by symmetry; "" where they hardly do.
+
+    Args:
+        table: The history.
+        position: (n,) of its rows, m.
+        places: Probes.
+        surface: By how much temperatures of the whole surface differ most, K, and where, m.
+    """
+    apart = {}
+    for prefix in ("surface_temperature", "gap"):
+        names = [f"{prefix}_{place}" for place in places if f"{prefix}_{place}" in table]
+        spread = np.ptp(table[names].to_numpy(), axis=1) if names else np.full(len(table), np.nan)
+        if np.isfinite(spread).any():
+            row = int(np.nanargmax(spread))
+            apart[prefix] = float(spread[row]), float(position[row])
+    kelvin, at = max(apart.get("surface_temperature", (0.0, 0.0)), surface)
+    if kelvin < LIMITS.alike:
+        return ""
+    parts = [f"surface temperatures differ by up to {said(kelvin, 'K', '.3g')} (at {in_mm(at)})"]
+    if "gap" in apart:
+        size, at = apart["gap"]
+        unit = unit_of(table, f"gap_{places[0]}")
+        parts.append(f"gaps differ by up to {said(size, unit, '.2g', 'gap')} (at {in_mm(at)})")
+    return (
+        f"{' and their '.join(parts)}. This is numerical: errors of mesh and rounding grow where "
+        "the gap determines the heat (docs/coupling.md), and where it is hot or cold means "
+        "nothing. Take the values of these places as a range"
+    )
+
+
+def _of_whole_surface(folder: Path) -> tuple[float, float]:
+    """By how much temperatures of the surface differ most in the fields, K, and where, m."""
+    try:
+        with Fields(folder) as fields:
+            if "temperature" not in fields.names or "symmetry" not in fields.attributes:
+                return 0.0, 0.0
+            nodes = np.unique(Outline.of(fields).surface)
+            found = [
+                float(np.ptp(fields.values("temperature", i)[nodes]))
+                for i in range(len(fields.times))
+            ]
+            return max(zip(found, map(float, fields.positions), strict=True), default=(0.0, 0.0))
+    except (InputError, OSError):
+        return 0.0, 0.0
+
+
+def less_than_asked(summary: Summary) -> str:
+    """Say that gaps keep a mould from taking the heat that its flux asks for; "" where they do not.
+
+    Heat per length of strand turns into that of the mould by the mean casting speed.
+    """
+    names = ("mould_heat_removed", "mould_heat_asked", "heat_removed", "cooling_power")
+    removed, asked, passed, power = (
+        math.nan if (found := summary.quantities.get(name)) is None else found.value
+        for name in names
+    )
+    if not (asked > 0.0 and passed > 0.0 and abs(removed / asked - 1.0) > LIMITS.missed):
+        return ""
+    took, wanted = (
+        said(1e-3 * heat * power / passed, "kW", ".4g", "cooling_power")
+        for heat in (removed, asked)
+    )
+    share = 100.0 * abs(removed / asked - 1.0)
+    if removed > asked:
+        return (
+            f"the mould took {took}, {share:.1f} % more than the {wanted} of its given flux alone"
+        )
+    return (
+        f"the mould took {took}, {share:.1f} % less than the {wanted} that its flux asks for "
+        "without gaps. A heat that was measured at a mould has its gaps in it already: raise power "
+        "or water_rise, or the taper, until the run takes what was measured"
+    )
+
+
 def _even(folder: Path) -> str:
     """Say that a flux cools the corner as much as the faces; "" of a run without."""
     case = case_with(folder, "flux")
@@ -123,7 +306,7 @@ def wide_gap(folder: Path, summary: Summary) -> str:
             gap = said(1e3 * widest.value, "mm", ".3g", "mould_gap_max")
             return (
                 f"the largest gap, {gap}, conducts {conducted:.0f} W/(m^2 K); radiation, which "
-                f'zone "{zone.name}" leaves out, would carry some {radiated():.0f}: lay law = '
-                '"radiation" beside contact'
+                f'zone "{zone.name}" leaves out, would transfer about {radiated():.0f} more: add a '
+                'surface with law = "radiation" to the zone'
             )
     return ""

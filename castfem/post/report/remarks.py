@@ -25,7 +25,7 @@ from castfem.runs.output.fields import Fields
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.derived import OPEN, mould_exit, spells
-from castfem.runs.results.labels import STAIR, has_values, unit_of
+from castfem.runs.results.labels import STAIR, beside_wall, has_values, unit_of
 from castfem.runs.results.roll_load import BULGE, RollLoads
 
 if TYPE_CHECKING:
@@ -48,6 +48,8 @@ class RemarkLimits:
         melted: Shell that is lost on the way, mm.
         reheated: Rise of the surface's temperature, K.
         flickers: Losses of contact at one probe: taper and shrinkage lose it once or twice.
+        alike: Difference of surfaces that are the same by symmetry, K.
+        missed: Heat that gaps keep from the mould, over the heat that is asked for.
     """
 
     thinner: float = 0.03
@@ -58,6 +60,8 @@ class RemarkLimits:
     melted: float = 0.1
     reheated: float = 5.0
     flickers: int = 3
+    alike: float = 5.0
+    missed: float = 0.03
 
 
 LIMITS = RemarkLimits()
@@ -118,8 +122,11 @@ def remarks(
     at, name = mould_exit(position, summary)
     where = f"{name} at {in_mm(at)}"
     weakest = _at_exit(table, position, at, where)
-    if fields is not None:
-        weakest |= _between_probes(fields, at, where, weakest)
+    index = None if fields is None else _state_of_surface(fields, at)
+    if fields is None or index is None:
+        weakest = {k: replace(one, what=f"{one.what} of the probes") for k, one in weakest.items()}
+    else:
+        weakest |= _between_probes(fields, index, where, weakest)
     if THINNEST in weakest and weakest[THINNEST].value <= 0.0:
         bare = weakest[THINNEST]
         weakest[THINNEST] = replace(bare, where=f"no shell at all; {bare.where}")
@@ -144,13 +151,13 @@ def _contact(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
             continue
         longest = max(stretches, key=lambda spell: spell.length)
         first = stretches[0]
-        where = f"lost at {at_place(first.start, table)}, "
+        where = f"contact lost at {at_place(first.start, table)}, "
         where += f"regained at {in_mm(first.end)}" if first.regained else "not regained"
         if len(stretches) > 1:
             where += (
                 f"; {len(stretches)} times, longest {in_mm(longest.start)} to {in_mm(longest.end)}"
             )
-        yield Remark(f"contact lost, {label}", float(np.nanmax(_finite(gap))), unit, where, column)
+        yield Remark(f"largest gap, {label}", float(np.nanmax(_finite(gap))), unit, where, column)
     yield from _share(table, position)
     yield from _largest(table, position, "gap", "largest gap on the way", least=OPEN)
     what = "highest contact pressure"
@@ -161,15 +168,17 @@ def _contact(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
         yield from _largest(table, position, "contact_pressure", what)
 
 
+def contact_share(table: pandas.DataFrame) -> Array:
+    """Share of the surface that touches the mould, %; NaN below it and in a run without."""
+    if not has_values(table, "contact_share"):
+        return np.full(len(table), np.nan)
+    scale = 1.0 if unit_of(table, "contact_share") == "%" else 100.0  # older runs have fractions
+    return np.where(beside_wall(table), scale * table["contact_share"].to_numpy(), np.nan)
+
+
 def _share(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
     """The least part of the surface that touches, unless all of it always does."""
-    if not has_values(table, "contact_share"):
-        return
-    walls = [table[column].notna().to_numpy() for _, _, column in curves(table, "gap")]
-    beside = np.any(walls, axis=0) if walls else np.ones(len(table), dtype=bool)
-    scale = 1.0 if unit_of(table, "contact_share") == "%" else 100.0  # older runs have fractions
-    percent = scale * table["contact_share"].to_numpy()
-    share = np.where(beside, percent, np.nan)  # below the mould: nothing
+    share = contact_share(table)
     if np.isnan(share).all():
         return
     row = int(np.nanargmin(share))
@@ -195,7 +204,7 @@ def _stairs(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
         return
     off_, label, row, name = worst
     where = (
-        f"{label}, at {at_place(float(position[row]), table)}: its curve has steps, for the solidus"
+        f"{label}, at {at_place(float(position[row]), table)}: the curve has steps, as the solidus"
     )
     where += f" lies in cells of {said(float(table[name].iloc[row]), 'mm', '.2g', name)} there"
     yield Remark("resolution of the shell, ±", off_, unit_of(table, name), where, name)
@@ -318,8 +327,7 @@ def _largest(
             yield Remark(what, most, unit, f"{label}, {where}", column)
             return
         scale = scale_of(documented(unit), column)
-        where += f"; {label}: {scale(most):.3g}"
-        where += f" {plain_unit(scale.unit)}" if unit == "mm" else ""  # a small gap is told in µm
+        where += f"; {label}: {scale(most):.3g} {plain_unit(scale.unit)}"
     yield Remark(what, value, unit, where, column)
 
 
@@ -344,15 +352,19 @@ def _at_exit(table: pandas.DataFrame, position: Array, at: float, where: str) ->
     return found
 
 
+def _state_of_surface(fields: Fields, at: float) -> int | None:
+    """Return which state has the temperature of the whole surface at a position [m], if any."""
+    times = np.flatnonzero(np.isclose(fields.positions, at, rtol=1e-6, atol=0.0))
+    return int(times[0]) if "temperature" in fields.names and len(times) else None
+
+
 def _between_probes(
-    fields: Fields, at: float, where: str, probes: dict[str, Remark]
+    fields: Fields, index: int, where: str, probes: dict[str, Remark]
 ) -> dict[str, Remark]:
     """Places of the surface at the exit that are worse off than every probe, in their stead."""
-    steel = Steel.of(fields.attributes)
-    times = np.flatnonzero(np.isclose(fields.positions, at, rtol=1e-6, atol=0.0))
-    if "temperature" not in fields.names or "symmetry" not in fields.attributes or not len(times):
+    steel, found = Steel.of(fields.attributes), {}
+    if "symmetry" not in fields.attributes:
         return {}  # a strip has sides, but no surface beside its probe
-    index, found = int(times[0]), {}
     thin = None if steel is None else thinnest(fields, steel.solidus, index)
     known = probes.get(THINNEST)
     if thin and known and 1e3 * thin.value < (1 - LIMITS.thinner) * known.value:
@@ -367,12 +379,12 @@ def _instead(probe: Remark, value: float, hot_spot: HotSpot, where: str) -> Rema
     """What holds at a hot spot, and what is worst among the probes."""
     label = probe.where.removesuffix(f", {where}")
     digits = ".4g" if probe.unit == "°C" else ".3g"
-    beside = scale_of(documented(probe.unit), probe.name)(probe.value)
+    own = scale_of(documented(probe.unit), probe.name)
     across = scale_of("mm")
     far = ".1f" if across.unit == "mm" else ".4g"
     x, y = (across(1e3 * place) for place in (hot_spot.x, hot_spot.y))
     place = f"x = {x:{far}}, y = {y:{far}} {plain_unit(across.unit)}, {where}"
-    said_ = f"{place}; {label}: {beside:{digits}}"
+    said_ = f"{place}; {label}: {own(probe.value):{digits}} {plain_unit(own.unit)}"
     return Remark(probe.what, value, probe.unit, said_, probe.name, probe.resolution)
 
 

@@ -41,7 +41,7 @@ def result_tables(summary: Summary, title: str = "Results") -> Iterator[Table]:
     for note in notes:
         yield pairs([note])
     for line in summary.unchecked:
-        yield pairs([("from memory, not compared with its source:", line)])
+        yield pairs([("not yet checked against its source:", line)])
 
 
 def balance_tables(summary: Summary) -> Iterator[Table]:

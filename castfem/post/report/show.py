@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError, said_in_a_line
 from castfem.base.shown_units import place_said, said, shown_in
 from castfem.base.table import Table, listed, pairs, say
@@ -134,10 +133,9 @@ def _cracks(path: Path, summary: Summary | None) -> Iterator[Table | str]:
 
 def _liquid_left(summary: Summary) -> Iterator[str]:
     """Say that a strand that has left its mould is not solid where the run ends."""
-    found, end = summary.quantities, summary.quantities.get("position")
-    exit_ = summary.mould_exit
+    found = summary.quantities
     length = found.get("metallurgical_length")
-    if end is None or exit_ is None or end.value <= exit_ * (1 + ROUNDING):
+    if not summary.ends_below_mould:
         return
     if "solidus" not in found or (length is not None and math.isfinite(length.value)):
         return
@@ -145,8 +143,8 @@ def _liquid_left(summary: Summary) -> Iterator[str]:
     if core is not None and math.isfinite(core.value):
         from_ = said(core.value, "m", ".4g", "liquid_end")
         what = f"no longer liquid from {from_} on, mushy"
-    at = said(end.value, "m", ".4g", "position")
-    yield f"not solid at the end of the run, at {at}: its core is {what}"
+    at = said(found["position"].value, "m", ".4g", "position")
+    yield f"at the end of the run, at {at}, the strand is not solid: its core is {what}"
 
 
 def _last_state(path: Path, record: RunRecord) -> Iterator[Table | str]:

@@ -9,7 +9,7 @@
      "steps": {"accepted": 412, ...}, "wall_time": {STAGE: seconds, ...},
      "zones": [{"name": "mould", "start": 0.0, "end": 0.6, "whole": true}, ...],
      "mould_exit": 0.6, "unchecked": ["density: SOURCE", ...],
-     "warnings": ["the heat balance is open by ...", ...],
+     "warnings": ["the heat balance does not close: ...", ...],
      "errors_at": {"0.6": {NAME: 0.08e-3, ...}, ...}}
 
 `error`, of a case of which `castfem error` has told it, stands beside a quantity's value in the
@@ -184,6 +184,14 @@ class Summary:
     unchecked: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     errors_at: Mapping[float, Mapping[str, float]] = field(default_factory=dict)
+
+    @property
+    def ends_below_mould(self) -> bool:
+        """Whether the run has gone on below the end of a mould."""
+        end = self.quantities.get("position")
+        if end is None or self.mould_exit is None:
+            return False
+        return end.value > self.mould_exit * (1 + ROUNDING)
 
     def errors_near(self, position: float) -> Mapping[str, float]:
         """The errors that are known at a position (m), by name; none where none was asked for."""

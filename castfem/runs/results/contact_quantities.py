@@ -65,7 +65,7 @@ of_contact(
     "the mesh ([billet](billet.md#pressure-of-the-wall)).",
 )(lambda sample: sample.contact.pressure)  # fmt: skip
 of_contact(
-    "penetration", "um", "penetration of the mould here, at most", axis="largest\npenetration",
+    "penetration", "um", "largest penetration into the mould here", axis="largest\npenetration",
     says="How deep the surface lies in the wall, at most.",
 )(lambda sample: sample.contact.penetration)  # fmt: skip
 of_contact(
@@ -102,6 +102,22 @@ on_the_way(
     "mould_heat_removed", "MJ/m", "heat removed in the mould",
     says="In the mould, per metre of the whole strand.",
 )(lambda sample: sample.in_mould.heat)  # fmt: skip
+
+
+@quantity(
+    "mould_heat_asked", "MJ/m", "heat in the mould by its given flux, without gaps",
+    column=False, needs=("mould", "given_heat"), of_way=True,
+)  # fmt: skip
+def mould_heat_asked(sample: Sample) -> float:
+    """What the flux given for contact would take in the mould if no gap opened.
+
+    Per metre of the whole strand; where a gap opens less is removed.
+    """
+    machine, mould = sample.simulation.machine, sample.simulation.case.mould
+    assert mould is not None, "of a quantity that needs a mould"
+    return sample.simulation.zones.heat_asked(min(sample.time, machine.time_at(mould.length)))
+
+
 on_the_way(
     "mould_gap_max", "mm", "largest gap in the mould",
     says="On the way through the mould.",
@@ -119,7 +135,7 @@ on_the_way(
     says="On the way through the mould.",
 )(lambda sample: sample.in_mould.pressure)  # fmt: skip
 on_the_way(
-    "mould_penetration_max", "um", "largest penetration of the mould, on the way",
+    "mould_penetration_max", "um", "largest penetration into the mould, on the way",
     says="On the way through the mould.",
 )(lambda sample: sample.in_mould.penetration)  # fmt: skip
 of_oscillation(

@@ -50,11 +50,11 @@ def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
     lost = [spell for gap in gaps for spell in spells(gap, position, OPEN)]
     if gaps:
         first = min((spell.start for spell in lost), default=np.nan)
-        found["contact_lost"] = Quantity(first, "mm", "contact lost at, first probe")
+        found["contact_lost"] = Quantity(first, "mm", "where a probe first loses contact")
     if lost:
         open_ = any(not spell.regained for spell in lost)
         last = np.nan if open_ else max(spell.end for spell in lost)
-        found["contact_regained"] = Quantity(last, "mm", "contact regained at, last probe")
+        found["contact_regained"] = Quantity(last, "mm", "where the last probe regains contact")
     return found
 
 

@@ -8,9 +8,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from castfem.base.result_registry import find
 from castfem.base.shown_quantity import Quantity, to_si
 from castfem.base.shown_units import plain_unit
+from castfem.base.types import Flags
 
 if TYPE_CHECKING:
     import pandas
@@ -77,6 +80,12 @@ def probes_with(table: pandas.DataFrame, prefix: str) -> dict[str, str]:
 def has_values(table: pandas.DataFrame, name: str) -> bool:
     """Whether a column is there and holds any number."""
     return name in table and bool(table[name].notna().any())
+
+
+def beside_wall(table: pandas.DataFrame) -> Flags:
+    """Rows (n,) in which a probe has a wall beside it: those in the mould; all without a probe."""
+    known = [table[column].notna().to_numpy() for column in probes_with(table, "gap").values()]
+    return np.any(known, axis=0) if known else np.ones(len(table), dtype=bool)
 
 
 def unit_of(table: pandas.DataFrame, name: str) -> str:

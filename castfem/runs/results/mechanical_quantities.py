@@ -129,7 +129,7 @@ def force_error(sample: Sample) -> float:
 
 
 def _beyond_at(kind: str) -> Callable[[Sample], str]:
-    """Where most of the shell was beyond the data, behind their limit."""
+    """Where most of the shell was beyond the data, behind their limit, in words."""
 
     def where(sample: Sample) -> str:
         assert sample.simulation.strained is not None
@@ -137,7 +137,7 @@ def _beyond_at(kind: str) -> Callable[[Sample], str]:
         assert data is not None
         share, position = sample.beyond_data.worst.get(kind, (0.0, 0.0))
         at = f", {below_meniscus(position)}" if share > 0.0 else ""
-        return f"{data.limit(kind)}{at}"
+        return f"{'below' if kind == 'colder' else 'above'} {data.limit(kind)}{at}"
 
     return where
 
@@ -148,18 +148,18 @@ def _beyond(sample: Sample, kind: str) -> float:
 
 
 beyond_data(
-    "colder_than_data", "percent", "most of the shell colder than the law's data",
+    "colder_than_data", "percent", "largest share of the shell colder than the law's data",
     place=_beyond_at("colder"),
     says="Largest share of the shell on the way that was colder than the data of its law. It is "
     "counted from when a twentieth of the section is solid, like the two that follow.",
 )(lambda sample: _beyond(sample, "colder"))  # fmt: skip
 beyond_data(
-    "hotter_than_data", "percent", "most of the shell hotter than the law's data",
+    "hotter_than_data", "percent", "largest share of the shell hotter than the law's data",
     place=_beyond_at("hotter"),
     says="Largest share of the shell on the way that was hotter than the data of its law.",
 )(lambda sample: _beyond(sample, "hotter"))  # fmt: skip
 beyond_data(
-    "faster_than_data", "percent", "most of the shell strained faster than the law's data",
+    "faster_than_data", "percent", "largest share of the shell strained faster than the law's data",
     place=_beyond_at("faster"),
     says="Largest share of the shell on the way that was strained faster than the data of its law.",
 )(lambda sample: _beyond(sample, "faster"))  # fmt: skip

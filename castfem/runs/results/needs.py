@@ -74,6 +74,7 @@ NEEDS: Mapping[str, Need] = {
     "tilt_x": Need(("mechanics",), lambda simulation: _is_free(simulation, "a1")),
     "tilt_y": Need(("mechanics",), lambda simulation: _is_free(simulation, "a2")),
     "mould": Need(("mechanics", "mould")),
+    "given_heat": Need(("cooling",), lambda simulation: simulation.zones.has_given_heat),
     "oscillation": Need(("mould.oscillation",)),
     "friction": Need(
         ("mechanics",),
@@ -88,7 +89,14 @@ NEEDS: Mapping[str, Need] = {
     ),
     "closed_form": Need(("verification",)),
 }
-STRAINED = NEEDS.keys() - {"law_data", "oscillation", "machine", "quality", "closed_form"}
+STRAINED = NEEDS.keys() - {
+    "law_data",
+    "given_heat",
+    "oscillation",
+    "machine",
+    "quality",
+    "closed_form",
+}
 """Needs of quantities that are read off the strained slice, unless they are `of_way`."""
 
 

@@ -145,7 +145,7 @@ def _heat_balance(run: RunState) -> dict[str, Quantity]:
     open_ = abs(state.removed + gained - state.generated - state.fed)
     fed = {}
     if simulation.problem.shape is not None:
-        fed["fed"] = Quantity(state.fed, "kJ/m", "brought by liquid that was fed, modelled part")
+        fed["fed"] = Quantity(state.fed, "kJ/m", "heat of liquid that was fed, modelled part")
     return {
         "removed": Quantity(state.removed, "kJ/m", "heat out, modelled part"),
         "lost": Quantity(-gained, "kJ/m", "decrease of enthalpy, modelled part"),
@@ -158,7 +158,7 @@ def _heat_balance(run: RunState) -> dict[str, Quantity]:
             "relative error over the run",
         ),
         "multiplicity": Quantity(
-            float(simulation.section.multiplicity), "-", "modelled parts in the section"
+            float(simulation.section.multiplicity), "-", "number of modelled parts in the section"
         ),
     }
 
@@ -192,7 +192,7 @@ def _force_balances(sample: Sample | None) -> dict[str, dict[str, Quantity]]:
     return {
         "axial force": {
             "force": Quantity(along, "kN", "axial force of the stress, modelled part"),
-            "external": Quantity(mechanics.load, "kN", "external axial force, its share"),
+            "external": Quantity(mechanics.load, "kN", "external axial force, modelled part"),
             "friction": Quantity(
                 mechanics.withdrawal_resistance,
                 "kN",
@@ -202,17 +202,19 @@ def _force_balances(sample: Sample | None) -> dict[str, dict[str, Quantity]]:
             "reaction": Quantity(
                 along - mechanics.load - mechanics.withdrawal_resistance - mechanics.bending_force,
                 "kN",
-                "the rest: borne by the planes, 0 where they are free",
+                "remainder, carried by the planes (0 where they are free)",
             ),
-            "moment_x": Quantity(moment_x, "kN m", "its moment with x"),
-            "moment_y": Quantity(moment_y, "kN m", "its moment with y"),
+            "moment_x": Quantity(moment_x, "kN m", "moment of the stress with lever arm x"),
+            "moment_y": Quantity(moment_y, "kN m", "moment of the stress with lever arm y"),
             "error": Quantity(balance.axial_error, "-", "relative error of the axial equilibrium"),
         },
         "forces in the plane": {
             **_wall_forces(mechanics.contact),
             "support_x": Quantity(float(balance.support[0]), "kN/m", "supports along x"),
             "support_y": Quantity(float(balance.support[1]), "kN/m", "supports along y"),
-            "error": Quantity(balance.forces_error, "-", "largest relative error of a node"),
+            "error": Quantity(
+                balance.forces_error, "-", "largest relative error of the forces of a node"
+            ),
         },
     }
 
@@ -222,8 +224,8 @@ def run_warnings(summary: Summary, case: Case, warmed: float) -> Iterator[str]:
     heat, most = summary.balances.get("heat", {}), 1e-7  # over a run: rounding leaves some 1e-12
     if "whole" in heat and not abs(heat["whole"].value) <= most:
         yield (
-            f"the heat balance is open by {abs(heat['whole'].value):.1e} of the heat, more than "
-            f"{most:g}: look at the steel's data and the fluxes"
+            f"the heat balance does not close: {abs(heat['whole'].value):.1e} of the heat is "
+            f"missing (allowed: {most:g}); check the steel's data and the fluxes"
         )
     tolerance = 0.0 if case.mechanics is None else case.mechanics.tolerance
     allowed = max(10.0 * tolerance, most)  # of a solved step
@@ -231,12 +233,14 @@ def run_warnings(summary: Summary, case: Case, warmed: float) -> Iterator[str]:
         error = summary.balances.get(name, {}).get("error")
         if error is not None and not abs(error.value) <= allowed:
             yield (
-                f"the balance of {name} is open by {abs(error.value):.1e}, more than {allowed:.1e}"
-                ": stresses are off; look at elasticity, law and loads"
+                f"the balance of {name} does not close: its relative error is "
+                f"{abs(error.value):.1e} (allowed: {allowed:.1e}), so that stresses are wrong; "
+                "check elasticity, law and loads"
             )
     if warmed > 0.1:  # K: what heat of flow does
         yield (
-            f"its highest temperature has risen by {warmed:.3g} K above that of the start: heat "
-            "flows into the strand, or its conductivity jumps by so much that cells round the "
-            "corner warm up by themselves (docs/thermal.md); the temperature of the liquid is off"
+            f"the highest temperature of the strand has risen by {warmed:.3g} K above that of the "
+            "start: heat flows into the strand, or its conductivity jumps by so much that cells "
+            "round the corner warm up by themselves (docs/thermal.md); the temperature of the "
+            "liquid is wrong"
         )
