@@ -51,7 +51,7 @@ def test_results_of_a_slice_in_its_mould(thermal: Simulation) -> None:
     )
     like = SimpleNamespace(
         case=case, strained=strained, probes=thermal.probes,
-        centred_probes=thermal.centred_probes,
+        centred_probes=thermal.centred_probes, zones=thermal.zones,
     )  # fmt: skip
     having = sorted(names_of(like))
     assert "contact_sticking" in having and "gap_corner" in having
