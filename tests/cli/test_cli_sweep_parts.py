@@ -202,4 +202,4 @@ def test_accuracy_is_that_of_all_runs(castfem, tmp_path):
     (started,) = [line for line in Path("ranks.sh").read_text().splitlines() if "--ranks" in line]
     assert started.startswith("mpirun -n 2 castfem sweep small ")
     refused = castfem("sweep", "small", *ROWS, "--accuracy", "rough")
-    assert refused.status == 1 and "--accuracy rough: not known" in refused.err
+    assert refused.status == 1 and "--accuracy rough: unknown" in refused.err

@@ -137,4 +137,4 @@ def test_all_runs_fail():
     found = solve(study(), lambda w: Evaluation({}, 0.1 * w.values[0], "breakout"))
     assert found.status == "failed"
     assert found.values[0].value == pytest.approx(5.0, abs=0.1)
-    assert "no run has come to its end" in str(next(iter(report(found))))
+    assert "no run has finished" in str(next(iter(report(found))))
