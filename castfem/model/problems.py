@@ -205,7 +205,7 @@ def _meant(root: type[TableModel], path: Path, keys: list[str]) -> str:
             homes.setdefault(key, {})[where] = None
     others = difflib.get_close_matches(name, homes, n=1, cutoff=_ELSEWHERE)
     own = difflib.get_close_matches(name, keys, n=1, cutoff=_BESIDE)
-    if not others:
+    if not others or difflib.get_close_matches(name, keys, n=1, cutoff=_ELSEWHERE):
         return nearest(name, keys)
     return f"; did you mean {' or '.join([*own, *list(homes[others[0]])[:3]])}?"
 

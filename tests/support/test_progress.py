@@ -163,4 +163,4 @@ def test_a_run_of_hours_is_told_in_the_first_seconds(clock, monkeypatch, length,
         place += 1e-6 if clock.now <= 103.0 else 5e-4
         progress.update(place, 10.0 * place, 3, 0.5)
     assert len(warned) == told
-    assert not told or "takes some 277.8 hours more" in warned[0]
+    assert not told or "takes about 277.8 more hours" in warned[0]

@@ -166,7 +166,7 @@ def test_a_zone_below_the_run_has_no_water() -> None:
     ]
     case = small({"cooling": zones})
     lines = water_lines(case, case_steel(case), build_mesh(**case.mesh_parameters()))
-    assert [line.split()[0] for line in lines] == ["spray", "a", "in"]
+    assert [line.split()[0] for line in lines] == ["largest", "a", "in"]
 
 
 @pytest.mark.parametrize(

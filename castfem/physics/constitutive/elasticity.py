@@ -34,7 +34,7 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Protocol, get_args
 
@@ -218,8 +218,9 @@ class Elasticity:
     def coefficients(self, temperature_old: Array, temperature: Array) -> list[Array]:
         """Columns SHEAR ... FRESH of `kernel.constants` for a step, each (n,).
 
-        A skeleton that stiffens is strained by the mean of its moduli, for it keeps the stress that
-        it had while it was softer; what is solid, or softens, keeps its elastic strain.
+        A skeleton that stiffens is strained by the mean of its moduli over the time in which it is
+        coherent, for it keeps the stress that it had while it was softer; what is solid, or
+        softens, keeps its elastic strain.
         """
         old = self.moduli(temperature_old)
         moduli = self.moduli(temperature)
@@ -234,8 +235,20 @@ class Elasticity:
         unhardened = (temperature_old > self.solidity.solidus).astype(float)
         if self.solidity.is_skeleton:
             stiffens = ~solid & (young > old[2])
+            mean = self._mean_moduli(temperature_old, temperature, moduli)
             shear, bulk, young = (
-                np.where(stiffens, 0.5 * (before + after), after)
-                for before, after in zip(old, moduli, strict=True)
+                np.where(stiffens, while_growing, after)
+                for while_growing, after in zip(mean, moduli, strict=True)
             )
         return [shear, bulk, young, carry_deviator, carry_mean, share, unhardened]
+
+    def _mean_moduli(
+        self, temperature_old: Array, temperature: Array, moduli: tuple[Array, ...]
+    ) -> Iterator[Array]:
+        """Moduli over the coherent part of a step that cools evenly, with those at its end."""
+        start = np.minimum(temperature_old, self.solidity.coherent)
+        least = np.maximum(temperature, self.solidity.solidus)
+        drop = np.maximum(start - temperature, np.finfo(float).tiny)
+        mushy = np.clip((start - least) / drop, 0.0, 1.0)
+        for first, last, end in zip(self.moduli(start), self.moduli(least), moduli, strict=True):
+            yield mushy * 0.5 * (first + last) + (1.0 - mushy) * end

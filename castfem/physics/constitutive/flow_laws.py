@@ -146,14 +146,15 @@ class RadialReturn:
         """Return the table of coefficients of a step, (n, columns), see `base.Law`.
 
         Flow is that of the temperature at the end of the step, as in the thesis; with a skeleton,
-        of the mean of both ends. What the shell gives way under the liquid in a step is then of
-        second order: steel that has cooled, and turned from delta ferrite to austenite, meanwhile
-        flows an order of magnitude more slowly than it did before.
+        that of the mean of both ends. What the shell gives way under the liquid in a step is then
+        of second order: steel that has cooled, and turned from delta ferrite to austenite,
+        meanwhile flows an order of magnitude more slowly than it did before. A yield stress alone
+        bounds the stress at the end of the step.
         """
         columns = self.elasticity.coefficients(temperature_old, temperature)
         solidus = self.elasticity.solidity.solidus
         solid = np.minimum(temperature, solidus)
-        if self.elasticity.solidity.is_skeleton:
+        if self.elasticity.solidity.is_skeleton and self.kind != constants.PLASTIC:
             solid = 0.5 * (solid + np.minimum(temperature_old, solidus))
         own = self.own_columns(solid)
         needed = constants.LAST[self.kind] + 1 - constants.OWN

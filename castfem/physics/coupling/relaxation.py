@@ -1,4 +1,7 @@
-"""Aitken's relaxation of a field that is found by repetition, such as the gap of a window."""
+"""Aitken's relaxation of a field that is found by repetition, such as the gap of a window.
+
+Equation numbers are those of [Kuettler2008] (docs/references.md).
+"""
 
 from __future__ import annotations
 
