@@ -1,7 +1,4 @@
-"""Aitken's relaxation of a field that is found by repetition, such as the gap of a window.
-
-Equation numbers are those of [Kuettler2008] (docs/references.md).
-"""
+"""Aitken's relaxation of a field that is found by repetition, such as the gap of a window."""
 
 from __future__ import annotations
 
@@ -25,7 +22,7 @@ def difference(one: Array, other: Array) -> Array:
 class Relaxation:
     """Aitken's dynamic relaxation of a field that is looked for by repetition.
 
-    [Kuettler2008] (44).
+    [Kuettler2008], equation 44.
 
     Args:
         comm: Ranks that have the field.
