@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from castfem.base.errors import CannotWrite, RunFailure
+from castfem.base.log import logger
 
 if TYPE_CHECKING:
     from filelock import FileLock
@@ -306,8 +307,8 @@ def taken(lock: FileLock) -> bool:
     while True:
         try:
             lock.acquire(timeout=0)
-        # Reason: filelock answers ENOSYS, a file system that knows no locks, with this error.
-        except NotImplementedError:
+        except NotImplementedError:  # filelock's answer where the file system knows no locks
+            logger.debug("%s: the file system knows no locks", lock.lock_file)
             return False
         except Timeout:
             if not _has_locks(Path(lock.lock_file)):

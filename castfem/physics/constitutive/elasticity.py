@@ -222,9 +222,8 @@ class Elasticity:
         coherent, for it keeps the stress that it had while it was softer; what is solid, or
         softens, keeps its elastic strain.
         """
-        old = self.moduli(temperature_old)
-        moduli = self.moduli(temperature)
-        (shear_old, bulk_old, _), (shear, bulk, young) = old, moduli
+        shear_old, bulk_old, young_old = self.moduli(temperature_old)
+        shear, bulk, young = self.moduli(temperature)
         carry_deviator, carry_mean = shear / shear_old, bulk / bulk_old
         forgets = (temperature_old > self.solidity.coherent) & (not self.solidity.memory)
         solid = temperature_old <= self.solidity.solidus
@@ -234,21 +233,17 @@ class Elasticity:
         share = self.solidity.share(temperature_old, temperature)
         unhardened = (temperature_old > self.solidity.solidus).astype(float)
         if self.solidity.is_skeleton:
-            stiffens = ~solid & (young > old[2])
-            mean = self._mean_moduli(temperature_old, temperature, moduli)
-            shear, bulk, young = (
-                np.where(stiffens, while_growing, after)
-                for while_growing, after in zip(mean, moduli, strict=True)
-            )
+            stiffens = np.flatnonzero(~solid & (young > young_old))
+            mean = self._mean_moduli(temperature_old[stiffens], temperature[stiffens])
+            for modulus, while_growing in zip((shear, bulk, young), mean, strict=True):
+                modulus[stiffens] = while_growing
         return [shear, bulk, young, carry_deviator, carry_mean, share, unhardened]
 
-    def _mean_moduli(
-        self, temperature_old: Array, temperature: Array, moduli: tuple[Array, ...]
-    ) -> Iterator[Array]:
-        """Moduli over the coherent part of a step that cools evenly, with those at its end."""
-        start = np.minimum(temperature_old, self.solidity.coherent)
+    def _mean_moduli(self, temperature_old: Array, temperature: Array) -> Iterator[Array]:
+        """Moduli, each (n,), in the mean over the coherent part of a step that cools evenly."""
+        start = np.maximum(np.minimum(temperature_old, self.solidity.coherent), temperature)
         least = np.maximum(temperature, self.solidity.solidus)
-        drop = np.maximum(start - temperature, np.finfo(float).tiny)
-        mushy = np.clip((start - least) / drop, 0.0, 1.0)
-        for first, last, end in zip(self.moduli(start), self.moduli(least), moduli, strict=True):
+        mushy = (start - least) / np.maximum(start - temperature, np.finfo(float).tiny)
+        at = (self.moduli(one) for one in (start, least, temperature))
+        for first, last, end in zip(*at, strict=True):
             yield mushy * 0.5 * (first + last) + (1.0 - mushy) * end

@@ -46,11 +46,15 @@ SURFACE, WALL = 1200.0 + ZERO_CELSIUS, 150.0 + ZERO_CELSIUS  # K
 
 def cautions(folder: Path, summary: Summary) -> list[str]:
     """Return what to say of a run, a line each; nothing of most."""
-    bare = (_line(one) for one in _unsteady(folder, summary) if NO_SHELL in one.where)
+    return _of_run(folder, summary, _history(folder))
+
+
+def _of_run(folder: Path, summary: Summary, table: pandas.DataFrame | None) -> list[str]:
+    bare = (_line(one) for one in _unsteady(table, summary) if NO_SHELL in one.where)
     found = (
         *summary.warnings,
         *bare,
-        *_off_the_mould(folder),
+        *_off_the_mould(folder, table),
         less_than_asked(summary),
         wide_gap(folder, summary),
         _even(folder),
@@ -66,8 +70,9 @@ def cautions_of_all(runs: Mapping[str, tuple[Path, Summary | None]]) -> list[str
     """
     found: dict[str, list[str]] = {}
     for label, (folder, summary) in runs.items():
-        told = [] if summary is None else cautions(folder, summary)
-        restless = (*map(_line, _unsteady(folder, summary)), *_flickering(folder))
+        table = _history(folder)
+        told = [] if summary is None else _of_run(folder, summary, table)
+        restless = (*map(_line, _unsteady(table, summary)), *_flickering(table))
         for line in dict.fromkeys((*told, *restless)):
             found.setdefault(line, []).append(label)
     lines = [
@@ -85,22 +90,24 @@ def _line(one: Remark) -> str:
     return f"{one.what}, {said(one.value, one.unit, '.2g', one.name)}: {one.where}"
 
 
-def _unsteady(folder: Path, summary: Summary | None) -> list[Remark]:
+def _history(folder: Path) -> pandas.DataFrame | None:
+    """The history of a run; None of one that has none, or no row with a position."""
+    try:
+        table = read_history(folder / HISTORY_NAME)
+    except InputError:
+        return None
+    return table if has_values(table, "position") else None
+
+
+def _unsteady(table: pandas.DataFrame | None, summary: Summary | None) -> list[Remark]:
     """What a run says of a shell that melted again and of windows; none without a history."""
-    try:
-        table = read_history(folder / HISTORY_NAME)
-    except InputError:
-        return []
-    return [one for one in remarks(table, summary) if one.what in (REMELTED, NOT_CONVERGED)]
+    found = [] if table is None else remarks(table, summary)
+    return [one for one in found if one.what in (REMELTED, NOT_CONVERGED)]
 
 
-def _flickering(folder: Path) -> Iterator[str]:
+def _flickering(table: pandas.DataFrame | None) -> Iterator[str]:
     """Places that lose contact again and again; none without a history."""
-    try:
-        table = read_history(folder / HISTORY_NAME)
-    except InputError:
-        return
-    if not has_values(table, "position"):
+    if table is None:
         return
     position = table["position"].to_numpy()
     for label, _, column in curves(table, "gap"):
@@ -109,13 +116,9 @@ def _flickering(folder: Path) -> Iterator[str]:
             yield f"contact lost {lost} times, {label}"
 
 
-def _off_the_mould(folder: Path) -> Iterator[str]:
+def _off_the_mould(folder: Path, table: pandas.DataFrame | None) -> Iterator[str]:
     """Where nothing touches the mould, and by how much places then differ that should be alike."""
-    try:
-        table = read_history(folder / HISTORY_NAME)
-    except InputError:
-        return
-    if not has_values(table, "position"):
+    if table is None:
         return
     position = table["position"].to_numpy()
     yield lost_all_round(contact_share(table), position)
