@@ -24,11 +24,7 @@ class Share:
 
     @classmethod
     def read(cls, text: str) -> Share:
-        """Read `3/20`.
-
-        Raises:
-            InputError: It is not written so, or there is no such share.
-        """
+        """Read `3/20`."""
         number, _, count = text.partition("/")
         try:
             share = cls(int(number), int(count))
@@ -58,10 +54,6 @@ def write_script(
 
     Returns:
         The number of parts.
-
-    Raises:
-        InputError: There is such a file.
-        RunFailure: It cannot be written.
     """
     if path.exists():
         raise InputError(f"{path}: exists already; choose another name for the script")

@@ -51,11 +51,7 @@ def mould_table(case: Case, every: float = 0.05) -> tuple[list[str], list[list[f
 
 
 def write_mould_table(folder: Path, case: Case) -> Path:
-    """Write the table as CSV and return its path.
-
-    Raises:
-        RunFailure: It cannot be written.
-    """
+    """Write the table as CSV and return its path."""
     head, rows = mould_table(case)
     path = folder / MOULD_NAME
     write_csv(path, [head, *([f"{value:.4f}" for value in row] for row in rows)])
@@ -63,11 +59,7 @@ def write_mould_table(folder: Path, case: Case) -> Path:
 
 
 def write_front(folder: Path, front: Front) -> Path:
-    """Write the points as CSV, a row each, and return its path.
-
-    Raises:
-        RunFailure: It cannot be written.
-    """
+    """Write the points as CSV, a row each, and return its path."""
     head = [one.heading(chosen=False) for one in (front.first, front.second)]
     rows = [[*front.keys, *head, front.price_heading(chosen=False), "run"]]
     for point in front.points:

@@ -75,10 +75,6 @@ def write(folders: Sequence[Path], target: Path, at: Sequence[float] = ()) -> Pa
         folders: Of runs, or of sweeps.
         target: The file.
         at: Positions, m, whose results the page has besides.
-
-    Raises:
-        InputError: A folder holds no run that has ended, or none has been at a position.
-        RunFailure: The file cannot be written.
     """
     found = alone(folders[0]) if len(folders) == 1 else None
     runs = [found] if found is not None else read_runs(folders)
@@ -93,9 +89,6 @@ def rendered(runs: Sequence[Run], at_work: AtWork | None = None, at: Sequence[fl
         runs: Those with results; there may be none yet of runs at work.
         at_work: How runs stand that have not all ended.
         at: Positions, m, whose results the page has besides.
-
-    Raises:
-        InputError: No run has been at a position.
     """
     import jinja2
 

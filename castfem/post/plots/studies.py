@@ -231,11 +231,7 @@ _UP, _DOWN = "#d55e00", "#0072b2"
 
 
 def draw_tornado(found: Sensitivity, path: Path) -> None:
-    """Draw a panel for each result, in it a pair of bars for each parameter.
-
-    Raises:
-        RunFailure: The file cannot be written.
-    """
+    """Draw a panel for each result, in it a pair of bars for each parameter."""
     names = list(found.quantities)
     across = min(2, len(names))
     down = -(-len(names) // across)

@@ -41,9 +41,6 @@ def show(
         console: Where to print; standard output if None.
         figures: Draw them; a folder that cannot be written costs a line, not the table.
         at: Positions, m; the results there, and nothing else, if some are given.
-
-    Raises:
-        InputError: The folder holds no run, or a file in it is damaged.
     """
     from rich.console import Console
 

@@ -74,10 +74,6 @@ def watch(folder: Path, viewing: Viewing) -> bool:
 
     Returns:
         Whether the run, or all runs of the sweep, have ended well.
-
-    Raises:
-        InputError: The folder holds no run, or a file of it is damaged.
-        RunFailure: The page cannot be written.
     """
     _until_begun(folder, viewing)
     show = _watch_sweep if (folder / SWEEP_NAME).is_file() else _watch_run

@@ -100,11 +100,7 @@ class ErrorTable:
     """The same at places on the way, by position, m."""
 
     def write(self, folder: Path) -> Path:
-        """Write error.json.
-
-        Raises:
-            RunFailure: It cannot be written.
-        """
+        """Write error.json."""
         path = folder / ERROR_NAME
         content = {
             "format": _FORMAT,
@@ -123,11 +119,7 @@ class ErrorTable:
 
     @classmethod
     def load(cls, path: Path) -> ErrorTable:
-        """Read error.json.
-
-        Raises:
-            InputError: It cannot be read.
-        """
+        """Read error.json."""
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
             if content["format"] != _FORMAT:
@@ -298,9 +290,6 @@ def attach(table: ErrorTable, folder: Path) -> bool:
 
     Returns:
         Whether it is a run of that case, its sizes scaled alike, that has come to its end.
-
-    Raises:
-        RunFailure: The file cannot be written.
     """
     path = folder / SUMMARY_NAME
     if not path.is_file() or RunRecord.load(folder).status != "finished":

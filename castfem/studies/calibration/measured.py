@@ -49,9 +49,6 @@ def read_measured(path: Path, known: Iterable[str] = ()) -> list[Measured]:
     Args:
         path: The file.
         known: Names of results that the case has; none: any will do.
-
-    Raises:
-        InputError: The file cannot be used; it names the line and the column.
     """
     try:
         file = read_csv(path)

@@ -64,11 +64,7 @@ def thermocouples(case: Case) -> dict[str, CopperThermocouples]:
 
 
 def value_at(folder: Path, name: str, position: float) -> Quantity:
-    """Return what a run has at a probe where the slice came to a position (m).
-
-    Raises:
-        InputError: It has no such probe, or has not been there.
-    """
+    """Return what a run has at a probe where the slice came to a position (m)."""
     probe, _, column = name.rpartition(_DOT)
     table = read_history(folder / PROBES_NAME / f"{probe}.csv")
     places = table["position"].to_numpy()

@@ -33,21 +33,15 @@ from castfem.studies.identification.result import NAMES, Fit, IdentifiedLaw
 
 @dataclass(frozen=True, slots=True)
 class IdentificationSettings:
-    """Settings of the fit of a law to tensile tests.
+    """Settings of the fit of a law to tensile tests."""
 
-    Attributes:
-        confidence: Probability of the intervals.
-        prior: Pull on what the data leave open, over that of one point.
-        prior_values: p1, p3, p4 where the data say nothing.
-        open: Singular value, over the largest, below which the data leave a direction open.
-        points: Least number of points of a temperature.
-    """
-
-    confidence: float = 0.95
-    prior: float = 1e-5
+    confidence: float = 0.95  #: probability of the intervals
+    prior: float = 1e-5  #: pull on what the data leave open, over that of one point
+    #: p1, p3, p4 where the data say nothing
     prior_values: tuple[float, float, float] = (0.0, 0.13, 0.1)
+    #: singular value, over the largest, below which the data leave a direction open
     open: float = 1e-6
-    points: int = 4
+    points: int = 4  #: least number of points of a temperature
 
 
 SETTINGS = IdentificationSettings()
@@ -98,9 +92,6 @@ def identify(
     Args:
         source: CSV file as the module `measured` describes it, or its points.
         options: How; the defaults if left out.
-
-    Raises:
-        InputError: If the file is faulty or there is too little data for what was asked.
     """
     chosen = options or IdentifyOptions()
     given = source if isinstance(source, TensileData) else read_tensile(source)

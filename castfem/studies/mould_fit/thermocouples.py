@@ -52,10 +52,6 @@ class CopperTemperatures:
         Args:
             one: The row.
             position: Of the thermocouple below the meniscus, m.
-
-        Raises:
-            InputError: It does not lie in the copper.
-            RunFailure: The copper has no temperature.
         """
         tube, heated = self._tube
         length = tube.mould.length

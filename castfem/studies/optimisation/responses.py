@@ -131,11 +131,7 @@ class Responses:
         return self.sense * self.value(request)
 
     def margins(self, request: RunRequest) -> tuple[Array, Array]:
-        """How far each constraint is on the right side, and its bound (m,), of a run, SI.
-
-        Raises:
-            InputError: The run has no such result, or that in the idealised mould has failed.
-        """
+        """How far each constraint is on the right side, and its bound (m,), of a run, SI."""
         left, limits = [], []
         for bound in self.bounds:
             value = self._quantity(self.seen[request], bound.quantity, "constraints").value

@@ -29,17 +29,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class NeighbourSteps:
-    """Runs about an optimum.
+    """Runs about an optimum."""
 
-    Attributes:
-        least: Least distance between them, of the ranges.
-        widest: Largest.
-        turns: Turns of search and runs about its optimum.
-    """
-
-    least: float = 0.025
-    widest: float = 0.1
-    turns: int = 3
+    least: float = 0.025  #: least distance between them, of the ranges
+    widest: float = 0.1  #: largest
+    turns: int = 3  #: turns of search and runs about its optimum
 
 
 NEIGHBOURS = NeighbourSteps()

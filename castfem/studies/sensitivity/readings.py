@@ -47,11 +47,7 @@ Asked = dict[str, tuple[QuantityDefinition, str]]
 
 
 def asked_quantities(simulation: Simulation, names: Sequence[str]) -> Asked:
-    """What `--of` names, each with its definition and probe.
-
-    Raises:
-        InputError: With all that the run has no such result of, a line each.
-    """
+    """What `--of` names, each with its definition and probe."""
     having: Asked = {}
     refused: dict[str, str] = {}
     for definition, probe in (*columns_of(simulation), *results_of(simulation)):

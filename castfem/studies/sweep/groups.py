@@ -26,9 +26,6 @@ def check(ranks: int, size: int, name: str = "--ranks ") -> None:
         ranks: Of a group.
         size: All ranks.
         name: What the user has given the number by.
-
-    Raises:
-        InputError: They cannot; it says how many it takes.
     """
     if ranks < 1:
         raise InputError(f"{name}{ranks}: a run needs at least one")
