@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -62,14 +63,10 @@ def sweep_case(options: Options) -> int:
     """Do a sweep and return the exit status: 2 if a run failed, else 0 (collective)."""
     if options.script is not None or options.collect:
         return _alone(options) if parallel.rank_and_size()[0] == 0 else 0
-    return many_runs.on_root(
-        lambda ranks: _prepared(options, ranks),
-        lambda sweep, comm: _done(sweep, options, comm),
-    )
+    return many_runs.on_root(partial(_prepared, options))
 
 
 def _planned(options: Options) -> tuple[tuple[Variant, ...], Path]:
-    """Plan the sweep; return its runs and its folder."""
     path = shipped_cases.find(options.name)
     variants = plan(options.case(path), options.assignments, options.table)
     target = options.target(path, "_sweep")
@@ -80,8 +77,7 @@ def _planned(options: Options) -> tuple[tuple[Variant, ...], Path]:
     return variants, target
 
 
-def _prepared(options: Options, ranks: bool) -> _Sweep:
-    """Plan the sweep and look at its folder."""
+def _prepared(options: Options, ranks: bool) -> many_runs.Work:
     many_runs.check_processes(options.processes, ranks, options.ranks)
     everything, target = _planned(options)
     share = Share.read(options.part) if options.part else Share(1, 1)
@@ -91,7 +87,7 @@ def _prepared(options: Options, ranks: bool) -> _Sweep:
         target, everything, variants, resume=options.resume, overwrite=options.overwrite,
         after=_draw if options.figures else None,
     )  # fmt: skip
-    return _Sweep(record, variants, jobs, share.count == 1)
+    return partial(_done, _Sweep(record, variants, jobs, share.count == 1), options)
 
 
 def _draw(folder: Path) -> None:

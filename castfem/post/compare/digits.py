@@ -81,5 +81,4 @@ def ends(low: float, high: float) -> tuple[str, str]:
 
 
 def _power(value: float) -> int:
-    """The power of ten of the first digit."""
     return math.floor(math.log10(abs(value)) + ROUNDING)

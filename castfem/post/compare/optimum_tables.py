@@ -103,7 +103,6 @@ def _ends(values: Iterable[Value]) -> list[str]:
 
 
 def _values(optimum: Optimum, other: Iterable[float | None] | None = None) -> str:
-    """The variables at the optimum, or with other values."""
     values = [v.value for v in optimum.values] if other is None else other
     return ", ".join(
         f"{v.key} = {'?' if value is None else variable(value)} {v.unit}".rstrip()
@@ -228,7 +227,6 @@ def _remarks(optimum: Optimum, objective: ResultWithError) -> Iterator[str]:
 
 
 def _by_check(optimum: Optimum, objective: ResultWithError) -> str:
-    """The results of the check at its own optimum."""
     assert optimum.by_check is not None
     left = "; ".join(
         f"{one.text}: {_difference(one.result, value)} {one.result.difference_unit} left"

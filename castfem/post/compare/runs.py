@@ -69,7 +69,6 @@ def alone(folder: Path) -> Run | None:
 
 
 def _run(folder: Path, label: str = "") -> Run:
-    """Read one run."""
     if not folder.is_dir():
         raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
     status = RunRecord.load(folder).status

@@ -24,12 +24,7 @@ _Column = tuple[str, list[str]]
 
 
 def sweep_table(table: Sequence[Row], width: int) -> Table:
-    """What was varied, and as many headline results as fit beside it; the others are named below.
-
-    Args:
-        table: The runs.
-        width: Of the terminal, characters.
-    """
+    """What was varied, and as many headline results as fit beside it in `width` characters."""
     columns, results = _leading_columns(table), _main_columns(table)
     remarks = [_remark(row) for row in table]
     left = width - min(30, max(map(len, remarks)))

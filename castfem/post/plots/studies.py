@@ -73,7 +73,6 @@ def optimum_figure(optimum: Optimum) -> Figure:
 def _draw_column(
     column: Sequence[Axes], optimum: Optimum, objective: ResultWithError, value: Value
 ) -> None:
-    """Draw objective and constraints along a variable through the optimum."""
     away = [step for step in optimum.neighbours if step.key == value.key]
     here = [objective.chosen(objective.value)]
     there = [[objective.chosen(objective.value + step.objective) for step in away]]

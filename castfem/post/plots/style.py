@@ -275,7 +275,6 @@ def _mark_defects(axes: list[Axes], abscissa: Abscissa) -> None:
 
 
 def _is_steady(abscissa: Abscissa) -> bool:
-    """Whether the slice goes at one speed."""
     way, time = abscissa.position - abscissa.position[0], abscissa.time - abscissa.time[0]
     steady = time / time[-1] * way[-1] if time[-1] > 0.0 else way
     return bool(np.allclose(way, steady, rtol=0.0, atol=1e-6 * way[-1]))

@@ -120,7 +120,6 @@ def _table(
     runs: Sequence[Mapping[str, Quantity]],
     names: Sequence[str],
 ) -> Table:
-    """A row a quantity, a column a place."""
     rows = []
     for name in names:
         some = next(run[name] for run in runs if name in run)

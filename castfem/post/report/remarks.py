@@ -130,7 +130,6 @@ def remarks(
 
 
 def _contact(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
-    """Loss of contact at the probes, the largest gap, the highest pressure."""
     for label, _, column in curves(table, "gap"):
         gap, unit = table[column].to_numpy(), unit_of(table, column)
         stretches = spells(gap, position, OPEN)
@@ -216,7 +215,6 @@ def _bulging(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
 
 
 def _between_rolls(loads: RollLoads) -> Iterator[Remark]:
-    """The largest bulge between rolls, and where."""
     if (one := loads.largest(BULGE)) is not None:
         number, value = one
         where = f"below {loads.where(number)}"

@@ -81,7 +81,6 @@ class Page:
         runs: tuple[Progress, ...],
         messages: tuple[str, ...] = (),
     ) -> AtWork:
-        """What stands at the head of the page."""
         now = datetime.now().isoformat(sep=" ", timespec="seconds")
         again = 0 if ended else max(1, round(self._every))
         return AtWork(title, status, now, again, runs, messages)

@@ -201,10 +201,6 @@ def factors_between(
 ) -> dict[str, float] | None:
     """Return by how much the sizes of one case are those of another, by axis.
 
-    Args:
-        base: From `described`.
-        other: Of the other case, likewise.
-
     Returns:
         Factors; None where the sizes are not all scaled alike, so that no error is known.
     """

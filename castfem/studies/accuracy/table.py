@@ -284,10 +284,6 @@ def _scale(quantity: Quantity, poured: float) -> float:
 def attach(table: ErrorTable, folder: Path) -> bool:
     """Put the errors beside the results of a finished run, in its summary.json.
 
-    Args:
-        table: The errors.
-        folder: Of the run.
-
     Returns:
         Whether it is a run of that case, its sizes scaled alike, that has come to its end.
     """

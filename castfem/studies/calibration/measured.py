@@ -38,17 +38,13 @@ class Measured:
         return f"{self.source}: {self.name}" if self.source else self.name
 
 
-def read_measured(path: Path, known: Iterable[str] = ()) -> list[Measured]:
+def read_measured(path: Path) -> list[Measured]:
     """Return the values of a file: a column of positions, one a result, and perhaps its errors.
 
         position [mm], surface_temperature_mid_face [degC], surface_temperature_mid_face error [K]
         1200, 1043, 10
 
     Cells may be empty. Either all values have errors, or all are of one result and none has.
-
-    Args:
-        path: The file.
-        known: Names of results that the case has; none: any will do.
     """
     try:
         file = read_csv(path)
@@ -58,7 +54,7 @@ def read_measured(path: Path, known: Iterable[str] = ()) -> list[Measured]:
     where = f"{path}: line {file.line}"
     if not names or names[0] != _POSITION or len(names) < 2 or not file.rows:
         raise InputError(f"{where}: a header and rows are needed, {_SAMPLE}")
-    problems = [*_unknown_columns(names, list(known)), *_wrong_units(file.headings)]
+    problems = [*_unknown_columns(names), *_wrong_units(file.headings)]
     if problems:
         raise InputError([f"{where}: {problem}" for problem in problems])
     found: list[Measured] = []
@@ -90,13 +86,11 @@ def _values(cells: dict[str, tuple[Heading, str]], where: str) -> Iterator[Measu
         yield Measured(place, name, _si(*cell, where), off, where)
 
 
-def _unknown_columns(names: list[str], known: list[str]) -> Iterator[str]:
+def _unknown_columns(names: list[str]) -> Iterator[str]:
     for name in names[1:]:
         bare = name.removesuffix(_ERROR)
         if name != bare and bare not in names:
             yield f"{name}: there is no column {bare}"
-        elif known and bare not in known:
-            yield f"{bare}: no such result of this case{units.nearest(bare, known)}"
     for name in {n for n in names if names.count(n) > 1}:
         yield f"{name} stands there twice"
 
@@ -123,7 +117,6 @@ def _wrong_units(headings: Iterable[Heading]) -> Iterator[str]:
 
 
 def _si(heading: Heading, cell: str, where: str, *, difference: bool = False) -> float:
-    """A cell in SI."""
     try:
         number = float(cell)
         if not math.isfinite(number):

@@ -87,12 +87,7 @@ class _Problem:
 def identify(
     source: str | os.PathLike[str] | TensileData, options: IdentifyOptions | None = None
 ) -> IdentifiedLaw:
-    """Fit the law to tensile curves.
-
-    Args:
-        source: CSV file as the module `measured` describes it, or its points.
-        options: How; the defaults if left out.
-    """
+    """Fit the law to tensile curves."""
     chosen = options or IdentifyOptions()
     given = source if isinstance(source, TensileData) else read_tensile(source)
     data = _usable(given, chosen)
@@ -223,7 +218,6 @@ def _widening(residual: Array, curves: list[Indices]) -> float:
 
 
 def _fit_alone(data: TensileData, temperature: float, options: IdentifyOptions) -> Fit:
-    """Fit one temperature by itself."""
     if len(data.stress) < SETTINGS.points:
         raise InputError(
             f"{data.name}: {len(data.stress)} usable points at "
@@ -302,7 +296,6 @@ def _fit(
     temperature: float, values: Array, covariance: Array, data: TensileData, bounds: Array,
     surplus: int,
 ) -> Fit:  # fmt: skip
-    """Gather what is known of one temperature."""
     residual = _columns(data) @ values - np.log(data.stress / SQRT3)
     quantile = float(student.ppf(0.5 + 0.5 * SETTINGS.confidence, max(surplus, 1)))
     near = np.abs(values[:, None] - bounds).min(axis=1) < 1e-9

@@ -238,7 +238,6 @@ def _temperature(positions: Array, kelvin: Array) -> dict[str, Any]:
 
 
 def _turn(strand: Followed, wall: HotWall, before: Turn | None) -> Turn:
-    """Return a turn with what it has changed."""
     if before is None or before.strand is None:
         return Turn(strand, wall, np.nan, np.nan)
     change = wall.displacement.moved - before.wall.displacement.moved

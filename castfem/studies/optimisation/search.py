@@ -262,14 +262,12 @@ class Search:
         return float(max(0.0, -np.min(self._at(u)[1:])))
 
     def _descend(self, begin: Array, first: float) -> None:
-        """Search from a place by the method that is asked for."""
         if self.problem.table.method != "slsqp" or not self._slsqp(begin, first):
             self._cobyqa(begin, first)
 
     def _cobyqa(
         self, begin: Array, first: float, objective: Function | None = None, *, free: bool = False
     ) -> None:
-        """Search by COBYQA; `free` of the constraints."""
         from scipy.optimize import NonlinearConstraint
 
         tolerated = np.array([*self.noise[1:] / self._scale[1:], 0.0])

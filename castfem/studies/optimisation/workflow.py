@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,9 +21,6 @@ from castfem.studies.optimisation.problem import DesignProblem, RunRequest
 from castfem.studies.optimisation.responses import KnownRuns, Obtain, Responses
 from castfem.studies.optimisation.search import SEARCH, Search
 from castfem.studies.optimisation.spread import input_spread
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +180,6 @@ class Workflow:
         error: NumericalError,
         binding: Binding,
     ) -> CheckedOptimum | None:
-        """The optimum by the level of the check."""
         if not error.checked:
             return None
         self.stage(f"the best with the constraints as {error.checked} cells have them")

@@ -173,7 +173,6 @@ class LinearisedStep:
         numbers: list[int],
         some: Some,
     ) -> ContactChanges:
-        """Derivatives of contact."""
         wall, given = self._run.contact, self._touching
         assert wall is not None and given is not None
         places = wall.strand.changes(moved.nodal, moved.strains)

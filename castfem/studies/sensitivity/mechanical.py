@@ -117,7 +117,6 @@ class MechanicalDerivatives:
         return self._made(its, parameter, by)
 
     def _sides_of(self, variation: Variation) -> SliceSides:
-        """The slice on both sides of a parameter."""
         case, by = self._simulation.case, TOLERANCES.narrow * variation.parameter.step
         above, below = (self._slice(variation, sign * by) for sign in SIGNS)
         its = variation.above.simulation.case

@@ -236,7 +236,6 @@ def _spread(text: str, parameter: Parameter, temperature: bool) -> float:
 
 
 def _of_law(case: Case, steel: Steel, name: str, entry: str) -> Parameter:
-    """A number of the constitutive law."""
     if case.mechanics is None:
         raise ValueError("the case has no [mechanics]")
     from castfem.model.build.law import build_law
@@ -251,7 +250,6 @@ def _of_law(case: Case, steel: Steel, name: str, entry: str) -> Parameter:
 
 
 def _of_steel(steel: Steel, name: str, entry: str, *, strained: bool) -> Parameter:
-    """A number of the steel itself."""
     scaled = (*SCALED, *STRAINED) if strained else SCALED
     if entry in scaled:
         if not steel.has(entry):
@@ -275,7 +273,6 @@ def _of_steel(steel: Steel, name: str, entry: str, *, strained: bool) -> Paramet
 
 
 def _of_case(case: Case, steel: Steel, name: str) -> Parameter:
-    """A number under a key of the case."""
     document = case.document()
     key = key_names.full_key(Case, document, name)
     table = key.partition(".")[0]

@@ -120,7 +120,6 @@ class SliceSides:
         return tuple(found)
 
     def _begin_walls(self, its: Beginning) -> None:
-        """Prepare the contact of both sides (collective)."""
         old, self._at_surface = its.old.contact, []
         assert old is not None
         for wall, sign in zip(self.walls, SIGNS, strict=True):

@@ -87,14 +87,7 @@ def _refusal(definition: QuantityDefinition) -> str:
 
 
 class Readings:
-    """Reads the derivatives of results.
-
-    Args:
-        simulation: The run.
-        derivatives: Along with it.
-        asked: The results.
-        errors: Whether the errors of the derivatives are wanted, which takes more readings.
-    """
+    """Reads the derivatives of results; their errors take more readings."""
 
     def __init__(
         self,

@@ -35,7 +35,7 @@ class Derivative:
     #: error (`castfem.studies.sensitivity.fronts`); NaN where it has passed too few; None of
     #: anything else
     evened: tuple[float, float] | None = None
-    #: how far differences of runs may be from what is told (`castfem.studies.sensitivity.scatter`);
+    #: how far differences of runs may be from what is told (`fronts.Scatter`);
     #: NaN where that is not known
     error: float = math.nan
 

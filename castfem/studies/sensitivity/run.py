@@ -141,12 +141,6 @@ def _to_the_end(
 class Carried:
     """Carries derivatives along with a run (`castfem.runs.loop.Companion`).
 
-    Args:
-        simulation: The run, before it has begun.
-        of: Names of results.
-        to: Parameters, `castfem.studies.sensitivity.parameters.read_parameters`.
-        path: Of the file that is written at the end.
-
     Raises:
         InputError: Case, results or parameters cannot be used; the simulation is as it was.
     """
@@ -185,11 +179,6 @@ def carrying(
     """Return what lets a run carry derivatives along, where it can have them.
 
     Where it cannot, its log says why, and so does the file of the derivatives.
-
-    Args:
-        of: Names of results.
-        to: Parameters.
-        folder: Of the run.
     """
     path = folder / DERIVATIVES_NAME
 

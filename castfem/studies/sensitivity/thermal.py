@@ -47,9 +47,6 @@ class StageTangent:
     and positive wherever the stage has one solution.  Where freezing is isothermal dtheta/dH = 0:
     there y = 0, and the balance of the vertex gives its enthalpy.
 
-    Args:
-        problem: The heat balance.
-
     Attributes:
         matrix: That was factored last.
         solver: With its factor.
@@ -152,10 +149,6 @@ class StageTangent:
 
 class ThermalDerivatives:
     """Derivatives of the committed thermal state by each parameter.
-
-    Args:
-        simulation: The run.
-        variations: Its parameters.
 
     Attributes:
         enthalpy: dH/dp of each parameter (parameters, owned), J/m3 per unit of it.

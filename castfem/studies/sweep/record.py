@@ -179,12 +179,7 @@ class Record:
             raise InputError(folder_refused(self.folder, error)) from None
 
     def expect(self, variants: Iterable[Variant], mine: Container[str] | None = None) -> None:
-        """Take in the runs that are to be; of those that are not finished nothing is known.
-
-        Args:
-            variants: The runs.
-            mine: Names of those that are to be run here; what is noted of others stays. None: all.
-        """
+        """Take in the runs that are to be: nothing is known of those that are run here (`mine`)."""
         for variant in variants:
             job = Job(variant.name, self.folder / variant.name, variant.case)
             here = mine is None or variant.name in mine or variant.name not in self.entries
@@ -209,12 +204,7 @@ class Record:
         return status == "finished" and _untitled(existing) == _untitled(now)
 
     def unfinished(self, jobs: Iterable[Job], *, overwrite: bool) -> tuple[Job, ...]:
-        """Return the jobs that are to be run, having looked at the folder of each.
-
-        Args:
-            jobs: All of them.
-            overwrite: Take those that are finished, too, and folders with runs of other cases.
-        """
+        """Return the jobs that are to be run, having looked at the folder of each."""
         found, problems = list[Job](), list[str]()
         for job in jobs:
             if not overwrite and self.is_finished(job):
