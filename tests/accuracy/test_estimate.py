@@ -7,9 +7,9 @@ import math
 import pytest
 
 from castfem.base.errors import InputError
-from castfem.studies.accuracy.estimate import RULES, convergence_index, estimate
+from castfem.studies.accuracy.estimate import RULES, Estimate, convergence_index, estimate
 from castfem.studies.accuracy.proposal import propose, read_share
-from castfem.studies.accuracy.table import Entry, ErrorTable, Part, Ran
+from castfem.studies.accuracy.table import Entry, ErrorTable, Ran
 
 R = 2.0**0.5
 
@@ -98,8 +98,8 @@ def _table(**entries: tuple[float, float, float, float]) -> ErrorTable:
     found = {
         name: Entry(
             name, "mm", 100.0,
-            {"mesh": Part(mesh, 2.0, {}), "step": Part(step, None, {}),
-             "coupling": Part(coupling, 1.0, {})},
+            {"mesh": Estimate(mesh, 2.0), "step": Estimate(step),
+             "coupling": Estimate(coupling, 1.0)},
             scale,
         )
         for name, (mesh, step, coupling, scale) in entries.items()

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from scipy.optimize import brentq
 
@@ -40,6 +40,8 @@ class Estimate:
 
     error: float  #: its absolute value, in the unit of the number; NaN where nothing is known
     order: float | None = None  #: the order of convergence that shows; None where none does
+    #: the number by size, relative to that of the case; empty where only the error counts
+    values: Mapping[float, float] = field(default_factory=dict)
 
     def scaled(self, factor: float) -> float:
         """Return the error where the size is `factor` times as large.
