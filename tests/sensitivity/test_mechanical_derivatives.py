@@ -11,11 +11,9 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from sensitivity.test_mould_derivatives import short
 
 import castfem
 from castfem.base.errors import InputError
-from castfem.fem.compat import assemble_owned
 from castfem.model import Case
 from castfem.model.build import mechanics as making
 from castfem.model.build import simulation as building
@@ -29,7 +27,6 @@ from castfem.runs.results.sample import Sample
 from castfem.studies.sensitivity.followed_run import Derivatives, follow
 from castfem.studies.sensitivity.mechanical import MechanicalDerivatives
 from castfem.studies.sensitivity.parameters import Parameter, read_parameters
-from castfem.studies.sensitivity.shape_change import ByMotion
 from castfem.studies.sensitivity.step_inputs import CARRIED
 
 FREE = {
@@ -176,33 +173,3 @@ def test_what_is_not_differentiated_is_refused_by_name() -> None:
         castfem.sensitivities("billet125/taper_1", "mould.taper", "von_mises_mx")
     with pytest.raises(InputError, match=r"the case has no \[mechanics\]"):
         castfem.sensitivities("billet125/thermal", "law.yield_stress")
-
-
-@pytest.mark.parametrize("what", ["volume", "perimeter"])
-def test_a_form_changes_as_the_slice_moves(what: str) -> None:
-    """By displacement and by two generalized strains, both motions at once."""
-    simulation = build(short(), MPI.COMM_SELF)
-    section, shape = simulation.section, simulation.problem.shape
-    assert shape is not None
-    name, form = "heat.volume.moved", shape.volume
-    if what == "perimeter":
-        name, form = next(iter(simulation.zones.surface.forms().values()))
-    rng, size = np.random.default_rng(0), len(shape.displacement.x.array)
-    here = 1e-5 * rng.standard_normal(size), np.array([1e-3, 0.0, 0.0, 2e-3])
-    moves = rng.standard_normal((2, size)), np.array([[0.5, 0, 0, 0], [-1.0, 0, 0, 2.0]])
-    shape.take(*here)
-    by_motion = ByMotion(section, shape, name, form)
-    found = by_motion(*moves)
-    assert shape.generalized_strains.value == pytest.approx(here[1], abs=0.0)
-    compiled, step = section.compile(name, form), 1e-8
-    for number in range(2):
-        ends = []
-        for sign in (1.0, -1.0):
-            shape.take(
-                *(at + sign * step * move[number] for at, move in zip(here, moves, strict=True))
-            )
-            ends.append(assemble_owned(compiled, section.owned))
-        known = (ends[0] - ends[1]) / (2.0 * step)
-        assert np.abs(found[number] - known).max() < 1e-6 * np.abs(known).max()
-    by_motion.destroy()
-    simulation.destroy()

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import lsq_linear
 from scipy.stats import t as student
 
 from castfem.base.constants import ZERO_CELSIUS
@@ -149,36 +149,15 @@ def _solve(problem: _Problem) -> tuple[Array, Array]:
     held = problem.design[:, ~moving] @ values[~moving]
     goal = np.concatenate([problem.goal - held, weight * problem.prior[moving]])
     least, most = problem.least[moving], problem.most[moving]
-    margin = 1e-3 * (most - least)
-    found = least_squares(
-        lambda x: design @ x - goal,
-        np.clip(problem.prior[moving], least + margin, most - margin),
-        jac=lambda x: design, bounds=(least, most), x_scale="jac", method="trf",
-        ftol=1e-15, xtol=1e-15, gtol=1e-14, max_nfev=500,
-    )  # fmt: skip
-    values[moving], bound = _polished(design, goal, found.x, least, most)
+    scale = np.abs(design).max(axis=0)
+    found = lsq_linear(design / scale, goal, (scale * least, scale * most), method="bvls").x / scale
+    close = 1e-6 * np.minimum(most - least, 1.0)
+    at_least, at_most = found - least < close, most - found < close
+    values[moving] = np.where(at_least, least, np.where(at_most, most, found))
     fixed = ~moving
-    fixed[moving] = bound
+    fixed[moving] = at_least | at_most
     residual = problem.design @ values - problem.goal
     return values, _covariance(problem, residual, fixed)
-
-
-def _polished(
-    design: Array, goal: Array, values: Array, least: Array, most: Array
-) -> tuple[Array, Flags]:
-    """Put what is at a bound onto it and solve for the rest to rounding, within the bounds."""
-    close = 1e-6 * np.minimum(most - least, 1.0)
-    at_least, at_most = values - least < close, most - values < close
-    bound = at_least | at_most
-    values = np.where(at_least, least, np.where(at_most, most, values))
-    free = ~bound
-    if free.any():
-        scale = np.abs(design[:, free]).max(axis=0)
-        rest = goal - design[:, bound] @ values[bound]
-        best = np.linalg.lstsq(design[:, free] / scale, rest, rcond=None)[0] / scale
-        if np.all((best >= least[free]) & (best <= most[free])):
-            values[free] = best
-    return values, bound
 
 
 def _covariance(problem: _Problem, residual: Array, fixed: Flags) -> Array:
