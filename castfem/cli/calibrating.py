@@ -30,8 +30,12 @@ from castfem.studies.calibration.fit import (
     read_free,
     write,
 )
-from castfem.studies.calibration.measured import Measured, read_measured
-from castfem.studies.calibration.probe_data import is_of_probe, missing_column
+from castfem.studies.calibration.measured import (
+    Measured,
+    is_of_probe,
+    missing_column,
+    read_measured,
+)
 
 FIGURE_NAME = "calibration.png"
 _ALIKE = 0.95  # correlation of keys that the data hardly tell apart

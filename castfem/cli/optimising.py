@@ -16,14 +16,15 @@ from castfem.cli.options import Request, chosen
 from castfem.model import load_case, shipped_cases
 from castfem.model.shared_heat import fixed_while_varied
 from castfem.model.shown_units import units_of
-from castfem.post.compare.optimum_files import (
+from castfem.post.compare.optimum_tables import (
     FRONT_NAME,
     MOULD_NAME,
     mould_table,
+    report,
+    spread_scale,
     write_front,
     write_mould_table,
 )
-from castfem.post.compare.optimum_tables import report, spread_scale
 from castfem.post.report.cautions import cautions_of_all
 from castfem.runs.output.summary import Summary
 from castfem.studies.optimisation.fidelity import THERMAL

@@ -25,8 +25,13 @@ from castfem.base.types import Array
 from castfem.model.load import value_of
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.results.places import quantities_at
-from castfem.studies.calibration.measured import Measured, residuals
-from castfem.studies.calibration.probe_data import is_of_probe, thermocouples, value_at
+from castfem.studies.calibration.measured import (
+    Measured,
+    is_of_probe,
+    residuals,
+    thermocouples,
+    value_at,
+)
 from castfem.studies.mould_fit.thermocouples import CopperTemperatures
 from castfem.studies.optimisation.evaluator import Evaluator, variant
 from castfem.studies.sweep.workers import nothing
