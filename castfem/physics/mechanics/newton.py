@@ -69,7 +69,7 @@ class LineSearchLimits:
     """
 
     overshoot: float = 0.05
-    close: float = 0.05
+    close: float = 0.25
     trials: int = 40
     nearly: float = 1e-2
     almost: float = 10.0
@@ -158,7 +158,7 @@ def step_share(first: float, work: Callable[[float], float]) -> float:
     at_low, at_high, found = first, full, full
     for _ in range(LIMITS.trials):
         crossing = (at_low * high - at_high * low) / (at_low - at_high)
-        share = 0.1 * high if low == 0.0 else crossing
+        share = max(crossing, 0.1 * high) if low == 0.0 else crossing
         found = work_after(share)
         if abs(found) <= LIMITS.close * first:
             break
