@@ -92,7 +92,8 @@ def measured(system: str, commands: Sequence[str], castfem: str, step: Step, her
     python, dolfinx, petsc, numpy = step(f"{castfem}python -c '{VERSIONS}'").split()[-4:]
     return {
         "system": system, "commands": "; ".join(map(named, commands)),
-        "set_up": set_up, "first": first, "size": size, "versions": ", ".join((python, dolfinx, petsc, numpy)),
+        "set_up": set_up, "first": first, "size": size,
+        "versions": ", ".join((python, dolfinx, petsc, numpy)),
     }  # fmt: skip
 
 

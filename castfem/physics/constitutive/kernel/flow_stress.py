@@ -108,9 +108,9 @@ def _steel_flow(c, old, aside, left, signed, z, increment, ln_dt):  # type: igno
 
 @compiled
 def fastest(kind, c, ln_stress, ln_dt):  # type: ignore[no-untyped-def]
-    """ln dp at which the rate alone takes a stress above S0: dp is no larger where strain hardens.
+    """Value of ln dp at which the rate alone takes a stress above S0.
 
-    Infinite where a law has no such bound.
+    Where strain hardens dp is no larger. Infinite where a law has no such bound.
     """
     if kind == CREEP:
         return ln_dt + c[LN_FACTOR] + c[EXPONENT] * ln_stress
