@@ -312,8 +312,7 @@ def _apart(times: list[float], fixed: list[float], end: float) -> list[float]:
     near = np.minimum(abs(given - kept[before]), abs(given - kept[after]))
     given = given[(near <= EXACT * end) | (near > ROUNDING * end)]
     gaps = np.diff(given, prepend=-np.inf)
-    apart: list[float] = given[(gaps <= EXACT * end) | (gaps > ROUNDING * end)].tolist()
-    return apart
+    return [float(t) for t in given[(gaps <= EXACT * end) | (gaps > ROUNDING * end)]]
 
 
 def _drawn(case: Case) -> tuple[float, ...]:
