@@ -44,6 +44,7 @@ STUDIES = {
     "throughput": ("sweep_cost", "scripting.md"),
     "sensitivity": ("sensitivity", "sensitivity.md"),
     "sensitivity_errors": ("sensitivity_errors", "sensitivity.md"),
+    "systems": ("systems", "environment.md"),
 }
 """Name -> module and page with its tables, in the order in which they run.
 

@@ -32,6 +32,12 @@ set_defaults() {
     default OMPI_MCA_btl ^tcp,ofi
     default OMPI_MCA_mpi_yield_when_idle 1
   fi
+  # Open MPI does not start without these two, and says so in forty lines or not at all.
+  [[ -n ${HOME:-} ]] || export HOME="$(getent passwd "$EUID" | cut -d: -f6)"
+  if [[ -n ${TMPDIR:-} && ! -d $TMPDIR ]]; then
+    printf 'castfem: warning: TMPDIR=%s is no folder: /tmp is used\n' "$TMPDIR" >&2
+    unset TMPDIR
+  fi
   if [[ $EUID -eq 0 ]]; then
     export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
   fi

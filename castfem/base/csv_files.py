@@ -90,6 +90,8 @@ def read_csv(path: Path) -> CsvFile:
             certain.
     """
     try:
+        if path.is_fifo():  # it would be waited for, and can be read only once
+            raise UnreadableError("is a pipe, not a file; write it to a file first")
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except OSError as error:
         raise UnreadableError(error.strerror or str(error)) from None
@@ -119,14 +121,18 @@ def _rows(kept: list[tuple[int, str]], separator: str) -> list[Row]:
     reader = csv.reader((line for _, line in kept), delimiter=separator, skipinitialspace=True)
     rows: list[Row] = []
     begun = width = 0
-    for cells in reader:  # one in quotes may go over several lines
-        stripped = [cell.strip() for cell in cells]
-        while len(stripped) > width and not stripped[-1]:
-            stripped.pop()
-        if any(stripped) or not rows:
-            width = width or len(stripped)
-            rows.append(Row(kept[begun][0], tuple(stripped)))
-        begun = reader.line_num
+    try:
+        for cells in reader:  # one in quotes may go over several lines
+            stripped = [cell.strip() for cell in cells]
+            while len(stripped) > width and not stripped[-1]:
+                stripped.pop()
+            if any(stripped) or not rows:
+                width = width or len(stripped)
+                rows.append(Row(kept[begun][0], tuple(stripped)))
+            begun = reader.line_num
+    except csv.Error as error:  # a cell that is longer than csv takes
+        fix = "is a quotation mark missing that ends a cell?"
+        raise UnreadableError(f"line {kept[begun][0]}: {error}; {fix}") from None
     return rows
 
 

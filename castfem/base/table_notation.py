@@ -66,11 +66,11 @@ class Curve(Notation):
             return given
         if not isinstance(given, Mapping):
             return self.kind.read(given)
-        columns = _columns(given, over, self.kind)
+        columns, places = _columns(given, over, self.kind)
         try:
-            x = _column(over, columns[over], columns.get(f"{over}_unit"), ARGUMENTS[over])
-            y = _column("value", columns["value"], columns.get("unit"), self.kind)
-            _check(over, x, y)
+            x = _column(over, columns[over], columns.get(f"{over}_unit"), ARGUMENTS[over], places)
+            y = _column("value", columns["value"], columns.get("unit"), self.kind, places)
+            _check(over, x, y, places)
         except ValueError as error:
             raise ValueError(f"'{given['file']}': {error}" if "file" in given else error) from None
         return Table(over, x, y)
@@ -110,8 +110,13 @@ class Curve(Notation):
         return f"{self.kind.described(example)}, or a table over {self.arguments}"
 
 
-def _columns(given: Mapping[str, Any], over: str, kind: Kind) -> dict[str, Any]:
-    """Return the columns and their units, from the table itself or from its file."""
+def _columns(
+    given: Mapping[str, Any], over: str, kind: Kind
+) -> tuple[dict[str, Any], Sequence[str]]:
+    """Return the columns and their units, from the table itself or from its file.
+
+    With them where each row stands, "line 3"; nothing of the table itself.
+    """
     if "file" in given:
         if len(given) > 1:
             raise ValueError("a table with a file takes no other key")
@@ -124,19 +129,25 @@ def _columns(given: Mapping[str, Any], over: str, kind: Kind) -> dict[str, Any]:
     for key in (over, "value"):
         if key not in given:
             raise ValueError(f"a table over {over} needs the column '{key}'")
-    return dict(given)
+    return dict(given), ()
 
 
-def _check(over: str, x: Sequence[float], y: Sequence[float]) -> None:
-    """Refuse rows that are too few or do not increase, by number."""
+def _check(over: str, x: Sequence[float], y: Sequence[float], places: Sequence[str] = ()) -> None:
+    """Refuse rows that are too few or do not increase, by their place or number."""
     if len(x) != len(y):
         raise ValueError(f"{len(x)} rows of {over}, but {len(y)} of value")
     if len(x) < 2:
         raise ValueError(f"a table needs at least two rows, this one has {len(x)}")
     for row in range(1, len(x)):
         if not x[row] > x[row - 1]:
-            text = f"row {row + 1} does not exceed row {row}"
+            this, before = (_place(places, number) for number in (row, row - 1))
+            text = f"{this} does not exceed {before}"
             raise ValueError(f"{over} must increase from row to row; {text}")
+
+
+def _place(places: Sequence[str], number: int) -> str:
+    """Where a row stands, counted from 0: its line, or its number where there is none."""
+    return places[number] if places else f"row {number + 1}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,7 +293,9 @@ def _written(values: Sequence[float], kind: Kind) -> tuple[list[float], str | No
     return list(values), kind.unit
 
 
-def _column(name: str, cells: object, unit: object, kind: Kind) -> tuple[float, ...]:
+def _column(
+    name: str, cells: object, unit: object, kind: Kind, places: Sequence[str] = ()
+) -> tuple[float, ...]:
     """Read one column in SI; `unit` is that of bare numbers, None if there is none."""
     if not isinstance(cells, Sequence) or isinstance(cells, str):
         raise ValueError(f"'{name}' must be a list of values")
@@ -291,7 +304,7 @@ def _column(name: str, cells: object, unit: object, kind: Kind) -> tuple[float, 
     if unit is not None and not isinstance(unit, str):
         raise ValueError(f"the unit of '{name}' must be a text, such as \"{kind.unit}\"")
     values = []
-    for row, cell in enumerate(cells, start=1):
+    for row, cell in enumerate(cells):
         bare = isinstance(cell, int | float) and not isinstance(cell, bool)
         try:
             if bare and not math.isfinite(cell):
@@ -300,7 +313,8 @@ def _column(name: str, cells: object, unit: object, kind: Kind) -> tuple[float, 
                 _no_unit(name, kind)
             values.append(kind.read(f"{cell!r} {unit}" if bare and unit else cell))
         except ValueError as error:
-            raise ValueError(f"'{name}' row {row} ({cell!r}): {error}") from None
+            where = _place(places, row)
+            raise ValueError(f"'{name}' {where} ({cell!r}): {error}") from None
     return tuple(values)
 
 
@@ -309,10 +323,10 @@ def _no_unit(name: str, kind: Kind) -> NoReturn:
     raise ValueError(f'name the unit of the column once, {key} = "{kind.shown or kind.unit}"')
 
 
-def _columns_of_file(path: Path, over: str, kind: Kind) -> dict[str, Any]:
+def _columns_of_file(path: Path, over: str, kind: Kind) -> tuple[dict[str, Any], Sequence[str]]:
     """Return the columns of a CSV file with the header `temperature [degC], value [...]`.
 
-    The second column may have any name.
+    The second column may have any name. A cell with a unit of its own stays a text.
     """
     try:
         file = read_csv(path)
@@ -324,28 +338,31 @@ def _columns_of_file(path: Path, over: str, kind: Kind) -> dict[str, Any]:
     # The values may be called what they are, "flux": their unit tells whether they are that.
     if len(file.headings) != 2 or file.headings[0].name != over or not file.headings[1].name:
         raise ValueError(f"the first line of '{path}' must be '{header}', not '{file.first}'")
-    for heading, its in zip(file.headings, (ARGUMENTS[over], kind), strict=True):
-        if not heading.unit and its.unit != "1":
+    columns: dict[str, Any] = {over: [], "value": []}
+    for row in file.rows:
+        if len(row.cells) != 2:
+            fix = f"; {DECIMAL_COMMAS}" if len(row.cells) > 2 else ""
+            raise ValueError(f"line {row.line} of '{path}' must hold two numbers{fix}")
+        for cells, cell in zip(columns.values(), row.cells, strict=True):
+            cells.append(_number_or_text(cell))
+    expected = zip(file.headings, columns.values(), (ARGUMENTS[over], kind), strict=True)
+    for heading, cells, its in expected:
+        bare = any(isinstance(cell, float) for cell in cells)
+        if bare and not heading.unit and its.unit != "1":
             raise ValueError(
                 f"'{path}' line {file.line}: {heading.name} has no unit; write it in the header, "
                 f"such as '{heading.name} [{its.shown or its.unit}]'"
             )
-    units_given = [heading.unit or None for heading in file.headings]
-    columns: dict[str, Any] = {
-        over: [],
-        "value": [],
-        f"{over}_unit": units_given[0],
-        "unit": units_given[1],
-    }
-    for row in file.rows:
-        try:
-            x, y = (float(cell) for cell in row.cells)
-        except ValueError:
-            fix = f"; {DECIMAL_COMMAS}" if len(row.cells) > 2 else ""
-            raise ValueError(f"line {row.line} of '{path}' must hold two numbers{fix}") from None
-        columns[over].append(x)
-        columns["value"].append(y)
-    return columns
+    for key, heading in zip((f"{over}_unit", "unit"), file.headings, strict=True):
+        columns[key] = heading.unit or None
+    return columns, [f"line {row.line}" for row in file.rows]
+
+
+def _number_or_text(cell: str) -> float | str:
+    try:
+        return float(cell)
+    except ValueError:
+        return cell
 
 
 def _first_of_file(path: object) -> str | None:

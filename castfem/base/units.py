@@ -232,7 +232,9 @@ def split(text: str) -> tuple[str, str]:
         raise ValueError(f'"{text}" does not begin with a number')
     number, unit = found.groups()
     if re.match(r",\d", unit):
-        raise ValueError(f'write "{text.strip()}" with a decimal point, not a comma')
+        raise ValueError(
+            f'"{text.strip()}" has a comma; write a decimal point, and thousands without a mark'
+        )
     return number, "" if unit == "-" else unit  # so written where a unit has to stand
 
 

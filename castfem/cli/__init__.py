@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import re
 import sys
 import traceback
@@ -22,6 +23,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and leave the process with its exit status."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     process.keep_hangup()
+    for stream in (sys.stdout, sys.stderr):  # None where it is closed
+        if isinstance(stream, io.TextIOWrapper):  # a letter that the terminal has not: "?"
+            stream.reconfigure(errors="replace")
     if parallel.rank_and_size()[1] == 1:  # a rank that is ended takes the others with it
         process.stop_by_all()
     status = execute(words)
@@ -99,6 +103,9 @@ def report(error: Exception, *, verbose: bool = False, hint: str = "") -> int:
             f"{prefix}{str(error.filename)[:40]}...: no file has such a long name", file=sys.stderr
         )
         return InputError.exit_status
+    elif isinstance(error, OSError) and error.errno == errno.ENOSPC:
+        where = f"{error.filename}: " if error.filename else "what is printed: "
+        print(f"{prefix}{where}{error.strerror}; free some space", file=sys.stderr)
     else:
         if verbose:
             traceback.print_exception(error)

@@ -37,6 +37,7 @@ SLOW = {
     "slabs": "reads what `make slabs` has run; test_slab_tables.py tests how",
     "sensitivity": "some forty billets; tests/sensitivity has smaller ones",
     "stated_error": "ladders of five cases; tests/cli/test_cli_error.py has short ones",
+    "systems": "systems from nothing, over a network; `make test-pip` sets one up",
     "throughput": "a sweep of 32 billets, several times",
     "verification": "tests/closed_forms runs what it runs",
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shlex
 import subprocess
@@ -31,6 +32,25 @@ def test_check_of_a_shipped_case(castfem):
     assert re.search(r"mesh of \d{3,4} cells", outcome.out)
     assert "foot spray: spray, radiation" in outcome.out
     assert castfem("check", "billet125/idealised", "-q").out == ""
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_an_output_that_takes_no_more_is_told_in_one_line():
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "castfem.cli", "cases"], stdout=full, stderr=-1, text=True
+        )
+    assert done.returncode == 2 and "fault of castfem" not in done.stderr
+    assert done.stderr == "castfem: what is printed: No space left on device; free some space\n"
+
+
+def test_letters_that_the_terminal_has_not(tmp_path):
+    """The rules of tables are no letters of ISO 8859-1."""
+    known = os.environ | {"PYTHONIOENCODING": "iso-8859-1"}
+    words = [sys.executable, "-m", "castfem.cli", "mould", "billet125/taper_1", "-o", "m.png"]
+    done = subprocess.run(words, capture_output=True, env=known, cwd=tmp_path)
+    assert done.returncode == 0 and b"fault of castfem" not in done.stderr
+    assert b"????" in done.stdout
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pwd
 import shutil
 import signal
 import subprocess
@@ -45,6 +46,19 @@ def test_streams_arguments_and_folder(home: Path, tmp_path: Path) -> None:
 
 def test_own_programs_come_first(home: Path) -> None:
     assert enter(home, "tool").stdout == "own tool\n"
+
+
+def test_open_mpi_finds_its_folders(home: Path, tmp_path: Path) -> None:
+    """It needs a HOME, and a TMPDIR that is there."""
+    script = 'printf "%s|%s" "$HOME" "${TMPDIR-none}"'
+    known = {key: value for key, value in os.environ.items() if key not in ("HOME", "TMPDIR")}
+    done = enter(home, "sh", "-c", script, env=known | {"TMPDIR": str(tmp_path / "gone")})
+    assert done.stdout == f"{pwd.getpwuid(os.geteuid()).pw_dir}|none"
+    gone = f"castfem: warning: TMPDIR={tmp_path / 'gone'} is no folder: /tmp is used\n"
+    assert (done.returncode, done.stderr) == (0, gone)
+    mine = known | {"HOME": "/my home", "TMPDIR": str(tmp_path)}
+    done = enter(home, "sh", "-c", script, env=mine)
+    assert (done.stdout, done.stderr) == (f"/my home|{tmp_path}", "")
 
 
 LINE = 74 * "-"

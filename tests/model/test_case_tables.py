@@ -56,6 +56,21 @@ def test_semicolons_and_units(write, sound):
     )
 
 
+def test_cells_of_a_file_may_have_their_own_unit(write, sound):
+    """Those without have that of the column, which is not needed where there are none."""
+    write("time [ms], value [kW/m^2]\n0, 5\n20, 0.006 MW/m^2\n", "q.csv")
+    text = sound.replace(
+        'law = "radiation"\nambient = "25 degC"', 'law = "flux"\nvalue.file = "q.csv"'
+    )
+    table = Table("time", (0.0, 0.02), (5e3, 6e3))
+    assert load_case(write(text)).cooling[1].surface[0].value == table
+    write("time, value\n0 s, 5 kW/m^2\n20 ms, 6 kW/m^2\n", "q.csv")
+    assert load_case(write(text)).cooling[1].surface[0].value == table
+    write("time, value [kW/m^2]\n0 s, 5\n20, 6\n", "q.csv")
+    with pytest.raises(InputError, match="time has no unit; write it in the header"):
+        load_case(write(text))
+
+
 def test_hundred_rows_survive_the_resolved_case(write, sound):
     rows = [(20 + 14.7 * i, 0.1 + i / 137) for i in range(100)]
     path = write(name="e.csv", text="")
@@ -113,6 +128,9 @@ def test_bad_table(write, sound, table, said):
         ("T [degC], value\n20, 0.8\n30, 0.9\n", "the first line of"),
         ("temperature [degC], value\n20, 0.8\n30\n", "line 3"),
         ("# dry\n\ntemperature [degC], value\n20, 0.8\n# wet\nx, 0.9\n", "line 6"),
+        ("temperature [degC], value\n# one\n20, 0.8\n20, 0.9\n", "line 4 does not exceed line 3"),
+        ("temperature [degC], value\n\n20, nan\n30, 0.9\n", "'value' line 3 (nan): a finite"),
+        ('temperature [degC], value\n"1,200", 0.8\n1300, 0.9\n', "thousands without a mark"),
     ],
 )
 def test_bad_csv(write, sound, text, said):

@@ -101,6 +101,9 @@ def test_a_row_without_its_end_is_not_read(tmp_path):
         (None, "no such file"),
         ("a,b\n1,2\n", "line 1 is not"),
         ("time [s],a [m]\n1,2\nx,3\n", "'x' is not a number"),
+        ("time [s],a [m],a [m]\n1,2,3\n", "two columns are called a"),
+        ("time [s],a [m]\n2,2\n1,3\n", "times do not increase"),
+        ("time [s],a [m]\n1,2\n,3\n", "times do not increase"),
         (b"\xff\xfe\x00\n", "cannot be read"),
     ],
 )

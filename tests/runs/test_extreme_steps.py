@@ -11,6 +11,7 @@ import numpy as np
 import pandas
 import pytest
 from billet_runs import run
+from small_case import small
 
 from castfem.base.errors import RunFailure
 from castfem.model import Case, load_case
@@ -55,6 +56,23 @@ def test_intervals_a_hundred_times_longer(tmp_path: Path) -> None:
         assert abs(long.balances[balance]["error"].value) < 1e-6
     table = read_history(tmp_path / "long" / "history.csv")
     assert all(whole(row) for _, row in table.iterrows())
+
+
+def test_a_table_that_misses_the_end_by_rounding(tmp_path: Path) -> None:
+    """As inches do that were written as millimetres: no step goes from its last row to the end."""
+    heat = []
+    for last in (300.0, 299.9999999988, 300.0000000012):
+        table = {"position": [0, last], "position_unit": "mm", "value": [2e3, 1e3]}
+        law = {"law": "contact", "wall": "160 degC"}
+        law["coefficient"] = table | {"unit": "W/(m^2 K)"}  # type: ignore[assignment]
+        stepping = {"adaptive": {"tolerance": "1 K"}}
+        changes = {"casting.length": "300 mm", "thermal.time": stepping, "cooling.0.surface": [law]}
+        found = run(small(changes), tmp_path / str(last))
+        assert found.status == "finished"
+        steps = np.diff(read_history(tmp_path / str(last) / "history.csv")["time"])
+        assert steps.min() > 1e-5  # the smallest of a case
+        heat.append(found.quantities["heat_removed"].value)
+    assert heat[1:] == pytest.approx(2 * heat[:1], rel=1e-9)
 
 
 def whole(row: pandas.Series) -> bool:

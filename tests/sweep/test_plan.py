@@ -167,6 +167,10 @@ def test_refused(base, assignments, message):
         ("name,order\na,1\nb,2\na,2\n", "line 4: two rows are named a"),
         ("name,order\na,1\n.,2\n", 'line 3: the name "." makes no name of a folder; give it let'),
         ("name,order\n/,1\n", 'line 2: the name "/" makes no name of a folder'),
+        (
+            "name,order\nsweep.csv,1\n",
+            'line 2: the name "sweep.csv" is kept for files of the sweep',
+        ),
         ("speed [m/min]\n3 kg\n", "run 1: casting.speed: "),
     ],
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -77,6 +78,16 @@ def test_one_number_tells_the_decimal_mark_of_the_file(
 def test_what_spreadsheets_write_around_a_table_is_passed_over(tmp_path: Path, text: str) -> None:
     table = FLUX.read({"file": str(written(tmp_path, text))})
     assert table.arguments == (0.0, 0.3) and table.values == (2.5e6, 1.25e6)  # type: ignore[union-attr]
+
+
+def test_what_is_no_table_at_all_is_refused_at_once(tmp_path: Path) -> None:
+    """A cell without its last quotation mark takes the rest of the file, a pipe forever."""
+    path = written(tmp_path, "a [mm],b\n1,2\n3," + 200_000 * "4" + "\n")
+    with pytest.raises(UnreadableError, match=r"^line 3: .*larger.*; is a quotation mark missing"):
+        read_csv(path)
+    os.mkfifo(tmp_path / "pipe.csv")
+    with pytest.raises(UnreadableError, match="is a pipe, not a file"):
+        read_csv(tmp_path / "pipe.csv")
 
 
 def test_rolls_and_measurements_have_empty_rows_and_columns(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from castfem.base.constants import ROUNDING
+from castfem.base.constants import EXACT, ROUNDING
 from castfem.base.stopwatch import Stopwatch
 from castfem.fem import reductions
 from castfem.fem.probes import LineProbes
@@ -129,11 +129,9 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
         problem = ThermalProblem(section, curve, case.thermal.solver, watch=watch, shape=shape)
     stepping = case.thermal.time
     stepper = ThermalStepper(problem, stepping.scheme, estimate=stepping.step is None)
-    milestones = _milestones(case, machine, zones)
-    if mechanics is not None:
-        acting = mechanics.problem.slice.interactions
-        ends = (end for one in acting for end in (*one.between, *one.knots))
-        milestones += [machine.time_at(end) for end in ends if 0.0 < end < np.inf]
+    acting = () if mechanics is None else mechanics.problem.slice.interactions
+    ends = [end for one in acting for end in (*one.between, *one.knots)]
+    milestones = _milestones(case, machine, zones, [end for end in ends if 0.0 < end < np.inf])
     ended = case.mechanics_end()
     mechanics_end = np.inf if ended is None else machine.time_at(ended)
     if mechanics is None:
@@ -270,15 +268,40 @@ def stations(case: Case) -> list[float]:
     return sorted({r.at for r in case.reference if r.at is not None and r.at < length})
 
 
-def _milestones(case: Case, machine: Machine, zones: Zones) -> list[float]:
-    """Instants to be hit exactly: changes of cooling, mould and speed, stations, output; s."""
-    found = [*zones.changes, *machine.kinks]
-    bends = (*machine.bends, *_drawn(case)) if case.mechanics is not None else ()
-    found += [machine.time_at(p) for p in (*stations(case), *case.mould_knots(), *bends)]
+def _milestones(case: Case, machine: Machine, zones: Zones, ends: list[float]) -> list[float]:
+    """Instants to be hit exactly: output, stations, changes of cooling, mould, speed; s.
+
+    Args:
+        case: The case.
+        machine: Turns positions into instants.
+        zones: Of the cooling.
+        ends: Positions where what acts on the slice begins, ends or bends, m.
+    """
+    due = [machine.time_at(p) for p in stations(case)]
     if case.output_fields:
         every = case.output_every
-        found += [i * every for i in range(1, int(case.casting.duration / every) + 1)]
-    return found
+        due += [i * every for i in range(1, int(case.casting.duration / every) + 1)]
+    bends = (*machine.bends, *_drawn(case)) if case.mechanics is not None else ()
+    changes = [machine.time_at(p) for p in (*case.mould_knots(), *bends, *ends)]
+    changes += [*zones.changes, *machine.kinks]
+    end = case.casting.duration
+    return due + _apart(changes, [0.0, *due, end], end)
+
+
+def _apart(times: list[float], fixed: list[float], end: float) -> list[float]:
+    """The instants without those that only rounding parts from a fixed one, or from another.
+
+    The rows of a table in other units, or of few digits, miss the end of a zone or of the run by a
+    hair: the solver cannot take a step from one to the other. What differs by less than
+    `StepControl` sees stays.
+    """
+    given, kept = np.unique(times), np.sort(fixed)
+    after = np.searchsorted(kept, given)
+    before, after = np.maximum(after - 1, 0), np.minimum(after, len(kept) - 1)
+    near = np.minimum(abs(given - kept[before]), abs(given - kept[after]))
+    given = given[(near <= EXACT * end) | (near > ROUNDING * end)]
+    gaps = np.diff(given, prepend=-np.inf)
+    return [float(t) for t in given[(gaps <= EXACT * end) | (gaps > ROUNDING * end)]]
 
 
 def _drawn(case: Case) -> tuple[float, ...]:

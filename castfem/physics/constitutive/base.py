@@ -209,6 +209,14 @@ class Law(Protocol):
         """What a point remembers, in the order of the columns of its state."""
 
     @property
+    def kind(self) -> int:
+        """Which flow the compiled loop computes, see `kernel.constants`."""
+
+    @property
+    def signed(self) -> bool:
+        """Whether hardening goes by the viscoplastic strain tensor."""
+
+    @property
     def symmetric(self) -> bool:
         """Whether the tangent is symmetric."""
 

@@ -24,10 +24,12 @@ NEWTON: dict[str, Any] = {"snes_linesearch_type": "basic", "snes_max_it": 100}
 # PETSc's own factorisation has no pivoting and no parallel form; with it nested dissection pays.
 OWN = {"pc_factor_mat_solver_type": "petsc", "pc_factor_mat_ordering_type": "nd"}
 
-# On several ranks the scaling that MUMPS chooses by itself goes round among them before each
-# factorisation, to no use in equations of one unit; its ordering, on one rank alone, takes longer
-# than minimum degree, and fronts of this size are too small for ScaLAPACK.
-SEVERAL_RANKS = {"mat_mumps_icntl_7": 0, "mat_mumps_icntl_8": 1, "mat_mumps_icntl_13": 1}
+# The scaling that MUMPS chooses by itself iterates over the matrix before each factorisation, a
+# quarter of its time and on several ranks more, to no use in equations of one unit: by diagonal.
+MUMPS = {"pc_factor_mat_solver_type": "mumps", "mat_mumps_icntl_8": 1}
+# On several ranks its ordering, on one rank alone, takes longer than minimum degree, and fronts of
+# this size are too small for ScaLAPACK.
+SEVERAL_RANKS = {"mat_mumps_icntl_7": 0, "mat_mumps_icntl_13": 1}
 
 
 def split_options(
@@ -46,7 +48,7 @@ def split_options(
         factor["pc_type"] = "cholesky" if symmetric else "lu"
         if "pc_factor_mat_solver_type" not in user:
             has_mumps = PETSc.Sys.hasExternalPackage("mumps")
-            factor |= {"pc_factor_mat_solver_type": "mumps"} if has_mumps else OWN
+            factor |= MUMPS if has_mumps else OWN
             factor |= SEVERAL_RANKS if has_mumps and ranks > 1 else {}
     chosen = {**NEWTON, "ksp_type": "preonly", **factor, **user}
     nonlinear = {k: v for k, v in chosen.items() if not k.startswith(("ksp_", "pc_", "mat_"))}
@@ -158,7 +160,7 @@ def step_share(first: float, work: Callable[[float], float]) -> float:
     at_low, at_high, found = first, full, full
     for _ in range(LIMITS.trials):
         crossing = (at_low * high - at_high * low) / (at_low - at_high)
-        share = 0.1 * high if low == 0.0 else crossing
+        share = max(crossing, 0.1 * high) if low == 0.0 else crossing
         found = work_after(share)
         if abs(found) <= LIMITS.close * first:
             break

@@ -28,11 +28,15 @@ class Run:
     summary: Summary  #: its results
 
     def history(self) -> pandas.DataFrame | None:
-        """Its history, None if it has none with two rows."""
-        try:
-            table = read_history(self.folder / HISTORY_NAME)
-        except InputError:
+        """Its history, None if it has none with two rows.
+
+        Raises:
+            InputError: The file is damaged.
+        """
+        path = self.folder / HISTORY_NAME
+        if not path.is_file():
             return None
+        table = read_history(path)
         return table if len(table) > 1 else None
 
     def speed_and_length(self) -> tuple[float, float] | None:

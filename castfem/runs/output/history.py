@@ -145,6 +145,9 @@ def read_history(path: Path | str) -> pandas.DataFrame:
     values = [[_number(path, cell) for cell in row.split(",")] for row in rows]
     if any(len(row) != len(columns) for row in values):
         raise InputError(f"{path}: a row has not the {len(columns)} cells of the header")
+    for before, this in pairwise(row[0] for row in values):
+        if not this >= before:  # nor where one is missing
+            raise InputError(f"{path}: its times do not increase ({this:g} s after {before:g} s)")
     table = pandas.DataFrame(values, columns=[name for name, _ in columns], dtype=float)
     table.attrs["units"] = dict(columns)
     return table
@@ -212,4 +215,7 @@ def _columns(path: Path, header: str) -> list[tuple[str, str]]:
     columns: list[tuple[str, Any]] = [(m.group(1), m.group(2)) for m in found if m]
     if len(columns) != len(found) or columns[0][0] != "time":
         raise InputError(f"{path}: line 1 is not 'time [s],name [unit],...'")
+    names = [name for name, _ in columns]
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise InputError(f"{path}: line 1: two columns are called {twice}")
     return columns

@@ -247,6 +247,11 @@ def followed(case: Case, measured: Sequence[Measured]) -> Case:
     }
     farthest = max(measured, key=lambda one: reach[one])
     last, length = reach[farthest], case.casting.length
+    if last <= 0.0:
+        raise InputError(
+            f"{farthest.where}: all values are of the meniscus itself, where no casting has acted "
+            "yet; give some of further down"
+        )
     if last > length * (1 + ROUNDING):
         needed = "was measured" if last == farthest.position else "of mould take its heat"
         raise InputError(

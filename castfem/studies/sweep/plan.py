@@ -29,6 +29,7 @@ class NameLengths:
 
 LENGTHS = NameLengths()
 _NAME = "name"  # of the column that names the runs
+_OWN = ("sweep", "compare", "report")  # what lies beside the runs, whatever the ending
 _LABEL = "sweep"  # where a value was written, in messages
 _QUOTED = (
     "(a cell with commas stands in quotes, quotes within it doubled; or part the cells by "
@@ -236,6 +237,11 @@ def _check_name(name: str, line: int, rows: Iterable[Row]) -> None:
         raise ValueError(
             f'line {line}: the name "{shortened(name)}" makes no name of a folder; give it letters '
             "(A to Z) or digits"
+        )
+    if name.partition(".")[0] in _OWN:
+        raise ValueError(
+            f'line {line}: the name "{shortened(name)}" is kept for files of the sweep; choose '
+            f"another than {', '.join(_OWN)}"
         )
     if len(name) > LENGTHS.folder:
         raise ValueError(

@@ -54,16 +54,20 @@ def back_stress_gain(c, old, aside, gain):  # type: ignore[no-untyped-def]
         The change, its derivative by the gain, and by `old`.
     """
     m, u = c[HARDENING_EXPONENT] - 1.0, old + gain
-    before, r = math.hypot(old, aside), max(math.hypot(u, aside), 1e-300)
-    level, share = c[HARDENING] * r**m, u / r
+    before = math.sqrt(old * old + aside * aside)
+    r = max(math.sqrt(u * u + aside * aside), u, -u, 1e-300)  # the squares may underflow
+    level_old = c[HARDENING] * before**m if before > 0.0 else 0.0
+    if before > 0.0 and r > 0.5 * before:  # a difference of nearly equal numbers
+        part = (2.0 * (old / before) + gain / before) * (gain / before)
+        grown = level_old * math.expm1(0.5 * m * math.log1p(part))
+        level = level_old + grown
+    else:
+        level = c[HARDENING] * r**m
+        grown = level - level_old
+    share = u / r
     by_gain = level * (1.0 + m * share * share)
     if before == 0.0:
         return level * u, by_gain, 0.0
-    level_old = c[HARDENING] * before**m
-    grown = level - level_old
-    if r > 0.5 * before:  # a difference of nearly equal numbers
-        part = (2.0 * (old / before) + gain / before) * (gain / before)
-        grown = level_old * math.expm1(0.5 * m * math.log1p(part))
     # The flow turns against a strain tensor that stays: r by `old` is gain / r.
     return level * gain + grown * old, by_gain, grown + level * m * share * gain / r
 
@@ -100,6 +104,20 @@ def _steel_flow(c, old, aside, left, signed, z, increment, ln_dt):  # type: igno
         slope += weight * delta * (1.0 / n + hardens * m * DELTA_STRAIN_SCALE * gain / hard)
         by_old += weight * delta * hardens * m * DELTA_STRAIN_SCALE / hard
     return stress, slope, by_old
+
+
+@compiled
+def fastest(kind, c, ln_stress, ln_dt):  # type: ignore[no-untyped-def]
+    """Value of ln dp at which the rate alone takes a stress above S0.
+
+    Where strain hardens dp is no larger. Infinite where a law has no such bound.
+    """
+    if kind == CREEP:
+        return ln_dt + c[LN_FACTOR] + c[EXPONENT] * ln_stress
+    if kind == STEEL and c[DELTA_WEIGHT] < 1.0:
+        ln_viscous = ln_stress - math.log(1.0 - c[DELTA_WEIGHT])
+        return ln_dt + c[LN_GAMMA_RATE] + c[GAMMA_EXPONENT] * ln_viscous
+    return math.inf
 
 
 @compiled

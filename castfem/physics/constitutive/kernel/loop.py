@@ -4,10 +4,31 @@ from __future__ import annotations
 
 import numpy as np
 
-from castfem.base.compiled import outermost
+from castfem.base.compiled import compiled, outermost
 from castfem.physics.constitutive.kernel.constants import BULK, SEEK, SHARE, SHEAR
 from castfem.physics.constitutive.kernel.dual import TINY, fill
 from castfem.physics.constitutive.kernel.point import fill_tangent, respond, turn_tangent
+
+
+@compiled
+def integrate_all(  # type: ignore[no-untyped-def]
+    kind, signed, coefficients, strain, thermal, stress_old, state_old, dt,
+    stress, tangent, state, dissipation, flows,
+):  # fmt: skip
+    """Integrate all points over a step, see `integrate_points`."""
+    vectors = np.zeros((4, 4))
+    for i in range(strain.shape[0]):
+        c = coefficients[i]
+        increment, scale, kept, by_old, length, _rate, dissipation[i] = respond(
+            kind, signed, c, i, strain, thermal[i], stress_old, state_old, dt, SEEK, 0.0,
+            vectors, stress, state, i,
+        )  # fmt: skip
+        flows[i] = increment > 0.0
+        share, shear2 = c[SHARE], 2.0 * c[SHEAR]
+        fill_tangent(tangent, i, vectors, shear2 * share, c[BULK] * share, scale, kept)
+        if signed and increment > 0.0:
+            factor = 2.0 / 3.0 * by_old * shear2 * share / length
+            turn_tangent(tangent, i, vectors, factor)
 
 
 @outermost
@@ -34,19 +55,10 @@ def integrate_points(  # type: ignore[no-untyped-def]
         flows: Out, whether the point flows (n,).
         sources: Not to be given, see `castfem.base.compiled`.
     """
-    vectors = np.zeros((4, 4))
-    for i in range(strain.shape[0]):
-        c = coefficients[i]
-        increment, scale, kept, by_old, length, _rate, dissipation[i] = respond(
-            kind, signed, c, i, strain, thermal[i], stress_old, state_old, dt, SEEK, 0.0,
-            vectors, stress, state, i,
-        )  # fmt: skip
-        flows[i] = increment > 0.0
-        share, shear2 = c[SHARE], 2.0 * c[SHEAR]
-        fill_tangent(tangent, i, vectors, shear2 * share, c[BULK] * share, scale, kept)
-        if signed and increment > 0.0:
-            factor = 2.0 / 3.0 * by_old * shear2 * share / length
-            turn_tangent(tangent, i, vectors, factor)
+    integrate_all(
+        kind, signed, coefficients, strain, thermal, stress_old, state_old, dt,
+        stress, tangent, state, dissipation, flows,
+    )  # fmt: skip
 
 
 @outermost

@@ -6,8 +6,10 @@ q = trial - 3G dp, and the law asks q = flow stress. It is solved for z = ln dp:
     ln( S(z) - S0 + 3G exp(z) ) = ln( trial - S0 ),        S0 = flow stress at rate zero,
 
 whose left side is increasing and, for sums of power laws, convex with slopes between the smallest
-exponent of the law and 1: Newton from the right end ln(trial / 3G) falls onto the root without
-leaving the bracket, whatever the exponents. Where a law is not convex the bracket guards.
+exponent of the law and 1: Newton from the right falls onto the root without leaving the bracket,
+whatever the exponents. It begins at ln(trial / 3G), where flow takes all of the trial stress, or
+where the rate alone would need it all, if that is less. Where a law is not convex the bracket
+guards.
 
 A flow curve whose yield limit is found automatically, `hardening_laws.NortonHoff` without one, has
 a problem of its own: its flow stress depends on a rate that is remembered, [Pascon2003] (163), and
@@ -42,6 +44,7 @@ from castfem.physics.constitutive.kernel.constants import (
 )
 from castfem.physics.constitutive.kernel.flow_stress import (
     exp,
+    fastest,
     flow_stress,
     hardening_strain,
     strain_factor,
@@ -70,8 +73,11 @@ def _return_to_flow(  # type: ignore[no-untyped-def]
         # While flow goes back e = q/E, and with p4 > 0 no stress at all is a root beside the one
         # that is meant, to the left of which alone the flow stress is below that of the point.
         z = high - LN_2
+    elif not signed or old >= 0.0:  # else the back stress may help the flow
+        z = min(high, fastest(kind, c, goal, ln_dt))
     if near > 0.0:
         z = math.log(near)
+    solved = False
     for _ in range(STEPS):
         increment = math.exp(z)
         flow, slope, by_trial, by_old = flow_stress(
@@ -87,11 +93,9 @@ def _return_to_flow(  # type: ignore[no-untyped-def]
             low = z
         rise = (slope + shear3 * increment) / total if total > 0.0 else 0.0
         step = excess / rise if rise > 0.0 else math.inf
-        if near > 0.0:
+        if near > 0.0 or abs(step) <= LAST_STEP:
             increment, flow = increment - step * increment, flow - step * slope
-            break
-        if abs(step) <= LAST_STEP:
-            z -= step
+            solved = True
             break
         new = z - step
         if not (low < new <= high):  # also when the step is not a number
@@ -108,7 +112,7 @@ def _return_to_flow(  # type: ignore[no-untyped-def]
             z = TINY_LN
         if high - low <= ROUNDING * (1.0 + abs(z)):
             break
-    if near <= 0.0:
+    if not solved:
         increment = math.exp(z)
         flow, slope, by_trial, by_old = flow_stress(
             kind, c, old, aside, left, signed, trial, z, increment, ln_dt

@@ -9,8 +9,13 @@ import numpy as np
 from castfem.base.compiled import compiled, outermost
 from castfem.base.errors import RunFailure
 from castfem.base.types import Array
-from castfem.physics.constitutive.base import Law, MaterialStep, Response
+from castfem.physics.constitutive.base import Law
+from castfem.physics.constitutive.kernel.loop import integrate_all
 from castfem.physics.machine.bulging.shell import Points, stiffness
+
+BALANCED = 1e-6
+"""What may be out of balance, over the largest moment."""
+ITERATIONS = 120
 
 
 @compiled
@@ -43,9 +48,9 @@ def _solve(matrix, right):  # type: ignore[no-untyped-def]
             right[k, j] /= matrix[k, k]
 
 
-@outermost
+@compiled
 def _correction(  # type: ignore[no-untyped-def]
-    stress, tangent, weight, arm, moment, size, change, sources=None
+    stress, tangent, weight, arm, moment, size, change
 ):
     """Newton's correction of the strain increments of all points.
 
@@ -61,7 +66,6 @@ def _correction(  # type: ignore[no-untyped-def]
         moment: Given, N.
         size: Thickness, m.
         change: Out, of the strain increments (n, 4).
-        sources: Not to be given, see `castfem.base.compiled`.
 
     Returns:
         What is out of balance, as a moment, N, and d curvature / d moment.
@@ -96,6 +100,70 @@ def _correction(  # type: ignore[no-untyped-def]
         change[i, 1] = -(stress[i, 1] + c[1, 0] * solved[0, 0] + c[1, 2] * axial) / c[1, 1]
     out = net[2] ** 2 + size**2 * (net[0] ** 2 + net[1] ** 2) + size**3 * through
     return np.sqrt(out), solved[2, 1]
+
+
+@outermost
+def _lead(  # type: ignore[no-untyped-def]
+    kind, signed, coefficients, thermal_rate, weight, arm, size, moment, dt, stress, state,
+    curvature, axial, compliance, sources=None,
+):  # fmt: skip
+    """Lead the layers through a history of the moment, a step after the other.
+
+    Args:
+        kind: Of the law, as its `coefficients` (n, columns) and whether it is `signed`: see
+            `integrate_points`.
+        signed: As there.
+        coefficients: As there.
+        thermal_rate: (n,), 1/s.
+        weight: (n,), m.
+        arm: Neutral depth less depth (n,), m.
+        size: Thickness, m.
+        moment: At the ends of the steps (m,), N per metre of width.
+        dt: Of the steps (m,), s.
+        stress: At the start and then at the end (n, 4), Pa.
+        state: The same (n, states).
+        curvature: Out, since the start (m+1,), 1/m.
+        axial: Out, strain of the neutral axis since the start (m+1,).
+        compliance: Out, d curvature / d moment (m,), 1/(N m).
+        sources: Not to be given, see `castfem.base.compiled`.
+
+    Returns:
+        Steps taken, all of them unless the layers cannot carry a moment, and what is out of balance
+        in the last, over what is carried.
+    """
+    n, scale = len(weight), max(np.abs(moment).max(), 1e-300)
+    new, state_new, tangent = np.empty_like(stress), np.empty_like(state), np.empty((n, 4, 4))
+    dissipation, flows = np.empty(n), np.empty(n, np.bool_)
+    increment, change, taken = np.zeros((n, 4)), np.zeros((n, 4)), np.zeros((n, 4))
+    rate, rest = np.zeros((n, 4)), 0.0
+    for k in range(len(dt)):
+        increment[:] = rate * dt[k]
+        share, least, balanced = 1.0, np.inf, False
+        for _ in range(ITERATIONS):
+            integrate_all(
+                kind, signed, coefficients, increment, thermal_rate * dt[k], stress, state, dt[k],
+                new, tangent, state_new, dissipation, flows,
+            )  # fmt: skip
+            rest, compliance[k] = _correction(new, tangent, weight, arm, moment[k], size, change)
+            if rest <= BALANCED * scale:
+                balanced = True
+                break
+            if rest < least or share < 1e-4:
+                taken[:] = change
+                share, least = 1.0, rest
+                increment += taken
+            else:  # too far: halfway back
+                share *= 0.5
+                increment -= share * taken
+        if not balanced:
+            return k, rest / scale
+        stress[:] = new
+        state[:] = state_new
+        bent = (increment[0, 2] - increment[-1, 2]) / (arm[0] - arm[-1])
+        curvature[k + 1] = curvature[k] + bent
+        axial[k + 1] = axial[k] + increment[0, 2] - bent * arm[0]
+        rate[:] = increment / dt[k]
+    return len(dt), rest / scale
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +215,6 @@ class Layers:
         self.stiffness = stiffness(law.elasticity, points)
         self.arm = self.stiffness.neutral - points.depth
         self._coefficients = law.coefficients(points.temperature, points.temperature)
-        self._out = Response.empty(len(points.depth), len(law.state_names))
 
     def virgin(self) -> Condition:
         """Return layers free of stress that have never been strained."""
@@ -165,51 +232,17 @@ class Layers:
         Raises:
             RunFailure: If no state of the layers carries a moment.
         """
-        steps, arm = len(dt), self.arm
-        scale = max(float(np.abs(moment).max()), 1e-300)
+        steps, points = len(dt), self.points
         curvature, axial, compliance = np.zeros(steps + 1), np.zeros(steps + 1), np.zeros(steps)
         stress, state = start.stress.copy(), start.state.copy()
-        rate = np.zeros_like(stress)
-        for k in range(steps):
-            increment = rate * dt[k]
-            compliance[k] = self._step(
-                increment, float(moment[k]), float(dt[k]), stress, state, scale
+        taken, rest = _lead(
+            self.law.kind, self.law.signed, self._coefficients, points.thermal_rate, points.weight,
+            self.arm, points.thickness, moment, dt, stress, state, curvature, axial, compliance,
+        )  # fmt: skip
+        if taken < steps:
+            raise RunFailure(
+                f"the shell of {1e3 * points.thickness:.3g} mm cannot carry the moment of "
+                f"{moment[taken]:.3g} N per metre of width that the pressure of the liquid brings "
+                f"about between the rolls (out of balance by {rest:.1e} of the largest)"
             )
-            stress[:], state[:] = self._out.stress, self._out.state
-            bent = (increment[0, 2] - increment[-1, 2]) / (arm[0] - arm[-1])
-            curvature[k + 1] = curvature[k] + bent
-            axial[k + 1] = axial[k] + increment[0, 2] - bent * arm[0]
-            rate = increment / dt[k]
         return LayerHistory(curvature, axial, compliance, Condition(stress, state))
-
-    def _step(
-        self, increment: Array, moment: float, dt: float, stress: Array, state: Array, scale: float
-    ) -> float:
-        """Find the strain increments of a step from the guess in `increment`.
-
-        Returns:
-            d curvature / d moment.
-        """
-        points, out = self.points, self._out
-        heat = points.temperature
-        step = MaterialStep(increment, points.thermal_rate * dt, heat, heat, dt)
-        change, taken = np.zeros_like(increment), np.zeros_like(increment)
-        share, least = 1.0, np.inf
-        for _ in range(120):
-            self.law.integrate(step, stress, state, coefficients=self._coefficients, out=out)
-            rest, compliance = _correction(
-                out.stress, out.tangent, points.weight, self.arm, moment, points.thickness, change
-            )
-            if rest <= 1e-6 * scale:
-                return float(compliance)
-            if rest < least or share < 1e-4:
-                taken[:], share, least = change, 1.0, rest
-                increment += taken
-            else:  # too far: halfway back
-                share *= 0.5
-                increment -= share * taken
-        raise RunFailure(
-            f"the shell of {1e3 * points.thickness:.3g} mm cannot carry the moment of "
-            f"{moment:.3g} N per metre of width that the pressure of the liquid brings about "
-            f"between the rolls (out of balance by {rest / scale:.1e} of the largest)"
-        )
