@@ -225,6 +225,28 @@ def test_wall_of_the_mould_is_kept_without_it():
 
 
 @needs_mpirun
+def test_ranks_do_the_runs(tmp_path):
+    write_small(tmp_path)
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import castfem\nfrom mpi4py import MPI\n"
+        "from castfem.studies.optimisation import Evaluator, serve\n"
+        "comm = MPI.COMM_WORLD\n"
+        "if comm.rank:\n    serve(comm)\nelse:\n"
+        "    case = castfem.load('small').with_(length='6 mm')\n"
+        "    with Evaluator(case, 'runs', comm=comm) as evaluate:\n"
+        "        one = evaluate.many([{'speed': '3 m/min'}, {'speed': '4 m/min'}])\n"
+        "        two = evaluate({'speed': '5 m/min'})\n"
+        "        print([e['heat_removed'] for e in (*one, two)], evaluate.runs)\n"
+    )
+    done = python_on(3, str(script), folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    alone = Evaluator(small(SHORT), tmp_path / "alone")
+    heat = [alone({"speed": f"{v} m/min"})["heat_removed"] for v in (3, 4, 5)]
+    assert done.stdout.strip() == f"{heat} 3"
+
+
+@needs_mpirun
 def test_groups_of_ranks_do_the_runs_also_after_a_full_disk(tmp_path):
     """No rank is left waiting where rank 0 cannot write the record of the runs, and says so.
 

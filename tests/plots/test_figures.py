@@ -216,6 +216,11 @@ def test_which_state_is_drawn(tmp_path: Path, exit_: float | None, at: float) ->
         assert RunData(folder, None, files).at_exit == len(positions) - 1
 
 
+def test_both_figures_are_drawn(tmp_path: Path) -> None:
+    drawn = {path.stem for path in draw_figures(write_run(tmp_path / "run"))}
+    assert {"temperature", "states"} <= drawn
+
+
 def test_the_meniscus_is_no_state_to_look_at(tmp_path: Path) -> None:
     """With states far apart that after it is drawn, though it lies farther from the exit."""
     folder = write_run(tmp_path / "run", steps=80)
