@@ -38,31 +38,22 @@ LATE = INSTANTS >= 0.5 * END - 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What a run is made with; lengths in mm, times in s.
+    """What a run is made with; lengths in mm, times in s."""
 
-    Attributes:
-        corner: "rounded" (5 mm, as in the case) or "sharp".
-        cell: "quadrilateral" or "triangle".
-        surface_size: And the other lengths of [mesh]; None leaves the optional ones to castfem.
-        scheme: "sdirk2" or "backward_euler".
-        step: Fixed step, s; None for adaptive stepping.
-        tolerance: Of adaptive stepping, K; None for a fixed step. largest: Its largest step, s.
-        solver: PETSc options.
-    """
-
-    corner: str = "rounded"
-    cell: str = "quadrilateral"
+    corner: str = "rounded"  #: "rounded" (5 mm, as in the case) or "sharp"
+    cell: str = "quadrilateral"  #: "quadrilateral" or "triangle"
+    #: and the other lengths of [mesh]; None leaves the optional ones to castfem
     surface_size: float = 0.5
     corner_size: float | None = None
     face_size: float | None = None
     core_size: float = 8.0
     surface_depth: float | None = None
     core_depth: float | None = None
-    scheme: str = "sdirk2"
-    step: float | None = None
-    tolerance: float | None = None
-    largest: float = 0.5
-    solver: dict[str, Any] = field(default_factory=dict, hash=False)
+    scheme: str = "sdirk2"  #: "sdirk2" or "backward_euler"
+    step: float | None = None  #: fixed step, s; None for adaptive stepping
+    tolerance: float | None = None  #: of adaptive stepping, K; None for a fixed step
+    largest: float = 0.5  #: its largest step, s
+    solver: dict[str, Any] = field(default_factory=dict, hash=False)  #: PETSc options
 
     @property
     def stepping(self) -> str:
@@ -134,32 +125,21 @@ class Listener:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """One run.
+    """One run."""
 
-    Attributes:
-        settings: What it was made with.
-        mid_face: Surface temperature at mid-face at each of `INSTANTS` (n,), degC.
-        corner: The same in the corner.
-        heat: Heat removed from the whole section until then (n,), MJ per m of strand.
-        shell_mid_face: Depth of the solidus (n,), mm; shell_corner: along the diagonal.
-        vertices: Unknowns. cells: Cells. steps: Steps taken. rejected: Steps tried in vain.
-        newton: Newton iterations. wall: Shortest time of the time loop, s, without output.
-        sections: Time of the shortest run by section of the stopwatch, s.
-    """
-
-    settings: Settings
-    mid_face: Array
-    corner: Array
-    heat: Array
-    shell_mid_face: Array
-    shell_corner: Array
-    vertices: int
-    cells: int
-    steps: int
-    rejected: int
-    newton: int
-    wall: float
-    sections: dict[str, float]
+    settings: Settings  #: what it was made with
+    mid_face: Array  #: surface temperature at mid-face at each of `INSTANTS` (n,), degC
+    corner: Array  #: the same in the corner
+    heat: Array  #: heat removed from the whole section until then (n,), MJ per m of strand
+    shell_mid_face: Array  #: depth of the solidus (n,), mm
+    shell_corner: Array  #: the same along the diagonal
+    vertices: int  #: unknowns
+    cells: int  #: cells
+    steps: int  #: steps taken
+    rejected: int  #: steps tried in vain
+    newton: int  #: Newton iterations
+    wall: float  #: shortest time of the time loop, s, without output
+    sections: dict[str, float]  #: time of the shortest run by section of the stopwatch, s
 
 
 def strip_case(length: float, size: float, step: float) -> Case:

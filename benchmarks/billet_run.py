@@ -83,22 +83,14 @@ class Late(CastfemError):
 
 @dataclass
 class Listener:
-    """Sits where a recorder does: looks at the clock and at every window.
+    """Sits where a recorder does: looks at the clock and at every window."""
 
-    Attributes:
-        deadline: When to give up, s of `process_time`. penetration: Largest of all windows, m.
-        unbalanced: Largest error of the forces.
-        force: Of the wall on half a face at the last window, N per m of strand.
-        pressure: On the mid-face then, Pa.
-        tracks: Position [m], gap [mm] and surface temperature [K] by probe, diagonal [m], of
-            every window.
-    """
-
-    deadline: float
-    penetration: float = 0.0
-    unbalanced: float = 0.0
-    force: float = np.nan
-    pressure: float = np.nan
+    deadline: float  #: when to give up, s of `process_time`
+    penetration: float = 0.0  #: largest of all windows, m
+    unbalanced: float = 0.0  #: largest error of the forces
+    force: float = np.nan  #: of the wall on half a face at the last window, N per m of strand
+    pressure: float = np.nan  #: on the mid-face then, Pa
+    #: position [m], gap [mm] and surface temperature [K] by probe, diagonal [m], of every window
     tracks: dict[str, list[float]] = field(default_factory=dict)
 
     def step(self, run: RunState, sample: Sample) -> None:
@@ -156,26 +148,19 @@ class Listener:
 
 @dataclass(frozen=True)
 class Found:
-    """One run.
+    """One run."""
 
-    Attributes:
-        values: Results at the exit of the mould by name, in the units of the tables.
-        seconds: Processor time of the time loop. cells: Of the mesh.
-        failure: Why it has not come to its end, empty if it has.
-        cut: Windows that were tried in vain. newton: Mechanical iterations. windows: Taken.
-        labels: What the values of the summary are called there, with where they were found.
-        units: Theirs.
-    """
-
+    #: results at the exit of the mould by name, in the units of the tables
     values: Mapping[str, float]
-    seconds: float
-    cells: int
-    failure: str = ""
-    cut: int = 0
-    newton: int = 0
-    windows: int = 0
+    seconds: float  #: processor time of the time loop
+    cells: int  #: of the mesh
+    failure: str = ""  #: why it has not come to its end, empty if it has
+    cut: int = 0  #: windows that were tried in vain
+    newton: int = 0  #: mechanical iterations
+    windows: int = 0  #: taken
+    #: what the values of the summary are called there, with where they were found
     labels: Mapping[str, str] = field(default_factory=dict)
-    units: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)  #: theirs
 
 
 def run(mould: str, changes: Iterable[str] = (), patience: float = PATIENCE) -> Found:

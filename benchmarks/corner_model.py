@@ -38,17 +38,11 @@ _MUSH = HEAT * (LIQUIDUS - SOLIDUS) + LATENT  # J/kg, from solidus to liquidus
 
 @dataclass(slots=True)
 class Column:
-    """Cells below a surface, each with its enthalpy, J/m3, above that at the solidus.
+    """Cells below a surface, each with its enthalpy, J/m3, above that at the solidus."""
 
-    Attributes:
-        size: Of a cell, m.
-        areas: Of the cells' sides over that of the surface (cells + 1,).
-        enthalpy: (cells,).
-    """
-
-    size: float
-    areas: Array
-    enthalpy: Array
+    size: float  #: of a cell, m
+    areas: Array  #: of the cells' sides over that of the surface (cells + 1,)
+    enthalpy: Array  #: (cells,)
 
     @classmethod
     def poured(cls, size: float, depth: float, radius: float = np.inf) -> Column:

@@ -23,18 +23,12 @@ CLOCK = "processor_time.txt"
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """A run that has ended.
+    """A run that has ended."""
 
-    Attributes:
-        summary: Its summary. history: A row for each step.
-        seconds: Processor time, s, of what was run of it last; NaN if that is not known.
-        failure: Why it did not come to its end; "" where it did.
-    """
-
-    summary: Summary
-    history: pd.DataFrame
-    seconds: float
-    failure: str
+    summary: Summary  #: its summary
+    history: pd.DataFrame  #: a row for each step
+    seconds: float  #: processor time, s, of what was run of it last; NaN if that is not known
+    failure: str  #: why it did not come to its end; "" where it did
 
 
 def finished_run(case: Case, folder: Path) -> Finished:

@@ -9,7 +9,7 @@ from typing import Any
 
 from benchmarks.report import Columns, Output
 from castfem.model.shipped_cases import load
-from castfem.post.compare.optimum_files import mould_table
+from castfem.post.compare.optimum_tables import mould_table
 from castfem.post.plots.studies import optimum_figure
 from castfem.post.plots.style import save
 from castfem.runs.output.history import HISTORY_NAME, read_history

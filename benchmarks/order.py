@@ -30,17 +30,12 @@ ORDERS = {
 
 @dataclass
 class Corner:
-    """Sits where a recorder does: the corner's surface at the end of each window.
+    """Sits where a recorder does: the corner's surface at the end of each window."""
 
-    Attributes:
-        time: s. heat: Temperature, °C. given: What the mechanics were strained with, °C.
-        peak: Largest von Mises stress of the slice, MPa.
-    """
-
-    time: list[float] = field(default_factory=list)
-    heat: list[float] = field(default_factory=list)
-    given: list[float] = field(default_factory=list)
-    peak: list[float] = field(default_factory=list)
+    time: list[float] = field(default_factory=list)  #: s
+    heat: list[float] = field(default_factory=list)  #: temperature, °C
+    given: list[float] = field(default_factory=list)  #: what the mechanics were strained with, °C
+    peak: list[float] = field(default_factory=list)  #: largest von Mises stress of the slice, MPa
 
     def step(self, run: RunState, sample: Sample) -> None:
         """Note a window."""

@@ -36,19 +36,12 @@ _SIGN = re.compile(r" ([-/%]) (?=\w+\.csv\[)")
 
 @dataclass(frozen=True, slots=True)
 class Quotation:
-    """A number in a sentence.
+    """A number in a sentence."""
 
-    Attributes:
-        line: Of the page, from 1.
-        what: The cells it comes from.
-        form: Its format.
-        told: The number as it stands there.
-    """
-
-    line: int
-    what: str
-    form: str
-    told: str
+    line: int  #: of the page, from 1
+    what: str  #: the cells it comes from
+    form: str  #: its format
+    told: str  #: the number as it stands there
 
 
 def pages(folder: Path) -> list[Path]:

@@ -65,17 +65,12 @@ class Reference:
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """Meshes that differ by one factor on every size.
+    """Meshes that differ by one factor on every size."""
 
-    Attributes:
-        name: What tells it from the others. coarsest: Its first mesh. factors: On the sizes.
-        serves: The quantities it is used for.
-    """
-
-    name: str
-    coarsest: Settings
-    factors: Array
-    serves: tuple[str, ...] = QUANTITIES
+    name: str  #: what tells it from the others
+    coarsest: Settings  #: its first mesh
+    factors: Array  #: on the sizes
+    serves: tuple[str, ...] = QUANTITIES  #: the quantities it is used for
 
     def members(self) -> list[Settings]:
         """Settings of every mesh."""

@@ -24,15 +24,11 @@ _WORDS = {"": None, "True": True, "False": False}
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """A folder laid out as docs/: data/*.csv, figures/*.png, and the page with the tables.
+    """A folder laid out as docs/: data/*.csv, figures/*.png, and the page with the tables."""
 
-    Attributes:
-        folder: docs/ itself, or any other place: the page is copied there when it is missing.
-        name: Of the page.
-    """
-
+    #: docs/ itself, or any other place: the page is copied there when it is missing
     folder: Path = PAGE.parent
-    name: str = PAGE.name
+    name: str = PAGE.name  #: of the page
 
     @property
     def page(self) -> Path:

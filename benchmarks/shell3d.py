@@ -45,19 +45,12 @@ GROUPS = ("symmetry_x", "symmetry_y", "inside", "narrow_face", "wide_face")
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """A slab and its pitch.
+    """A slab and its pitch."""
 
-    Attributes:
-        width: Of the slab, m.
-        shell: Its thickness, m.
-        pitch: m.
-        pressure: Pa.
-    """
-
-    width: float
-    shell: float
-    pitch: float
-    pressure: float = 0.2e6
+    width: float  #: of the slab, m
+    shell: float  #: its thickness, m
+    pitch: float  #: m
+    pressure: float = 0.2e6  #: Pa
 
     @property
     def bending(self) -> float:
@@ -151,15 +144,10 @@ def section_of(box: Box, layers: int) -> meshes.SectionMesh:
 
 @dataclass(frozen=True, slots=True)
 class Face:
-    """How far a wide face moves outwards between two rolls.
+    """How far a wide face moves outwards between two rolls."""
 
-    Attributes:
-        x: From the middle, m, (n,).
-        moved: m, (n,).
-    """
-
-    x: Array
-    moved: Array
+    x: Array  #: from the middle, m, (n,)
+    moved: Array  #: m, (n,)
 
     def half(self, width: float) -> float:
         """Where it has moved half as far as in the middle, from the narrow face, m."""

@@ -35,14 +35,10 @@ _SLACK = 1e-6  # m
 
 @dataclass(frozen=True)
 class Change:
-    """A run that differs from the shipped case.
+    """A run that differs from the shipped case."""
 
-    Attributes:
-        name: Of its folder. keys: Of the case.
-    """
-
-    name: str
-    keys: tuple[str, ...] = ()
+    name: str  #: of its folder
+    keys: tuple[str, ...] = ()  #: of the case
 
 
 SHIPPED, SHORTER = Change("as shipped"), Change("1 % shorter", ("coupling.interval=99 mm",))

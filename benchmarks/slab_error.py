@@ -36,17 +36,11 @@ QUIET = ("output.fields=[]", "output.figures=false")
 
 @dataclass(frozen=True)
 class Setting:
-    """One way to run the slab.
+    """One way to run the slab."""
 
-    Attributes:
-        size: Cells at the wide faces, mm; all others in proportion.
-        window: Length of strand between two exchanges of temperature and mechanics, mm.
-        what: What else differs from the case, in words; with `keys`.
-    """
-
-    size: float
-    window: float
-    what: str = ""
+    size: float  #: cells at the wide faces, mm; all others in proportion
+    window: float  #: length of strand between two exchanges of temperature and mechanics, mm
+    what: str = ""  #: what else differs from the case, in words; with `keys`
     keys: tuple[str, ...] = ()
 
     @property

@@ -29,21 +29,15 @@ Field = Callable[[Array, float], Array]
 
 @dataclass(frozen=True, slots=True)
 class Heat:
-    """How the slice cools.
+    """How the slice cools."""
 
-    Attributes:
-        steel: What it is made of. start: Temperature at the meniscus, K.
-        range: Temperatures that can occur, K.
-        laws: Of heat transfer, by groups of the surface (a name covers all that begin with it).
-        scheme: "sdirk2" or "backward_euler".
-        given: Temperatures of vertices (n, 2), m, over time, s: (n,), K, in place of a solution.
-    """
-
-    steel: Steel
-    start: float
-    range: tuple[float, float]
+    steel: Steel  #: what it is made of
+    start: float  #: temperature at the meniscus, K
+    range: tuple[float, float]  #: temperatures that can occur, K
+    #: of heat transfer, by groups of the surface (a name covers all that begin with it)
     laws: Mapping[str, SurfaceLaw | PrescribedTemperature] = field(default_factory=dict)
-    scheme: str = "sdirk2"
+    scheme: str = "sdirk2"  #: "sdirk2" or "backward_euler"
+    #: temperatures of vertices (n, 2), m, over time, s: (n,), K, in place of a solution
     given: Field | None = None
 
 

@@ -36,16 +36,11 @@ MOST = 10.0  # how many times the error that is found may be stated
 
 @dataclass(frozen=True)
 class Scene:
-    """A case whose stated errors are tried.
+    """A case whose stated errors are tried."""
 
-    Attributes:
-        path: Of the case. changes: What is changed of it.
-        known: Its mould, where `billet_error` has run the finer one; "" to run one here.
-    """
-
-    path: Path
-    changes: tuple[str, ...] = ()
-    known: str = ""
+    path: Path  #: of the case
+    changes: tuple[str, ...] = ()  #: what is changed of it
+    known: str = ""  #: its mould, where `billet_error` has run the finer one; "" to run one here
 
 
 BLANK = ROOT / "benchmarks" / "beam_blank.toml"

@@ -35,18 +35,12 @@ RATE, LENGTH = 1e-3, 0.012  # 1/s, strain at the end
 
 @dataclass(frozen=True, slots=True)
 class TensileTest:
-    """A tensile test by segments of constant strain rate.
+    """A tensile test by segments of constant strain rate."""
 
-    Attributes:
-        figure: Of the thesis.
-        title: What it shows.
-        p1: Softening.
-        segments: Strain rate in 1/s and strain at the end, one after another from 0.
-    """
-
-    figure: int
-    title: str
-    p1: float
+    figure: int  #: of the thesis
+    title: str  #: what it shows
+    p1: float  #: softening
+    #: strain rate in 1/s and strain at the end, one after another from 0
     segments: tuple[tuple[float, float], ...]
 
     @property

@@ -45,19 +45,14 @@ RATIO = 1e-6  # stiffness of the liquid
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What a run is made with.
+    """What a run is made with."""
 
-    Attributes:
-        size: Of the cells (of those of the shell where they are graded), mm. step: s.
-        cell: Kind. scheme: "sdirk2", "backward_euler", or "exact": the closed form's temperature.
-        grading: "even"; "core": `size` as deep as the shell gets, then growing to 2 mm; "shell":
-            growing from `size` at the surface to four times as much at the end of the shell.
-    """
-
-    size: float
-    step: float
-    cell: str = "quadrilateral"
-    scheme: str = "sdirk2"
+    size: float  #: of the cells (of those of the shell where they are graded), mm
+    step: float  #: s
+    cell: str = "quadrilateral"  #: kind
+    scheme: str = "sdirk2"  #: "sdirk2", "backward_euler", or "exact": the closed form's temperature
+    #: "even"; "core": `size` as deep as the shell gets, then growing to 2 mm; "shell": growing from
+    #: `size` at the surface to four times as much at the end of the shell
     grading: str = "even"
 
 

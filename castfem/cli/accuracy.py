@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,13 +41,10 @@ class Options(Request):
 
 def error_of_case(options: Options) -> int:
     """Do the runs, print and write the table, put the errors beside the results (collective)."""
-    return many_runs.on_root(
-        lambda ranks: _prepared(options, ranks),
-        lambda ladder, comm: _done(ladder, options, comm),
-    )
+    return many_runs.on_root(partial(_prepared, options))
 
 
-def _prepared(options: Options, ranks: bool) -> Ladder:
+def _prepared(options: Options, ranks: bool) -> many_runs.Work:
     many_runs.check_processes(options.processes, ranks)
     if options.to:
         read_share(options.to)
@@ -59,7 +57,8 @@ def _prepared(options: Options, ranks: bool) -> Ladder:
     options.check_reached(case.casting.length)
     with read_from(path):
         cell_count(case)  # one that cannot be meshed is refused here, not by each of its runs
-    return prepare(levels(case), folder, overwrite=options.overwrite, at=options.at)
+    ladder = prepare(levels(case), folder, overwrite=options.overwrite, at=options.at)
+    return partial(_done, ladder, options)
 
 
 def _alone(options: Options) -> Path:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -31,9 +30,12 @@ from castfem.studies.calibration.fit import (
     read_free,
     write,
 )
-from castfem.studies.calibration.measured import Measured, read_measured
-from castfem.studies.calibration.probe_data import is_of_probe, missing_column
-from castfem.studies.optimisation.evaluator import Evaluator
+from castfem.studies.calibration.measured import (
+    Measured,
+    is_of_probe,
+    missing_column,
+    read_measured,
+)
 
 FIGURE_NAME = "calibration.png"
 _ALIKE = 0.95  # correlation of keys that the data hardly tell apart
@@ -52,7 +54,7 @@ def calibrate_case(
 ) -> int:
     """Fit, print and write, and return the exit status (collective)."""
 
-    def prepare(ranks: bool) -> _Question:
+    def prepare(ranks: bool) -> many_runs.Work:
         if processes != 0:
             many_runs.check_processes(processes, ranks)
         path = shipped_cases.find(name)
@@ -65,9 +67,17 @@ def calibrate_case(
         alone = shipped_cases.default_folder(name, path)
         target = folder or alone.with_name(f"{alone.name}_calibration")
         evaluator = many_runs.evaluator(followed(case, measured), target, processes)
-        return _Question(case, keys, measured, evaluator)
 
-    return many_runs.on_root(prepare, lambda asked, _: _done(asked, quiet, units))
+        def fitted(comm: object) -> int:
+            ended = View(0, 0, quiet=True).ended
+            with evaluator:
+                found = calibrate(case, measured, keys, evaluator, ended)
+            _report(found, target, quiet, units)
+            return 0
+
+        return fitted
+
+    return many_runs.on_root(prepare)
 
 
 def _check_keys(case: Case, keys: Sequence[Free]) -> None:
@@ -93,28 +103,12 @@ def _check_results(case: Case, measured: Sequence[Measured]) -> None:
         raise InputError(problems)
 
 
-@dataclass(frozen=True, slots=True)
-class _Question:
-    """What is to be fitted, to what, and what does the runs."""
-
-    case: Case
-    keys: list[Free]
-    measured: list[Measured]
-    evaluator: Evaluator
-
-
-def _done(asked: _Question, quiet: bool, units: Sequence[str]) -> int:
-    """Fit (on rank 0), print and write."""
-    target = asked.evaluator.store.folder
-    with asked.evaluator as evaluator:
-        view = View(0, 0, quiet=True)
-        found = calibrate(asked.case, asked.measured, asked.keys, evaluator, view.ended)
+def _report(found: Calibration, target: Path, quiet: bool, units: Sequence[str]) -> None:
     write(target, found)
-    with chosen(units), shown_in(units_of(asked.case)):
+    with chosen(units), shown_in(units_of(found.case)):
         save(calibration_figure(_panels(found)), target / FIGURE_NAME)
         if not quiet:
             say(parallel.console(), _keys(found), "", *_words(found, target))
-    return 0
 
 
 def _keys(found: Calibration) -> Table:

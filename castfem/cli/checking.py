@@ -90,7 +90,6 @@ def _print_warnings(
 
 
 def _steel(reading: Reading) -> Steel | None:
-    """Return the steel of a case as far as it is sound."""
     table = reading.case.steel if isinstance(reading.case, Case) else None
     if table is None:
         return None
@@ -236,7 +235,6 @@ def describe_test(name: str, case: TensileCase) -> str:
 
 
 def _speed(speed: float | Table) -> str:
-    """The casting speed, or the range of one that changes."""
     if not isinstance(speed, Table):
         return f"{speed * 60.0:.4g} m/min"
     return f"{min(speed.values) * 60.0:.4g} to {max(speed.values) * 60.0:.4g} m/min"

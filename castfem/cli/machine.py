@@ -26,13 +26,11 @@ from castfem.runs.output.summary import Summary
 
 if TYPE_CHECKING:
     from castfem.model.secondary import Secondary
-    from castfem.physics.machine.rolls import Rolls
     from castfem.post.plots.machine import Spray
 
 
 def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None) -> None:
     """Print the rolls of a case and draw its caster."""
-    from castfem.cli.machine import ended
     from castfem.post.plots.machine import draw
 
     check_picture(picture)
@@ -190,7 +188,6 @@ def roll_table(rolls: Rolls, thickness: float) -> Table:
 
 def show_drives(case: Case, rolls: Rolls, picture: Path, run: Path | None = None) -> None:
     """Print how the drives share the resistance; draw it, where it is known before a run."""
-    from castfem.cli.machine import drives_of
     from castfem.post.plots.machine import draw_drives
 
     assert case.machine is not None and case.machine.extraction is not None

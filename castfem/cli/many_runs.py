@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 from castfem.base.errors import CastfemError, InputError
 from castfem.cli import parallel
@@ -19,45 +19,41 @@ if TYPE_CHECKING:
     from castfem.model import Case
     from castfem.studies.optimisation.evaluator import Evaluator
 
-Prepared = TypeVar("Prepared")
+Work = Callable[["MPI.Intracomm | None"], int]
+"""Makes runs on rank 0, by `Workers` on the ranks, and returns the exit status."""
 
 
-def on_root(
-    prepare: Callable[[bool], Prepared],
-    carry_out: Callable[[Prepared, MPI.Intracomm | None], int],
-) -> int:
+def on_root(prepare: Callable[[bool], Work]) -> int:
     """Prepare and carry out runs on rank 0; the other ranks work (collective).
 
     Args:
-        prepare: Looks at all that the user gave; called with whether there are several ranks.
-        carry_out: Does what has been prepared, by `Workers` on the ranks, and returns the exit
-            status.
+        prepare: Looks at all that the user gave, called with whether there are several ranks;
+            returns what does it.
 
     Returns:
         The exit status, on all ranks.
 
     Raises:
-        InputError: As `prepare`; on all ranks. As `carry_out`; on rank 0, the others return its
-            status.
-        RunFailure: As `carry_out`; likewise.
+        InputError: As `prepare`, on all ranks.
+        CastfemError: As the work, on rank 0; the others return its status.
     """
     comm = parallel.communicator()
-    prepared: Prepared | None = None
+    work: Work | None = None
     problems: tuple[str, ...] = ()
     if parallel.rank_of(comm) == 0:
         try:
-            prepared = prepare(comm is not None)
+            work = prepare(comm is not None)
         except InputError as error:
             problems = error.problems
     problems = parallel.agree(comm, problems)
     if problems:
         raise InputError(problems)
-    if prepared is None:
+    if work is None:
         assert comm is not None
         serve(comm)
         return int(comm.bcast(0))
     try:
-        status = carry_out(prepared, comm)
+        status = work(comm)
     except CastfemError as error:
         if comm is not None:
             comm.bcast(error.exit_status)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,14 +16,15 @@ from castfem.cli.options import Request, chosen
 from castfem.model import load_case, shipped_cases
 from castfem.model.shared_heat import fixed_while_varied
 from castfem.model.shown_units import units_of
-from castfem.post.compare.optimum_files import (
+from castfem.post.compare.optimum_tables import (
     FRONT_NAME,
     MOULD_NAME,
     mould_table,
+    report,
+    spread_scale,
     write_front,
     write_mould_table,
 )
-from castfem.post.compare.optimum_tables import report, spread_scale
 from castfem.post.report.cautions import cautions_of_all
 from castfem.runs.output.summary import Summary
 from castfem.studies.optimisation.fidelity import THERMAL
@@ -59,10 +61,7 @@ class RunLines:
 
 def optimise_case(options: Request) -> int:
     """Search, and return the exit status: 2 where nothing meets the constraints (collective)."""
-    return many_runs.on_root(
-        lambda ranks: _prepared(options, ranks),
-        lambda prepared, _: _done(*prepared, options),
-    )
+    return many_runs.on_root(partial(_prepared, options))
 
 
 def _done(study: Study, target: Path, options: Request) -> int:
@@ -75,7 +74,7 @@ def _done(study: Study, target: Path, options: Request) -> int:
         return _report(study, optimum, target, options)
 
 
-def _prepared(options: Request, ranks: bool) -> tuple[Study, Path]:
+def _prepared(options: Request, ranks: bool) -> many_runs.Work:
     """Read the case and look at its folder."""
     many_runs.check_processes(options.processes, ranks, options.ranks)
     path = shipped_cases.find(options.name)
@@ -88,11 +87,11 @@ def _prepared(options: Request, ranks: bool) -> tuple[Study, Path]:
         for line in fixed_while_varied(case, varied):
             print(f"castfem: {line}", file=sys.stderr)
     evaluator = many_runs.evaluator(case, target, options.processes, options.ranks)
-    return Study(case, evaluator=evaluator, origin=str(path)), target
+    study = Study(case, evaluator=evaluator, origin=str(path))
+    return lambda comm: _done(study, target, options)
 
 
 def _report(study: Study, optimum: Optimum, target: Path, options: Request) -> int:
-    """Write and print the answer; return the exit status."""
     write_json(target / OPTIMUM_NAME, optimum.to_json())
     best = study.case_of(optimum)
     written = [OPTIMUM_NAME]
@@ -127,7 +126,6 @@ def _report(study: Study, optimum: Optimum, target: Path, options: Request) -> i
 
 
 def _drawn(study: Study, optimum: Optimum, target: Path) -> list[str]:
-    """Draw the answer, and return the names of the files."""
     from castfem.post.plots import studies as figures
     from castfem.post.plots.style import save
 
@@ -147,7 +145,6 @@ def _drawn(study: Study, optimum: Optimum, target: Path) -> list[str]:
 
 
 def _mould(study: Study, optimum: Optimum) -> Table:
-    """The table of the mould."""
     head, rows = mould_table(study.case_of(optimum), every=0.1)
     scale = scale_of("mm")
     size = ".3f" if scale.unit == "mm" else ".7g"

@@ -36,7 +36,6 @@ def markdown_page() -> str:
 
 
 def _section(name: str, command: click.Command) -> str:
-    """A command: how it is called, what it does, its arguments and options."""
     arguments = [p for p in command.params if isinstance(p, click.Argument)]
     called = " ".join(["castfem", name, *map(_value, arguments)])
     rows = "".join(_row(p) for p in command.params if getattr(p, "help", None))

@@ -85,12 +85,7 @@ class View:
 
 
 def reached(folder: Path, since: float = 0.0) -> float:
-    """Return how far below the meniscus the run in a folder has come, m.
-
-    Args:
-        folder: Of the run.
-        since: A history older than this (seconds since the epoch) is another run's.
-    """
+    """How far the run in a folder has come, m; a history older than `since` is another run's."""
     path = folder / HISTORY_NAME
     try:
         found = None if path.stat().st_mtime < since else last_row(path)

@@ -62,7 +62,6 @@ def sensitivity_of_case(options: Options) -> None:
 
 
 def _tell(found: Sensitivity, case: Case, target: Path, options: Options) -> None:
-    """Draw and print."""
     from castfem.post.plots.studies import FIGURE_NAME, draw_tornado
     from castfem.studies.sensitivity.result import CSV_NAME, JSON_NAME
 

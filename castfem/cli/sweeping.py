@@ -1,19 +1,22 @@
-"""`castfem sweep`: plan, look at what is finished, run the rest in parallel, print the table."""
+"""`castfem sweep`: plan, run in parallel, print the table; in parts, and a script for SLURM."""
 
 from __future__ import annotations
 
+import shlex
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
+from castfem.base.atomic_files import write_text
 from castfem.base.errors import InputError, RunFailure
 from castfem.base.shown_units import shown_in
 from castfem.base.table import say
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import DEFAULT, Request, chosen
-from castfem.cli.sweep_parts import Share, write_script
 from castfem.model import shipped_cases
 from castfem.model.shared_heat import shared_heat
 from castfem.post.compare.study_tables import sweep_table
@@ -27,6 +30,7 @@ from castfem.studies.sweep.work import Job, Outcome
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
 
 _SOONEST = 2.0  # s between two versions of the table
 
@@ -62,14 +66,10 @@ def sweep_case(options: Options) -> int:
     """Do a sweep and return the exit status: 2 if a run failed, else 0 (collective)."""
     if options.script is not None or options.collect:
         return _alone(options) if parallel.rank_and_size()[0] == 0 else 0
-    return many_runs.on_root(
-        lambda ranks: _prepared(options, ranks),
-        lambda sweep, comm: _done(sweep, options, comm),
-    )
+    return many_runs.on_root(partial(_prepared, options))
 
 
 def _planned(options: Options) -> tuple[tuple[Variant, ...], Path]:
-    """Plan the sweep; return its runs and its folder."""
     path = shipped_cases.find(options.name)
     variants = plan(options.case(path), options.assignments, options.table)
     target = options.target(path, "_sweep")
@@ -80,8 +80,7 @@ def _planned(options: Options) -> tuple[tuple[Variant, ...], Path]:
     return variants, target
 
 
-def _prepared(options: Options, ranks: bool) -> _Sweep:
-    """Plan the sweep and look at its folder."""
+def _prepared(options: Options, ranks: bool) -> many_runs.Work:
     many_runs.check_processes(options.processes, ranks, options.ranks)
     everything, target = _planned(options)
     share = Share.read(options.part) if options.part else Share(1, 1)
@@ -91,7 +90,7 @@ def _prepared(options: Options, ranks: bool) -> _Sweep:
         target, everything, variants, resume=options.resume, overwrite=options.overwrite,
         after=_draw if options.figures else None,
     )  # fmt: skip
-    return _Sweep(record, variants, jobs, share.count == 1)
+    return partial(_done, _Sweep(record, variants, jobs, share.count == 1), options)
 
 
 def _draw(folder: Path) -> None:
@@ -177,3 +176,77 @@ def _report(sweep: _Sweep, options: Options) -> int:
     if waiting:
         print(f"castfem: {waiting} of {len(table)} runs have not finished", file=sys.stderr)
     return RunFailure.exit_status if failed or waiting else 0
+
+
+MOST = 20  # parts, where the user has not said how many
+Row = TypeVar("Row")
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """Every n-th row, from the i-th on: rows beside each other often cost alike."""
+
+    number: int  #: which share, from 1 on
+    count: int  #: number of shares
+
+    @classmethod
+    def read(cls, text: str) -> Share:
+        """Read `3/20`."""
+        number, _, count = text.partition("/")
+        try:
+            share = cls(int(number), int(count))
+        except ValueError:
+            raise InputError(f"--part {text}: write it as 3/20, the third of 20 parts") from None
+        if not 1 <= share.number <= share.count:
+            raise InputError(f"--part {text}: the parts are 1/{share.count} to {count}/{count}")
+        return share
+
+    def of(self, rows: Sequence[Row]) -> Sequence[Row]:
+        """Return the rows of this share; none where there are more shares than rows."""
+        return rows[self.number - 1 :: self.count]
+
+
+def write_script(
+    path: Path, words: Sequence[str], folder: Path, rows: int, parts: int | None, ranks: int
+) -> int:
+    """Write an array script: a task a part, and behind it the command that makes the table.
+
+    Args:
+        path: The script.
+        words: The command line of the sweep, without --part and what goes with it.
+        folder: Of the sweep.
+        rows: Number of its runs.
+        parts: Number of tasks; None for one a run, but not more than 20.
+        ranks: Of each run.
+
+    Returns:
+        The number of parts.
+    """
+    if path.exists():
+        raise InputError(f"{path}: exists already; choose another name for the script")
+    parts = min(rows, MOST) if parts is None else parts
+    command = " ".join(["castfem", "sweep", *map(shlex.quote, words)])
+    launch = f"mpirun -n {ranks} " if ranks > 1 else ""  # srun may know nothing of this MPI
+    each = f" --ranks {ranks}" if ranks > 1 else " -j 1"
+    lines = [
+        "#!/bin/bash",
+        f"# {rows} runs in {parts} tasks of one array. Set what your cluster asks for, then, from",
+        "# the folder in which castfem wrote this:",
+        f"#   sbatch {shlex.quote(str(path))}",
+        "# A task that was killed goes on when it is submitted again. When all have ended:",
+        f"#   {command} --collect",
+        "#SBATCH --job-name=castfem",
+        f"#SBATCH --array=1-{parts}",
+        f"#SBATCH --ntasks={ranks}",
+        "#SBATCH --cpus-per-task=1",
+        "#SBATCH --mem-per-cpu=2G",
+        "#SBATCH --time=04:00:00",
+        f"#SBATCH --output={shlex.quote(str(folder / 'slurm-%a.log'))}",
+        "#SBATCH --requeue",
+        "set -eu",
+        "export OMP_NUM_THREADS=1",
+        f'{launch}{command} --part "$SLURM_ARRAY_TASK_ID/{parts}" --resume --quiet{each}',
+        "",
+    ]
+    write_text(path, "\n".join(lines), durable=False)
+    return parts

@@ -39,17 +39,12 @@ class Conducts(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """Temperature along one line.
+    """Temperature along one line."""
 
-    Attributes:
-        depth: Distance below the surface (n,), m. temperature: (n,), K.
-        cell: Size along the line of the cell of each sample (n,), m.
-        conducts: What is linear between the samples; None for the temperature itself.
-    """
-
-    depth: Array
-    temperature: Array
-    cell: Array | None = None
+    depth: Array  #: distance below the surface (n,), m
+    temperature: Array  #: (n,), K
+    cell: Array | None = None  #: size along the line of the cell of each sample (n,), m
+    #: what is linear between the samples; None for the temperature itself
     conducts: Conducts | None = None
 
     def cell_at(self, level: float) -> float:

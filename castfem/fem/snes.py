@@ -61,18 +61,12 @@ class NonlinearProblem(Protocol):
 
 @dataclass(slots=True)
 class SolveResult:
-    """How one solve ended.
+    """How one solve ended."""
 
-    Attributes:
-        converged: Whether every field met its tolerance.
-        iterations: Newton iterations.
-        reason: SNES' or castfem's word for why it stopped.
-        norms: Residual of each field over its tolerance, for each iteration.
-    """
-
-    converged: bool
-    iterations: int
-    reason: str
+    converged: bool  #: whether every field met its tolerance
+    iterations: int  #: Newton iterations
+    reason: str  #: SNES' or castfem's word for why it stopped
+    #: residual of each field over its tolerance, for each iteration
     norms: list[dict[str, float]] = field(default_factory=list)
 
     def describe(self) -> str:

@@ -100,17 +100,11 @@ class TableModel(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class OneWord:
-    """Annotation of a table that a single word may stand for: that word under its main key.
+    """Annotation of a table that a single word may stand for: that word under its main key."""
 
-    Attributes:
-        key: The main key.
-        words: What it may be where nothing else has to be given.
-        example: The table written out; "" where the table itself refuses other words.
-    """
-
-    key: str
-    words: tuple[str, ...]
-    example: str = ""
+    key: str  #: the main key
+    words: tuple[str, ...]  #: what it may be where nothing else has to be given
+    example: str = ""  #: the table written out; "" where the table itself refuses other words
 
     def _table(self, given: Any) -> Any:
         if not isinstance(given, str):

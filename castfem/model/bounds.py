@@ -20,19 +20,12 @@ from castfem.model.mechanics import Way
 
 
 class Given(NamedTuple):
-    """A number of a case, or a table of them.
+    """A number of a case, or a table of them."""
 
-    Attributes:
-        path: Where it stands.
-        value: In SI.
-        kind: Its unit.
-        bounds: What it usually is, and can be.
-    """
-
-    path: Path
-    value: float | Table
-    kind: Kind
-    bounds: Bounds
+    path: Path  #: where it stands
+    value: float | Table  #: in SI
+    kind: Kind  #: its unit
+    bounds: Bounds  #: what it usually is, and can be
 
     def rows(self) -> Iterator[tuple[str, float]]:
         """Yield its values, each with where it stands in a table."""
@@ -144,19 +137,12 @@ def _kinds(annotations: typing.Iterable[Any]) -> Iterator[Kind]:
 
 
 class Steps(NamedTuple):
-    """What steps of one kind cost.
+    """What steps of one kind cost."""
 
-    Attributes:
-        what: What they are.
-        most: How many are run; of the cheapest, that is hours.
-        much: How many are worth a warning before they are run: about an hour.
-        each: What one takes on an ordinary mesh, s of work, for a first estimate.
-    """
-
-    what: str
-    most: int
-    much: int
-    each: float
+    what: str  #: what they are
+    most: int  #: how many are run; of the cheapest, that is hours
+    much: int  #: how many are worth a warning before they are run: about an hour
+    each: float  #: what one takes on an ordinary mesh, s of work, for a first estimate
 
 
 _THERMAL = Steps("thermal steps", 1_000_000, 100_000, 0.01)
@@ -166,19 +152,12 @@ _STATES = Steps("states of the fields", 50_000, 5_000, 0.01)
 
 
 class Demand(NamedTuple):
-    """Steps of one kind that a case asks for.
+    """Steps of one kind that a case asks for."""
 
-    Attributes:
-        key: Of their length.
-        length: Of one, s.
-        steps: Their kind.
-        share: Of the followed length, that they are taken on.
-    """
-
-    key: str
-    length: float
-    steps: Steps
-    share: float = 1.0
+    key: str  #: of their length
+    length: float  #: of one, s
+    steps: Steps  #: their kind
+    share: float = 1.0  #: of the followed length, that they are taken on
 
     def number(self, case: Case) -> float:
         """Return how many the run takes."""

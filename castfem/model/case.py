@@ -56,23 +56,15 @@ _MOULD = "mould"  # in the name of a zone
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """A cooling zone as far as the strand is followed.
+    """A cooling zone as far as the strand is followed."""
 
-    Attributes:
-        name: Name of the zone.
-        start: Where it begins, from the meniscus, m.
-        end: Where it ends, m; not beyond the followed length.
-        laws: Pairs of the boundary groups (or beginnings of their names) and the law on them.
-        whole: Whether that end is its own.
-        roll_to_roll: Whether it is that of [secondary], whose laws are not told here.
-    """
-
-    name: str
-    start: float
-    end: float
+    name: str  #: name of the zone
+    start: float  #: where it begins, from the meniscus, m
+    end: float  #: where it ends, m; not beyond the followed length
+    #: pairs of the boundary groups (or beginnings of their names) and the law on them
     laws: tuple[tuple[tuple[str, ...], HeatLaw], ...]
-    whole: bool
-    roll_to_roll: bool = False
+    whole: bool  #: whether that end is its own
+    roll_to_roll: bool = False  #: whether it is that of [secondary], whose laws are not told here
 
 
 class Case(TableModel):

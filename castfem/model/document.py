@@ -59,24 +59,19 @@ SET = "--set"
 
 @dataclass
 class Document:
-    """A case as it was written, before it is validated.
+    """A case as it was written, before it is validated."""
 
-    Attributes:
-        data: The merged tables, without `extends`.
-        label: Name of the file that was asked for.
-        origins: Where a key (or the table it stands in) was written: a file, or "--set".
-        joined: File (or "--set") that wrote last in a table that another had begun.
-        faults: Full lines about files and overrides that could not be used.
-        changes: Dotted keys that were overridden, and their new values.
-        left_out: Full lines about inherited keys that a later setting has done away with.
-    """
-
-    data: dict[str, Any]
-    label: str
+    data: dict[str, Any]  #: the merged tables, without `extends`
+    label: str  #: name of the file that was asked for
+    #: where a key (or the table it stands in) was written: a file, or "--set"
     origins: dict[Keys, str] = field(default_factory=dict)
+    #: file (or "--set") that wrote last in a table that another had begun
     joined: dict[Keys, str] = field(default_factory=dict)
+    #: full lines about files and overrides that could not be used
     faults: list[str] = field(default_factory=list)
+    #: dotted keys that were overridden, and their new values
     changes: list[tuple[str, Any]] = field(default_factory=list)
+    #: full lines about inherited keys that a later setting has done away with
     left_out: list[str] = field(default_factory=list)
 
     def origin(self, path: Keys) -> str:

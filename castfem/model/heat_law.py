@@ -31,40 +31,27 @@ GAP = "distance between strand and wall"
 
 @dataclass(frozen=True, slots=True)
 class Extent:
-    """Where a law holds.
+    """Where a law holds."""
 
-    Attributes:
-        start: From the meniscus, m. end: Likewise, of its whole zone.
-        perimeter: Of its groups on the whole strand, m.
-    """
-
-    start: float
-    end: float
-    perimeter: float
+    start: float  #: from the meniscus, m
+    end: float  #: likewise, of its whole zone
+    perimeter: float  #: of its groups on the whole strand, m
 
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """What a heat law may leave to the rest of the case.
+    """What a heat law may leave to the rest of the case."""
 
-    Attributes:
-        steel: Of the strand.
-        machine: When the slice is where.
-        wall: Temperature of the mould's wall as the slice passes it, K, over time in s; None if
-            the case gives none.
-        extent: Where the law holds; None for one that does not ask (`HeatLaw.asks_extent`).
-        water: Of the whole strand; None where the case does not tell it.
-        supply: Of water; None for a law that does not ask.
-        clock: When the slice leaves the meniscus, on the clock of flows over time, s.
-    """
-
-    steel: Steel
-    machine: Machine
+    steel: Steel  #: of the strand
+    machine: Machine  #: when the slice is where
+    #: temperature of the mould's wall as the slice passes it, K, over time in s; None if the case
+    #: gives none
     wall: float | Callable[[float], float] | None = None
+    #: where the law holds; None for one that does not ask (`HeatLaw.asks_extent`)
     extent: Extent | None = None
-    water: Water | None = None
-    supply: Supply | None = None
-    clock: float = 0.0
+    water: Water | None = None  #: of the whole strand; None where the case does not tell it
+    supply: Supply | None = None  #: of water; None for a law that does not ask
+    clock: float = 0.0  #: when the slice leaves the meniscus, on the clock of flows over time, s
 
     def supplied(self, told: Watered) -> float | Table:
         """Return the flow of water that is told as such, per mass of steel or as a share, m3/s."""

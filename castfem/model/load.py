@@ -45,30 +45,23 @@ AnyCase = Case | TensileCase
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What came of reading a case.
+    """What came of reading a case."""
 
-    Attributes:
-        case: The case; with problems, what is sound of it: what is faulty is `UNREADABLE` in it.
-            None if not even the files could be read.
-        problems: One line each.
-        steel: Where the steel was chosen ("billet.toml: steel"), for its own messages; of a tensile
-            test, where its material was.
-        law: The same for the law of the mechanics ("billet.toml: mechanics.law").
-        elasticity: The same for its elasticity.
-        warnings: What a sound case has that was probably not meant, and what a later setting took
-            out of it, one line each.
-        line: Puts where it was written before what was found later.
-        origin: File (or "--set") in which a key was written.
-    """
-
+    #: the case; with problems, what is sound of it: what is faulty is `UNREADABLE` in it. None if
+    #: not even the files could be read
     case: AnyCase | None
-    problems: tuple[str, ...]
+    problems: tuple[str, ...]  #: one line each
+    #: where the steel was chosen ("billet.toml: steel"), for its own messages; of a tensile test,
+    #: where its material was
     steel: str = "steel"
+    #: the same for the law of the mechanics ("billet.toml: mechanics.law")
     law: str = "mechanics.law"
-    elasticity: str = "mechanics.elasticity"
+    elasticity: str = "mechanics.elasticity"  #: the same for its elasticity
+    #: what a sound case has that was probably not meant, and what a later setting took out of it,
+    #: one line each
     warnings: tuple[str, ...] = ()
-    line: Callable[[Problem], str] = str
-    origin: Callable[[document.Keys], str] = str
+    line: Callable[[Problem], str] = str  #: puts where it was written before what was found later
+    origin: Callable[[document.Keys], str] = str  #: file (or "--set") in which a key was written
 
     @property
     def sound(self) -> AnyCase | None:

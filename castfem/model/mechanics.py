@@ -227,13 +227,9 @@ class Mechanics(TableModel):
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """A coupling window that is given by the length of strand that goes by.
+    """A coupling window that is given by the length of strand that goes by."""
 
-    Attributes:
-        length: m.
-    """
-
-    length: float
+    length: float  #: m
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,25 +27,15 @@ _EXAMPLE = '"heat_removed >= 99 % of idealised" or "von_mises_max <= 14 MPa"'
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """A constraint.
+    """A constraint."""
 
-    Attributes:
-        text: As written.
-        right: Of that, what stands right of the sign.
-        quantity: Name of the result that is bounded.
-        sense: On which side.
-        value: The bound in SI; with `relative` a share of the result in the idealised mould.
-        unit: In which it was written, "" for none.
-        relative: Whether it is such a share.
-    """
-
-    text: str
-    right: str
-    quantity: str
-    sense: Sense
-    value: float
-    unit: str
-    relative: bool
+    text: str  #: as written
+    right: str  #: of that, what stands right of the sign
+    quantity: str  #: name of the result that is bounded
+    sense: Sense  #: on which side
+    value: float  #: the bound in SI; with `relative` a share of the result in the idealised mould
+    unit: str  #: in which it was written, "" for none
+    relative: bool  #: whether it is such a share
 
     @property
     def sign(self) -> float:

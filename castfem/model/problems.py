@@ -25,19 +25,12 @@ NOT_MEANT = ("reference", "optimise")
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Something wrong with a case.
+    """Something wrong with a case."""
 
-    Attributes:
-        path: Keys and indices down to what is wrong; () for the whole case.
-        text: What is wrong, what is allowed.
-        kind: pydantic's name of the error, empty for what castfem's own checks find.
-        inherited: Whether it is told of a case that has not written the key itself, too.
-    """
-
-    path: Path
-    text: str
-    kind: str = ""
-    inherited: bool = True
+    path: Path  #: keys and indices down to what is wrong; () for the whole case
+    text: str  #: what is wrong, what is allowed
+    kind: str = ""  #: pydantic's name of the error, empty for what castfem's own checks find
+    inherited: bool = True  #: whether it is told of a case that has not written the key itself, too
 
 
 def at(data: Any, path: Path) -> Any:
@@ -160,19 +153,12 @@ def submodels(annotation: Any) -> list[type[TableModel]]:
 
 
 class Table(NamedTuple):
-    """A table that a case may have.
+    """A table that a case may have."""
 
-    Attributes:
-        path: Its keys.
-        model: Its model; of a table of several kinds, one for each.
-        listed: Whether it, or one around it, is an entry of an array.
-        heading: As in a file, [[cooling]].
-    """
-
-    path: tuple[str, ...]
-    model: type[TableModel]
-    listed: bool
-    heading: str
+    path: tuple[str, ...]  #: its keys
+    model: type[TableModel]  #: its model; of a table of several kinds, one for each
+    listed: bool  #: whether it, or one around it, is an entry of an array
+    heading: str  #: as in a file, [[cooling]]
 
 
 def tables(root: type[TableModel]) -> Iterator[Table]:

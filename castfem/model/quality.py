@@ -14,15 +14,10 @@ from castfem.model.base import TableModel, written
 
 @dataclass(frozen=True, slots=True)
 class Range(Notation):
-    """Annotation of a field that takes a range: its lower and its upper end.
+    """Annotation of a field that takes a range: its lower and its upper end."""
 
-    Attributes:
-        kind: Of both ends.
-        example: A range as it may be written.
-    """
-
-    kind: Kind
-    example: str
+    kind: Kind  #: of both ends
+    example: str  #: a range as it may be written
 
     def described(self, example: object = None) -> str:
         """See `Notation.described`."""

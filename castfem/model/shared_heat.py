@@ -19,17 +19,11 @@ SPEED_KEY = "casting.speed"
 
 @dataclass(frozen=True, slots=True)
 class FixedHeat:
-    """Heat of a law that does not follow the casting speed.
+    """Heat of a law that does not follow the casting speed."""
 
-    Attributes:
-        where: Zone and boundary groups, in words.
-        what: The heat, in words.
-        speed: At which the slice passes the zone, m/s.
-    """
-
-    where: str
-    what: str
-    speed: float
+    where: str  #: zone and boundary groups, in words
+    what: str  #: the heat, in words
+    speed: float  #: at which the slice passes the zone, m/s
 
 
 def fixed_heat(case: Case) -> Iterator[FixedHeat]:

@@ -24,15 +24,10 @@ _FORMS = (
 
 @dataclass(frozen=True, slots=True)
 class Given:
-    """A taper as given; `castfem.physics.mould.taper` says what it means.
+    """A taper as given; `castfem.physics.mould.taper` says what it means."""
 
-    Attributes:
-        segments: In casting order; the last one may have no end.
-        closing: Displacement of the wall over position instead of segments.
-    """
-
-    segments: tuple[TaperSegment, ...] = ()
-    closing: Table | None = None
+    segments: tuple[TaperSegment, ...] = ()  #: in casting order; the last one may have no end
+    closing: Table | None = None  #: displacement of the wall over position instead of segments
 
     def profile(self, length: float) -> TaperProfile:
         """Return the profile along a mould of that length, m.
@@ -61,19 +56,12 @@ class Given:
 
 @dataclass(frozen=True, slots=True)
 class Perimeter:
-    """The tapers round the section, each None where it is not given.
+    """The tapers round the section, each None where it is not given."""
 
-    Attributes:
-        face: Of all faces (of a round, of its wall).
-        narrow_face: Of the narrow faces: it governs the width.
-        wide_face: Of the wide faces: it governs the height.
-        corner: Of the section at its corners; without it the faces stay plane.
-    """
-
-    face: Given | None = None
-    narrow_face: Given | None = None
-    wide_face: Given | None = None
-    corner: Given | None = None
+    face: Given | None = None  #: of all faces (of a round, of its wall)
+    narrow_face: Given | None = None  #: of the narrow faces: it governs the width
+    wide_face: Given | None = None  #: of the wide faces: it governs the height
+    corner: Given | None = None  #: of the section at its corners; without it the faces stay plane
 
     @property
     def parts(self) -> dict[str, Given]:

@@ -63,19 +63,12 @@ class Watered(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Supply:
-    """Turns what is told of water into its flow.
+    """Turns what is told of water into its flow."""
 
-    Attributes:
-        mass: Of the strand per length, kg/m.
-        travel: Has the casting speed.
-        total: Water of the whole strand; None where the case does not tell it.
-        clock: When the slice leaves the meniscus, on the clock of flows over time, s.
-    """
-
-    mass: float
-    travel: Travel
-    total: Water | None
-    clock: float = 0.0
+    mass: float  #: of the strand per length, kg/m
+    travel: Travel  #: has the casting speed
+    total: Water | None  #: water of the whole strand; None where the case does not tell it
+    clock: float = 0.0  #: when the slice leaves the meniscus, on the clock of flows over time, s
 
     def flow(self, told: Watered) -> Flow:
         """Return the flow, m3/s: a number, or a table over casting speed or time."""

@@ -91,12 +91,6 @@ def test_path_with_and_without_suffix(castfem, case_file):
     assert castfem("check", case_file.with_suffix("")).status == 0
 
 
-def test_unknown_case_names_the_nearest(castfem):
-    outcome = castfem("check", "billet125/idealized")
-    assert outcome.status == 1
-    assert "billet125/idealised?" in outcome.err
-
-
 def test_cases_lists_what_can_be_run(castfem):
     outcome = castfem("cases")
     assert outcome.status == 0
@@ -131,34 +125,24 @@ def test_what_is_wrong_with_a_steel_names_where_it_was_written(castfem, case_fil
     assert "is a folder" in outcome.err and "did you mean" not in outcome.err
 
 
-def test_init_into_a_missing_folder(castfem):
-    outcome = castfem("init", "nowhere/x")
-    assert outcome.status == 1
-    assert "cannot be written" in outcome.err
-
-
 def test_schema(castfem):
     assert json.loads(castfem("schema").out)["title"] == "castfem case"
     assert castfem("schema", "--markdown").out == markdown_page()
 
 
-def test_show_needs_a_folder(castfem):
-    outcome = castfem("show", "nowhere")
-    assert outcome.status == 1
-    assert "nowhere: no such folder" in outcome.err
-
-
-def test_a_steel_without_its_composition_is_told_the_option(castfem):
-    outcome = castfem("material", "plain_carbon")
-    assert outcome.status == 1 and outcome.err.rstrip().endswith(
-        "such as C = 0.2, here by -c C=0.2"
-    )
-
-
-def test_composition_of_material(castfem):
-    outcome = castfem("material", "carbon_042", "-c", "C:0.2")
-    assert outcome.status == 1
-    assert "C=0.42" in outcome.err
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("check", "billet125/idealized"), "billet125/idealised?"),
+        (("init", "nowhere/x"), "cannot be written"),
+        (("show", "nowhere"), "nowhere: no such folder"),
+        (("material", "plain_carbon"), "such as C = 0.2, here by -c C=0.2\n"),
+        (("material", "carbon_042", "-c", "C:0.2"), "C=0.42"),
+    ],
+)
+def test_what_cannot_be_used_is_told_with_what_can(castfem, words, said):
+    outcome = castfem(*words)
+    assert outcome.status == 1 and said in outcome.err
 
 
 @pytest.mark.parametrize(

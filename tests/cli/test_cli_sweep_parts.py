@@ -18,7 +18,7 @@ from small_case import write_small
 import castfem as api
 from castfem.base.errors import InputError
 from castfem.cli import sweeping
-from castfem.cli.sweep_parts import Share
+from castfem.cli.sweeping import Share
 from castfem.studies.accuracy.sizes import MESH, factors_of
 from castfem.studies.sweep.groups import check
 from castfem.studies.sweep.plan import plan

@@ -1,4 +1,4 @@
-"""What a shell completes: commands, names of cases, keys of --set; without heavy imports."""
+"""What a shell completes, without heavy imports; the page of the commands is that of today."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import pytest
 
 from castfem.cli import execute
 from castfem.cli.completion import VARIABLE
+from castfem.cli.reference_page import markdown_page
 
 HEAVY = ("dolfinx", "petsc4py", "mpi4py", "numba", "scipy", "matplotlib", "pandas", "h5py")
 
@@ -113,3 +114,18 @@ def test_nothing_heavy_is_imported() -> None:
         [sys.executable, "-c", code], env={**os.environ, **asked}, capture_output=True, text=True
     )
     assert done.stdout.split() == ["plain,casting.length=", "[]"], done.stderr
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
+
+
+def test_the_page_is_that_of_the_commands() -> None:
+    mend = "python -m castfem.cli.reference_page docs/commands.md"
+    assert PAGE.read_text(encoding="utf-8") == markdown_page(), mend
+
+
+def test_what_an_option_takes_and_whether_it_is_needed() -> None:
+    page = markdown_page()
+    assert "| `--to` `DATA.csv` | What was measured (docs/calibrate.md). Required. |" in page
+    assert "| `--no-figures` | Do not draw the figures. |" in page
+    assert r"by default results/\<family\>/\<name\>." in page

@@ -1,9 +1,13 @@
-"""Sections of runs side by side that do not all have the same fields."""
+"""Sections of runs side by side, and sizes on the way through the mould."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
+import pandas as pd
 import pytest
 from strained_run import write_strained
 from synthetic_run import write_run
@@ -11,6 +15,7 @@ from synthetic_run import write_run
 from castfem.base.shown_quantity import Quantity
 from castfem.post.compare.runs import Run, read_runs
 from castfem.post.compare.sections import draw_sections
+from castfem.post.compare.table import _way
 from castfem.runs.output.summary import Summary
 
 
@@ -47,3 +52,12 @@ def test_the_gap_of_a_shape_is_told_in_a_fitting_unit(tmp_path):
     ]  # fmt: skip
     titles = [axes.get_title() for axes in draw_sections(below, str)["shape"].axes[:3]]
     assert titles == ["shut", "tight", "loose"]  # below the mould there is no gap to speak of
+
+
+@pytest.mark.parametrize(
+    ("start", "places"), [(0.0, (0.2, 0.4, 0.6)), (0.3, (0.4, 0.6)), (0.6, (0.6,))]
+)
+def test_no_place_above_the_start_of_a_run(start: float, places: tuple[float, ...]) -> None:
+    base: Any = SimpleNamespace(summary=SimpleNamespace(mould_exit=0.6))
+    history = pd.DataFrame({"position": np.linspace(start, 2.0, 9)})
+    assert _way([history], base, [base]) == pytest.approx(places)

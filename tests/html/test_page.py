@@ -16,11 +16,14 @@ from synthetic_run import write_run
 
 from castfem.base.errors import InputError
 from castfem.cli import execute
+from castfem.model import load_case
+from castfem.model.shipped_cases import find
 from castfem.post.html.charts import Series, chart
 from castfem.post.html.page import LARGEST, write
 from castfem.post.html.sections import sections
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.history import read_history
+from castfem.runs.results.run_case import error_lines as lines
 
 NAMESPACE = "{http://www.w3.org/1999/xhtml}"
 
@@ -242,3 +245,43 @@ def test_marks_have_as_many_digits_as_tell_them_apart() -> None:
     found = chart("t", "y", [Series("a", "#000", "", np.array([0.0, 1.0]), y)], zero=False)
     texts = [tick.text for tick in found.up]
     assert len(texts) == len(set(texts)) and "1538.2" in texts
+
+
+BILLET = 'docs/billet.md, "Error of the shipped default"'
+
+
+@pytest.fixture
+def ran(tmp_path):
+    """Makes the folder of a run of a shipped case, with changes."""
+
+    def _ran(name: str, *changes: str):
+        folder = tmp_path / f"{len(list(tmp_path.iterdir()))}"
+        folder.mkdir()
+        (folder / "case.toml").write_text(load_case(find(name), changes).resolved_toml())
+        return folder
+
+    return _ran
+
+
+def test_a_shipped_case_names_the_page_on_its_errors(ran):
+    assert lines({"": ran("billet125/taper_1")}) == [f"errors of these numbers: {BILLET}"]
+    assert lines({"": ran("billet125/thermal", "output.figures=false")}) == [
+        "errors of these numbers: docs/benchmarks.md"
+    ]
+
+
+@pytest.mark.parametrize(
+    "change",
+    ["mesh.surface_size=1.2 mm", "coupling.interval=0.2 s", "casting.length=1 m", "title=mine"],
+)
+def test_a_changed_case_has_no_tabulated_errors(ran, change):
+    assert lines({"": ran("billet125/taper_1", change)}) == []
+
+
+def test_a_shipped_case_that_was_not_measured_names_no_page(ran):
+    assert lines({"": ran("billet125/mechanics_first")}) == []
+
+
+def test_runs_without_tabulated_errors_are_left_out(ran, tmp_path):
+    runs = {"one": ran("billet125/taper_1"), "other": ran("verification/neumann"), "no": tmp_path}
+    assert lines(runs) == [f"errors of these numbers, of one: {BILLET}"]

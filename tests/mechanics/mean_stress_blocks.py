@@ -40,15 +40,11 @@ NO_MODE = 1e-13  # square of a constant that counts as none
 
 @dataclass
 class Block:
-    """A slice in plane strain and the state it has come to.
+    """A slice in plane strain and the state it has come to."""
 
-    Attributes:
-        problem: Its equilibrium. stepper: Its steps. state: Where it is.
-    """
-
-    problem: MechanicalProblem
-    stepper: MechanicalStepper
-    state: MechanicalState
+    problem: MechanicalProblem  #: its equilibrium
+    stepper: MechanicalStepper  #: its steps
+    state: MechanicalState  #: where it is
 
     @classmethod
     def of(

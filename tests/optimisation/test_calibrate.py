@@ -18,10 +18,11 @@ import castfem
 from castfem.base.errors import InputError
 from castfem.base.types import Array
 from castfem.cli import calibrating
-from castfem.cli.calibrating import calibrate_case
+from castfem.cli.calibrating import _check_results, calibrate_case
+from castfem.model import Case
 from castfem.post.plots.style import save
-from castfem.studies.calibration.fit import Fit, Free, fit, read_free
-from castfem.studies.calibration.measured import read_measured
+from castfem.studies.calibration.fit import Fit, Free, computed, fit, read_free
+from castfem.studies.calibration.measured import Measured, read_measured
 
 X = np.linspace(0.0, 3.0, 9)
 NOISE = np.array([0.3, -0.2, 0.1, -0.4, 0.25, -0.05, 0.15, -0.3, 0.2])
@@ -164,7 +165,6 @@ HEAD = "position [mm], shell_mid_face [mm], shell_mid_face error [mm]"
     ("text", "message"),
     [
         ("", "a header and rows are needed"),
-        ("position [mm], shel_mid_face [mm]\n5, 1", "no such result .*did you mean shell_mid"),
         (
             "position [mm], shell_mid_face\n5, 1",
             r"shell_mid_face has no unit; .* header, shell_mid",
@@ -188,7 +188,7 @@ def test_data_that_cannot_be_used(tmp_path: Path, text: str, message: str) -> No
     path = tmp_path / "data.csv"
     path.write_text(text)
     with pytest.raises(InputError, match=message):
-        read_measured(path, ["shell_mid_face", "heat_removed"])
+        read_measured(path)
 
 
 def test_data_beyond_the_case(twin: Path, tmp_path: Path) -> None:
@@ -237,3 +237,58 @@ def test_a_result_that_the_run_has_not(twin: Path, tmp_path: Path, column: str, 
     with pytest.raises(InputError, match=rf"data\.csv: line 2: {line}"):
         calibrate_case(str(twin / "case.toml"), path, free, tmp_path / "fit", processes=0)
     assert not (tmp_path / "fit").exists()
+
+
+def test_a_name_that_no_run_has_is_told_after_the_first(twin: Path, tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text("position [mm], shel_mid_face [mm]\n54, 9\n")
+    words = (str(twin / "case.toml"), path, ["casting.speed=2..4 m/min"], tmp_path / "fit")
+    with pytest.raises(InputError, match=r"shel_mid_face: no such .* did you mean shell_mid"):
+        calibrate_case(*words, processes=0)
+
+
+def probed(coefficient: str = "1600 W/(m^2 K)") -> Case:
+    probe = {"name": "tc1", "under": "mid_face", "depth": "3 mm"}
+    return small({"output.probe": [probe], "cooling.0.surface.0.coefficient": coefficient})
+
+
+def test_what_a_run_has_at_a_probe(tmp_path: Path) -> None:
+    result = castfem.run(probed(), folder=tmp_path / "run")
+    table = result.probes["tc1"]
+    (found,) = computed(
+        probed(), tmp_path / "run", [Measured(0.045, "tc1.temperature", 1700.0, 5.0)]
+    )
+    known = np.interp(0.045, table["position"], table["temperature"])
+    assert found.value == pytest.approx(known + 273.15)
+    assert (found.shown_unit, found.label) == ("degC", "temperature at tc1")
+    with pytest.raises(InputError, match="probe tc1 has no temperature at 90 mm"):
+        computed(probed(), tmp_path / "run", [Measured(0.09, "tc1.temperature", 1700.0, 5.0)])
+
+
+def data(folder: Path, heading: str) -> list[Measured]:
+    path = folder / "data.csv"
+    path.write_text(f"position [mm], {heading}\n45, 1200\n")
+    return read_measured(path)
+
+
+def test_a_file_names_probe_and_column(tmp_path: Path) -> None:
+    (one,) = data(tmp_path, "tc1.temperature [degC]")
+    assert (one.name, one.value) == ("tc1.temperature", pytest.approx(1473.15))
+    _check_results(probed(), [one])
+
+
+@pytest.mark.parametrize(
+    ("heading", "message"),
+    [
+        ("tc2.temperature [degC]", "the case has no probe tc2; did you mean tc1.*it has tc1"),
+        ("tc1.temprature [degC]", "a probe has no temprature; did you mean temperature"),
+        ("tc1.stress_zz [MPa]", "a probe has no stress_zz.*it has temperature, solid_fraction"),
+        ("tc1.temperature [mm]", "does not measure tc1.temperature; it has a unit such as"),
+        ("tc1.temperature", "tc1.temperature has no unit"),
+    ],
+)
+def test_what_is_not_there_is_refused_before_anything_runs(
+    tmp_path: Path, heading: str, message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        _check_results(probed(), data(tmp_path, heading))

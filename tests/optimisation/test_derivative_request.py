@@ -17,8 +17,7 @@ from small_case import small, write_small
 from castfem.runs.output.folder import DERIVATIVES_NAME
 from castfem.studies.optimisation import Evaluation, RunRequest, Study
 from castfem.studies.optimisation.argument_checks import quantities_of
-from castfem.studies.optimisation.derivative_request import of_run
-from castfem.studies.optimisation.responses import Responses
+from castfem.studies.optimisation.responses import Responses, of_run
 from castfem.studies.optimisation.store import Store
 from castfem.studies.sensitivity.result import Slope, read_slopes
 from castfem.studies.sensitivity.run import sensitivity

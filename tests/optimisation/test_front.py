@@ -12,8 +12,7 @@ from known_results import HEAT, SPEED, STRESS, Given, solve
 from small_case import small
 
 from castfem.base.errors import InputError
-from castfem.post.compare.optimum_files import write_front
-from castfem.post.compare.optimum_tables import report
+from castfem.post.compare.optimum_tables import report, write_front
 from castfem.post.plots.studies import front_figure
 from castfem.post.plots.style import save
 from castfem.studies.optimisation import Evaluation, RunRequest, Study

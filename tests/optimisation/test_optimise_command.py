@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 import subprocess
 import sys
 
@@ -11,10 +12,12 @@ import pytest
 from ranks import killed_on, mains, needs_mpirun, python_on
 from small_case import SMALL
 
+import castfem
+from castfem.base.atomic_files import plain
 from castfem.base.errors import InputError
 from castfem.cli.app import app
 from castfem.model.shipped_cases import load
-from castfem.post.compare.optimum_files import mould_table
+from castfem.post.compare.optimum_tables import mould_table
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("runs_here")]
 
@@ -30,12 +33,33 @@ range = ["2 m/min", "5 m/min"]
 """
 
 
+SHORT = SMALL.replace('"60 mm"', '"6 mm"').replace("[output]", "[output]\ncheckpoint_every = 0")
+
+
 @pytest.fixture
 def case(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    short = SMALL.replace('"60 mm"', '"6 mm"').replace("[output]", "[output]\ncheckpoint_every = 0")
-    (tmp_path / "small.toml").write_text(short + TABLE)
+    (tmp_path / "small.toml").write_text(SHORT + TABLE)
     return tmp_path
+
+
+@pytest.fixture(scope="module")
+def searched(tmp_path_factory):
+    """The folder of a search by one process, and its answer."""
+    folder = tmp_path_factory.mktemp("searched")
+    (folder / "small.toml").write_text(SHORT + TABLE)
+    return folder / "out", castfem.optimise(folder / "small.toml", folder / "out")
+
+
+@pytest.fixture
+def lost(case, searched):
+    """Runs of such a search, of all levels, that have to be made again."""
+    shutil.copytree(searched[0], case / "out")
+    runs = sorted(path.parent for path in (case / "out").glob("*/run.json"))[::3]
+    assert len(runs) > 5 and any("fidelity_coarse" in run.name for run in runs)
+    for run in runs:
+        shutil.rmtree(run)
+    return runs
 
 
 def status_of(*words: str) -> int:
@@ -88,47 +112,56 @@ def test_command(case, capsys):
 
 
 @needs_mpirun
-def test_over_ranks(case):
+def test_over_ranks(case, lost, searched):
     """Two ranks do the runs that rank 0 asks for, until the answer is there; errors end all."""
     words = ("optimise", "small", "--no-figures")
-    refused = (*words, "-o", "small.toml")
-    done = python_on(3, *mains(case, refused, then=(*words, "-o", "out")), folder=case)
+    refused = {
+        (*words, "-o", "small.toml"): "small.toml: is a file",
+        (*words, "-o", "none", "--ranks", "2"): "castfem: --ranks 2: 3 ranks cannot be divided so",
+        (*words, "-o", "none", "-j", "2"): "castfem: -j is for one machine",
+    }
+    done = python_on(3, *mains(case, *refused, then=(*words, "-o", "out")), folder=case)
     assert done.returncode == 0, done.stderr
-    assert done.stderr.count("small.toml: is a file") == 1
+    assert [done.stderr.count(message) for message in refused.values()] == [1, 1, 1]
+    assert not (case / "none").exists()
     assert done.stdout.count("casting.speed at the lowest of its range") == 1
-    assert json.loads((case / "out" / "optimum.json").read_text())["status"] == "found"
+    answer = json.loads((case / "out" / "optimum.json").read_text())
+    assert answer | {"seconds": 0.0} == plain(searched[1].to_json()) | {"seconds": 0.0}
+    assert done.stderr.count(" finished in ") == len(lost) == sum(run.is_dir() for run in lost)
 
 
 @needs_mpirun
-def test_on_groups_of_ranks(case):
+def test_on_groups_of_ranks(case, lost):
     """Killed in the middle it goes on, and its answer is that of one process."""
     words = ("optimise", "small", "--no-figures")
     tight = ("--set", 'optimise.constraints=["heat_removed <= 0.12 MJ/m"]')
     assert status_of(*words, *tight, "-j", "1", "-o", "alone") == 0
     in_groups = ("-m", "castfem.cli", *words, *tight, "--ranks", "2", "-o", "out")
+    before = set((case / "out").glob("*/summary.json"))
 
     def half_way() -> bool:
-        return len(list((case / "out").glob("*/summary.json"))) >= 12
+        return len(list((case / "out").glob("*/summary.json"))) >= len(before) + 4
 
     killed_on(2, *in_groups, folder=case, when=half_way)
     assert not (case / "out" / "optimum.json").exists()
     done = python_on(2, *in_groups, folder=case)
     assert done.returncode == 0, done.stderr
-    assert "run 1, " in done.stderr and "run 10, " not in done.stderr
     alone, out = (
         json.loads((case / name / "optimum.json").read_text()) for name in ("alone", "out")
     )
+    made = set((case / "out").glob("*/summary.json")) - before
+    assert 0 < done.stderr.count(" finished in ") <= len(made) - 4
     assert alone["status"] == out["status"] == "found"
     assert alone["runs"] == out["runs"]
     for key in ("value", "low", "high", "checked"):
         assert out["values"][0][key] == pytest.approx(alone["values"][0][key], rel=1e-4), key
     assert out["objective"]["value"] == pytest.approx(alone["objective"]["value"], rel=1e-9)
-    records = [json.loads(path.read_text()) for path in (case / "out").glob("*/run.json")]
+    records = [json.loads(path.with_name("run.json").read_text()) for path in made]
     assert {record["ranks"] for record in records} == {2}
 
 
 @needs_mpirun
-def test_from_python(case):
+def test_from_python(case, lost):
     """On all ranks the answer of the command, and what is wrong."""
     (case / "script.py").write_text(
         "import castfem\nfrom mpi4py import MPI\n"
@@ -146,21 +179,14 @@ def test_from_python(case):
         assert done.returncode == 0, done.stderr
         assert done.stdout.startswith("1 ('found', {'casting.speed': '2 m/min'}, 'smal: no such")
         assert "none: optimise: the table is missing" in done.stdout
+    records = [json.loads((run / "run.json").read_text()) for run in lost]
+    assert [record["ranks"] for record in records] == [2] * len(lost)
 
 
-@needs_mpirun
-def test_ranks_that_cannot_be(case):
-    words = ("optimise", "small", "-o", "out", "--ranks", "2")
-    refused = python_on(3, *mains(case, words, (*words, "-j", "2")), folder=case)
-    assert refused.returncode == 0, refused.stderr
-    for message in (
-        "castfem: --ranks 2: 3 ranks cannot be divided so; start it with",
-        "castfem: -j is for one machine",
-    ):
-        assert refused.stderr.count(message) == 1
-    assert not (case / "out").exists()
+def test_groups_that_one_rank_cannot_form(case):
     with pytest.raises(InputError, match="--ranks 2: 1 rank cannot be divided so"):
-        status_of(*words)
+        status_of("optimise", "small", "-o", "out", "--ranks", "2")
+    assert not (case / "out").exists()
 
 
 @pytest.mark.parametrize("name", ["sweep.csv", "optimum.json", "mould.csv", "front.csv"])

@@ -5,17 +5,21 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pandas
 import pytest
-from synthetic_run import HALF, LIQUIDUS, SOLIDUS, rectangle, write_run
+from synthetic_run import HALF, LIQUIDUS, SOLIDUS, rectangle, summary, write_run
 
-from castfem.post.plots.along_strand import draw_heat, draw_steps
-from castfem.post.plots.figures import draw_figures
-from castfem.post.plots.history import curves
+from castfem.post.plots.along_strand import draw_heat, draw_shell, draw_steps
+from castfem.post.plots.figures import RunData, draw_figures
+from castfem.post.plots.history import curves, open_front
 from castfem.post.plots.section import Steel, draw_states, draw_temperature, section_triangles
 from castfem.post.plots.section import state_shares as shares_of
-from castfem.post.plots.style import Abscissa
+from castfem.post.plots.style import Abscissa, Style
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.folder import FIGURES
 from castfem.runs.output.history import read_history
@@ -165,3 +169,72 @@ def test_curves_that_would_hide_one_another_are_drawn_once(finished_run):
     for name, expected in told.items():
         table[f"shell_{name}"] = table["shell_mid_face"]
         assert curves(table, "shell")[0][0] == expected
+
+
+NAN = np.nan
+
+
+@pytest.mark.parametrize(
+    ("depth", "shown"),
+    [
+        ([0, 80, 90, 746, 746, 746], [0, 80, 90, NAN, NAN, NAN]),
+        ([NAN, 0, 90, 746, 746], [NAN, 0, 90, NAN, NAN]),
+        ([0, 60, 90, 100, 110, 110], [0, 60, 90, 100, 110, 110]),  # it has walked there
+        ([0, 0, 0.4], [0, 0, 0.4]),  # the first shell
+        ([0, 0, 0], [0, 0, 0]),
+        ([NAN, NAN], [NAN, NAN]),
+        ([5], [5]),
+        ([746, 746], [746, 746]),  # solid all the way: nothing else is to be seen
+        ([0, 9, 20, 12, 15], [0, 9, 20, 12, 15]),  # melted again
+    ],
+)
+def test_which_part_is_shown(depth: list[float], shown: list[float]) -> None:
+    given = np.array(depth, float)
+    np.testing.assert_array_equal(open_front(given), np.array(shown, float))
+    np.testing.assert_array_equal(given, np.array(depth, float))
+
+
+def test_the_axis_is_that_of_the_shell() -> None:
+    position = np.linspace(0.0, 20.0, 41)
+    shell = np.where(position < 15.0, 6.5 * np.sqrt(10 * position), 746.0)
+    table = pandas.DataFrame({"position": position, "shell_narrow_face": shell})
+    table.attrs["units"] = {"position": "m", "shell_narrow_face": "mm"}
+    figure = draw_shell(table, Abscissa(60 * position, position, ()), None)
+    assert figure is not None
+    assert 80.0 < figure.axes[0].get_ylim()[1] < 100.0
+
+
+@pytest.mark.parametrize(
+    ("exit_", "at"), [(None, 0.6), (0.6, 0.6), (0.9, 0.6), (0.2, 0.2), (0.05, 0.05)]
+)
+def test_which_state_is_drawn(tmp_path: Path, exit_: float | None, at: float) -> None:
+    folder = write_run(tmp_path / "run", steps=80)
+    with ExitStack() as files:
+        run = RunData(folder, replace(summary(), mould_exit=exit_), files)
+        positions = np.asarray(run.fields.positions, float)
+        assert abs(positions[run.at_exit] - at) == np.abs(positions - at).min()
+        assert RunData(folder, None, files).at_exit == len(positions) - 1
+
+
+def test_both_figures_are_drawn(tmp_path: Path) -> None:
+    drawn = {path.stem for path in draw_figures(write_run(tmp_path / "run"))}
+    assert {"temperature", "states"} <= drawn
+
+
+def test_the_meniscus_is_no_state_to_look_at(tmp_path: Path) -> None:
+    """With states far apart that after it is drawn, though it lies farther from the exit."""
+    folder = write_run(tmp_path / "run", steps=80)
+    with ExitStack() as files:
+        assert RunData(folder, replace(summary(), mould_exit=1e-4), files).at_exit == 1
+
+
+def test_a_stack_of_few_slices_is_not_drawn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = write_run(tmp_path / "run", steps=80)
+    with ExitStack() as files:
+        count = len(RunData(folder, None, files).fields.positions)
+    for least, there in ((count, True), (count + 1, False)):
+        monkeypatch.setattr("castfem.post.plots.figures.STYLE", Style(slices=least))
+        drawn = {path.stem for path in draw_figures(folder)}
+        assert ("stack" in drawn) is there and "temperature" in drawn

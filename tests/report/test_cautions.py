@@ -1,18 +1,21 @@
-"""A flux all round the section without a gap is told of in each report on a run."""
+"""What is said of runs before their numbers are used: even fluxes, wide gaps; once of several."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from small_case import small
 
 import castfem
+from castfem.base.shown_quantity import Quantity
 from castfem.cli import execute
 from castfem.model.shared_heat import even_zones
-from castfem.model.shipped_cases import CASE_NAME
-from castfem.post.report.cautions import cautions
+from castfem.model.shipped_cases import CASE_NAME, load
+from castfem.post.report.cautions import cautions, cautions_of_all, radiated, wide_gap
+from castfem.runs.output.history import HISTORY_NAME
 from castfem.runs.output.summary import Summary
 
 FLUX = {"law": "contact", "flux": "2 MW/m^2", "wall": "160 degC"}
@@ -71,3 +74,98 @@ def test_run_show_report_and_compare_say_it(
 def test_nothing_is_said_where_a_gap_opens(tmp_path: Path) -> None:
     (tmp_path / CASE_NAME).write_text(castfem.load("billet180/peritectic").resolved_toml())
     assert cautions(tmp_path, Summary("x", "finished", {})) == []
+
+
+def history(folder: Path, shell: list[float], gap: list[float]) -> Path:
+    """A folder with the history of a run: shell and gap of the corner at even distances."""
+    folder.mkdir(exist_ok=True)
+    positions = np.linspace(0.1, 0.8, len(shell))
+    rows = [
+        f"{x / 0.02:.6g},{x:.6g},{s},{g}" for x, s, g in zip(positions, shell, gap, strict=True)
+    ]
+    head = "time [s],position [m],shell_corner [mm],gap_corner [mm]"
+    (folder / HISTORY_NAME).write_text("\n".join([head, *rows]) + "\n")
+    return folder
+
+
+SOUND = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]
+
+
+def test_a_sound_run_is_not_named(tmp_path: Path) -> None:
+    """Contact that is lost once, found again and lost for good is that of an ordinary taper."""
+    folder = history(tmp_path / "run", SOUND, [0.0, 0.1, 0.0, 0.0, 0.2, 0.3, 0.3, 0.3])
+    assert cautions_of_all({"run": (folder, None)}) == []
+
+
+def test_what_melts_again_and_what_flickers_is_named(tmp_path: Path) -> None:
+    """The thickness that was lost, where, and how often contact was."""
+    folder = history(tmp_path / "run", [1.0, 2.0, 0.5, *SOUND[:5]], [0.0, 0.2] * 4)
+    melted, flickers = cautions_of_all({"taper 1 %/m": (folder, None)})
+    said = "shell melted again, 1.5 mm: corner, from 200 mm to 300 mm, "
+    assert melted.startswith(f"taper 1 %/m: {said}")
+    assert flickers == "taper 1 %/m: contact lost 4 times, corner"
+    both = cautions_of_all({"one": (folder, None), "other": (folder, None)})
+    assert [line.partition(": ")[0] for line in both] == ["all runs", "all runs"]
+
+
+@pytest.mark.parametrize("count", [9, 10])
+def test_a_table_of_many_doubtful_runs_stays_short(tmp_path: Path, count: int) -> None:
+    """Ten lines, and how many more there are."""
+    shells = [[1.0, 2.0, 0.5 - 0.01 * k, *SOUND[:5]] for k in range(count)]
+    folders = [history(tmp_path / str(k), one, [0.0, 0.2] * 4) for k, one in enumerate(shells)]
+    runs = {folder.name: (folder, None) for folder in folders}
+    found = cautions_of_all(runs)
+    assert len(found) == (10 if count == 9 else 11)
+    assert found[-1].startswith("and 1 more of this kind") is (count == 10)
+
+
+def test_a_folder_without_history_has_nothing_to_tell(tmp_path: Path) -> None:
+    """A run that failed before its first row."""
+    assert cautions_of_all({"run": (tmp_path, None)}) == []
+
+
+def folder(path: Path, *laws: dict[str, Any]) -> Path:
+    """A run's, with its case alone: a billet through its mould, whose gap conducts 0.15 W/(m K)."""
+    case = load("billet125/taper_1")
+    document = case.document()
+    document["cooling"][0]["surface"] += laws
+    (path / CASE_NAME).write_text(case.with_({"cooling": document["cooling"]}).resolved_toml())
+    return path
+
+
+def summary(gap: float) -> Summary:
+    """Of a run with this largest gap, m."""
+    return Summary("x", "finished", {"mould_gap_max": Quantity(gap, "mm", "largest gap")})
+
+
+def test_what_radiates() -> None:
+    """0.8 sigma (T^2 + Ta^2) (T + Ta) of 1200 and 150 degC."""
+    hot, cold = 1473.15, 423.15
+    known = 0.8 * 5.670374419e-8 * (hot**2 + cold**2) * (hot + cold)
+    assert radiated() == pytest.approx(known)
+
+
+def test_a_wide_gap_is_told_with_the_mend(tmp_path: Path) -> None:
+    told = wide_gap(folder(tmp_path), summary(2e-3))
+    assert 'the largest gap, 2 mm, conducts 75 W/(m^2 K); radiation, which zone "mould"' in told
+    assert f"would transfer about {radiated():.0f} more" in told and 'law = "radiation"' in told
+    assert wide_gap(tmp_path, summary(0.5e-3)) == ""
+    assert wide_gap(tmp_path, summary(0.0)) == ""
+
+
+def test_of_several_contacts_the_best_conductor_counts(tmp_path: Path) -> None:
+    worse = {
+        "law": "contact", "coefficient": "1600 W/(m^2 K)", "wall": "160 degC",
+        "gap_conductivity": "0.02 W/(m K)", "on": ["corner"],
+    }  # fmt: skip
+    assert "conducts 75 W/(m^2 K)" in wide_gap(folder(tmp_path, worse), summary(2e-3))
+    assert wide_gap(tmp_path, summary(0.5e-3)) == ""
+
+
+def test_not_where_radiation_is_laid(tmp_path: Path) -> None:
+    law = {"law": "radiation", "ambient": "160 degC", "emissivity": 0.8}
+    assert wide_gap(folder(tmp_path, law), summary(2e-3)) == ""
+
+
+def test_not_of_a_run_without_a_mould(tmp_path: Path) -> None:
+    assert wide_gap(tmp_path, Summary("x", "finished", {})) == ""

@@ -38,15 +38,11 @@ AXES = {HALF: (1,), WHOLE: (0, 1)}  # along which nothing but the wall holds the
 
 @dataclass(frozen=True)
 class Drifting:
-    """A mould that moves sideways as the strand goes down, or closes on the right alone.
+    """A mould that moves sideways as the strand goes down, or closes on the right alone."""
 
-    Attributes:
-        wall: The mould at rest. by: Its movement over the way, m/m. closing: Of the right side.
-    """
-
-    wall: Wall
-    by: tuple[float, float] = (0.0, 0.0)
-    closing: float = 0.0
+    wall: Wall  #: the mould at rest
+    by: tuple[float, float] = (0.0, 0.0)  #: its movement over the way, m/m
+    closing: float = 0.0  #: of the right side
 
     def gap_function(self, points: Array, normals: Array, position: float) -> GapFunction:
         found = self.wall.gap_function(points - np.array(self.by) * position, normals, position)

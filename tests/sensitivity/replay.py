@@ -41,18 +41,13 @@ def built(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> Simulation:
 
 @dataclass(slots=True)
 class Followed:
-    """A run with its derivatives.
+    """A run with its derivatives."""
 
-    Attributes:
-        simulation: The run. state: At its end. derivatives: Likewise. loop: That has run.
-        ends: Time and number of stages of each step.
-    """
-
-    simulation: Simulation
-    state: ThermalState
-    derivatives: Derivatives
-    loop: TimeLoop
-    ends: list[tuple[float, int]]
+    simulation: Simulation  #: the run
+    state: ThermalState  #: at its end
+    derivatives: Derivatives  #: likewise
+    loop: TimeLoop  #: that has run
+    ends: list[tuple[float, int]]  #: time and number of stages of each step
 
 
 def followed(case: Case, *names: str, comm: MPI.Comm = MPI.COMM_SELF) -> Followed:

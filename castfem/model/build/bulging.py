@@ -49,22 +49,18 @@ WIDTHLESS = (
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits of what bears the wide faces.
+    """Limits of what bears the wide faces."""
 
-    Attributes:
-        most_bulge: Of the pitch: beyond, slopes are no longer small, and no strand is cast so.
-        least_bulge: A bed is no stiffer than the pressure over this, m.
-        within: Of a bed's stiffness: what holds a solid strand that no roll touches in its place.
-        edge: Of the pitch: from the narrow face to where a clamped plate bulges as a strip.
-        mould_play: What a face moves in the mould under a change of the pressure by itself, m.
-        foreseen: Rolls whose forces are remembered where they are not alike, see `UnevenPitch`.
-    """
-
+    #: of the pitch: beyond, slopes are no longer small, and no strand is cast so
     most_bulge: float = 0.05
-    least_bulge: float = 50e-6
+    least_bulge: float = 50e-6  #: a bed is no stiffer than the pressure over this, m
+    #: of a bed's stiffness: what holds a solid strand that no roll touches in its place
     within: float = 1e-3
+    #: of the pitch: from the narrow face to where a clamped plate bulges as a strip
     edge: float = 0.32
+    #: what a face moves in the mould under a change of the pressure by itself, m
     mould_play: float = 1e-3
+    #: rolls whose forces are remembered where they are not alike, see `UnevenPitch`
     foreseen: int = 3
 
 
@@ -73,15 +69,11 @@ LIMITS = Limits()
 
 @dataclass(frozen=True, slots=True)
 class Face:
-    """A wide face.
+    """A wide face."""
 
-    Attributes:
-        probe: Name of the line inwards from its middle.
-        start: Where the first roll has it, outwards from the undeformed section, m: where the
-            mould leaves it, if there is one.
-    """
-
-    probe: str
+    probe: str  #: name of the line inwards from its middle
+    #: where the first roll has it, outwards from the undeformed section, m: where the mould leaves
+    #: it, if there is one
     start: float = 0.0
 
 
@@ -94,40 +86,26 @@ class PitchByPitch:
     Half of that time after its roll it has the shell that it is computed with, which is foreseen.
     Above the first roll the mould holds all faces against the pressure, softly: its taper is that
     of the shell. A mould that is there holds them itself, and its end bears the shell like a roll.
-
-    Attributes:
-        model: Makes a bulge of a shell and a pitch, by the position of the pitch's middle, m.
-        nodes: Of a bulge.
-        machine: Of the case.
-        rolls: Positions of the pairs, m; before them that of the end of a mould that is there.
-        offsets: Of the rolls from where the first is, outwards, m.
-        above: How many of `rolls` are no rolls: 1 with the end of a mould, else 0.
-        faces: The wide faces by their groups.
-        others: Groups that the mould alone holds.
-        probes: Have those lines.
-        front: Temperature at the inside of the shell, K.
-        core: The liquid.
-        ahead: Foresees the shell.
-        half_width: Of the section, m; None to leave the strip's axial strain out of the slice.
-        uneven: Rolls that are not alike; None where none is lost or off.
-        lines: Rolls from the line of the strand, towards the centre of curvature, m.
     """
 
+    #: makes a bulge of a shell and a pitch, by the position of the pitch's middle, m
     model: Callable[[float], BulgingModel]
-    nodes: int
-    machine: Machine
-    rolls: Array
-    offsets: Array
-    faces: Mapping[str, Face]
-    others: tuple[str, ...]
-    probes: LineProbes
-    front: float
-    core: Core
-    ahead: ShellPrediction
+    nodes: int  #: of a bulge
+    machine: Machine  #: of the case
+    rolls: Array  #: positions of the pairs, m; before them that of the end of a mould that is there
+    offsets: Array  #: of the rolls from where the first is, outwards, m
+    faces: Mapping[str, Face]  #: the wide faces by their groups
+    others: tuple[str, ...]  #: groups that the mould alone holds
+    probes: LineProbes  #: have those lines
+    front: float  #: temperature at the inside of the shell, K
+    core: Core  #: the liquid
+    ahead: ShellPrediction  #: foresees the shell
+    #: of the section, m; None to leave the strip's axial strain out of the slice
     half_width: float | None = None
-    uneven: UnevenRolls | None = None
+    uneven: UnevenRolls | None = None  #: rolls that are not alike; None where none is lost or off
+    #: rolls from the line of the strand, towards the centre of curvature, m
     lines: Array | None = None
-    above: int = 0
+    above: int = 0  #: how many of `rolls` are no rolls: 1 with the end of a mould, else 0
 
     def initial(self) -> Memory:
         """See `Foundation`: `pitch` counts the rolls that were passed, the rest is its bulge's."""

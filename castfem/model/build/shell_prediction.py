@@ -34,17 +34,12 @@ class ShellPrediction:
     Heat flows along the depth alone, since neither the edges nor the next pitch reach there, and
     the surface stays as warm as it is: a change there takes the better part of a minute to reach
     the front of a shell of 20 mm, and half a pitch takes some seconds.
-
-    Attributes:
-        steel: The steel.
-        cell: Of the grid that heat is conducted on, m.
-        least_cells: Of it, however thin the slab is.
-        explicit: Length of an explicit step, of the square of a cell over the diffusivity.
     """
 
-    steel: Steel
-    cell: float = 5e-4
-    least_cells: int = 60
+    steel: Steel  #: the steel
+    cell: float = 5e-4  #: of the grid that heat is conducted on, m
+    least_cells: int = 60  #: of it, however thin the slab is
+    #: length of an explicit step, of the square of a cell over the diffusivity
     explicit: float = 0.45
 
     def at(
@@ -86,15 +81,10 @@ class ShellPrediction:
 
 @dataclass(frozen=True, slots=True)
 class Core:
-    """The liquid within.
+    """The liquid within."""
 
-    Attributes:
-        head: Its pressure over time, Pa.
-        share: Of it that is felt at temperatures (n,), K.
-    """
-
-    head: Callable[[float], float]
-    share: Callable[[Array], Array]
+    head: Callable[[float], float]  #: its pressure over time, Pa
+    share: Callable[[Array], Array]  #: of it that is felt at temperatures (n,), K
 
     def share_handed_on(self, profile: Profile) -> float:
         """Share of the pressure handed on: none through liquid, none of a solid core."""

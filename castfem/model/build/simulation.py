@@ -47,38 +47,27 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Simulation:
-    """The objects of one run.
+    """The objects of one run."""
 
-    Attributes:
-        case: The case. machine: What the slice meets, and when.
-        steel: Its steel. section: The distributed mesh.
-        stepper: Thermal time stepping (with the problem and its curve).
-        zones: The machine's cooling. probes: Lines at which results are read.
-        control: Choice of the step: thermal, or with mechanics the coupling window.
-        steps: Thermal steps. mechanics: The mechanical step; None for a case without.
-        strained: The slice as its states are read: that of the mechanics, or one with a number
-            changed; None without mechanics. coupling: Takes windows of both; None without them.
-        start_temperature: At the meniscus, K. watch: Where the time goes.
-        mechanics_end: When its mechanics end, s; inf where they go on to the end of the run.
-        exact: The closed form it is held against, if the case names one.
-    """
-
-    case: Case
-    machine: Machine
-    steel: Steel
-    section: Section
-    stepper: ThermalStepper
-    zones: Zones
-    probes: LineProbes
-    control: StepControl
-    steps: ThermalSteps
-    mechanics: MechanicalStepper | None
+    case: Case  #: the case
+    machine: Machine  #: what the slice meets, and when
+    steel: Steel  #: its steel
+    section: Section  #: the distributed mesh
+    stepper: ThermalStepper  #: thermal time stepping (with the problem and its curve)
+    zones: Zones  #: the machine's cooling
+    probes: LineProbes  #: lines at which results are read
+    control: StepControl  #: choice of the step: thermal, or with mechanics the coupling window
+    steps: ThermalSteps  #: thermal steps
+    mechanics: MechanicalStepper | None  #: the mechanical step; None for a case without
+    #: the slice as its states are read: that of the mechanics, or one with a number changed; None
+    #: without mechanics
     strained: StrainedSlice | None
-    coupling: StaggeredCoupling | None
-    start_temperature: float
-    watch: Stopwatch
+    coupling: StaggeredCoupling | None  #: takes windows of both; None without them
+    start_temperature: float  #: at the meniscus, K
+    watch: Stopwatch  #: where the time goes
+    #: when its mechanics end, s; inf where they go on to the end of the run
     mechanics_end: float = np.inf
-    exact: ClosedForm | None = None
+    exact: ClosedForm | None = None  #: the closed form it is held against, if the case names one
 
     @property
     def stations(self) -> list[float]:

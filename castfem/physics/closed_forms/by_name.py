@@ -27,40 +27,28 @@ _WITHIN = "freezing at one temperature moves the front from vertex to vertex: wi
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """A result at the mid-face.
+    """A result at the mid-face."""
 
-    Attributes:
-        value: In SI.
-        unit: In which it is shown.
-        note: What a reader must know of it.
-    """
-
-    value: float
-    unit: str
-    note: str = ""
+    value: float  #: in SI
+    unit: str  #: in which it is shown
+    note: str = ""  #: what a reader must know of it
 
 
 @dataclass(frozen=True, slots=True)
 class ClosedForm:
-    """A half-space x > 0 chilled at x = 0.
+    """A half-space x > 0 chilled at x = 0."""
 
-    Attributes:
-        source: Whose it is.
-        temperature: K at depths (n,), m, and a time, s.
-        depth: Where the last of the liquid is left behind at a time, m; errors are taken to there.
-        results: Name in the summary to what it must be at a time.
-        stress: Sigma_yy = sigma_zz in the same way as the temperature, Pa; None without mechanics.
-        shell: Depth of the solid at a time, m; errors of the stress are taken to there.
-        unit_stress: Of which errors of the stress are told, Pa.
-    """
-
-    source: str
-    temperature: Profile
+    source: str  #: whose it is
+    temperature: Profile  #: K at depths (n,), m, and a time, s
+    #: where the last of the liquid is left behind at a time, m; errors are taken to there
     depth: Callable[[float], float]
+    #: name in the summary to what it must be at a time
     results: Callable[[float], Mapping[str, Expected]]
+    #: sigma_yy = sigma_zz in the same way as the temperature, Pa; None without mechanics
     stress: Profile | None = None
+    #: depth of the solid at a time, m; errors of the stress are taken to there
     shell: Callable[[float], float] | None = None
-    unit_stress: float = field(default=1.0)
+    unit_stress: float = field(default=1.0)  #: of which errors of the stress are told, Pa
 
 
 def closed_form(name: str, steel: Steel, surface: float, start: float) -> ClosedForm:

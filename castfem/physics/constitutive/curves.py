@@ -100,18 +100,12 @@ class Austenite:
     In MPa: rate = level (s - hardening e^exponent)^stress_exponent, with e the viscoplastic strain.
     Fitted by Kozlowski et al. (1992) for about 950 ... 1400 degC, 1e-6 ... 1e-3 1/s, 0.005 ... 1.54
     %C; status M.  Beyond that it is an extrapolation.
-
-    Attributes:
-        hardening: Pa.
-        hardening_exponent: Exponent of the viscoplastic strain.
-        ln_rate: ln of the rate [1/s] at which the viscous part is 1 Pa.
-        stress_exponent: Exponent of the viscous stress.
     """
 
-    hardening: Array
-    hardening_exponent: Array
-    ln_rate: Array
-    stress_exponent: Array
+    hardening: Array  #: Pa
+    hardening_exponent: Array  #: exponent of the viscoplastic strain
+    ln_rate: Array  #: ln of the rate [1/s] at which the viscous part is 1 Pa
+    stress_exponent: Array  #: exponent of the viscous stress
 
     @classmethod
     def at(cls, temperature: npt.ArrayLike, carbon: float) -> Austenite:
@@ -140,16 +134,11 @@ class DeltaFerrite:
 
     In MPa: rate = 0.1 (s / (f (T/300)^-5.52 (1 + 1000 e)^m))^n, f = 13678 C^-0.0556.  Zhu (1996)
     after the data of Wray (1976); status M.
-
-    Attributes:
-        ln_level: ln of the stress [Pa] at rate 1 1/s without strain.
-        hardening: m.
-        stress_exponent: n.
     """
 
-    ln_level: Array
-    hardening: Array
-    stress_exponent: Array
+    ln_level: Array  #: ln of the stress [Pa] at rate 1 1/s without strain
+    hardening: Array  #: m
+    stress_exponent: Array  #: n
 
     @classmethod
     def at(cls, temperature: npt.ArrayLike, carbon: float) -> DeltaFerrite:

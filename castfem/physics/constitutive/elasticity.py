@@ -180,16 +180,11 @@ class Solidity:
 
 @dataclass(frozen=True, slots=True)
 class Elasticity:
-    """Isotropic elasticity over temperature.
+    """Isotropic elasticity over temperature."""
 
-    Attributes:
-        young: Young's modulus of the solid over temperature in K, Pa.
-        poisson: Poisson's ratio of the solid over temperature.
-        solidity: Where it is solid, and how soft it is elsewhere.
-    """
-
-    young: Curve
-    poisson: Curve
+    young: Curve  #: Young's modulus of the solid over temperature in K, Pa
+    poisson: Curve  #: Poisson's ratio of the solid over temperature
+    #: where it is solid, and how soft it is elsewhere
     solidity: Solidity = field(default_factory=Solidity)
 
     @classmethod

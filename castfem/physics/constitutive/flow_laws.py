@@ -236,13 +236,9 @@ class ThermoElastic(RadialReturn):
 
 @dataclass(frozen=True, slots=True)
 class PerfectlyPlastic(RadialReturn):
-    """q <= yield stress(T), whatever the rate.
+    """q <= yield stress(T), whatever the rate."""
 
-    Attributes:
-        yield_stress: Over temperature in K, Pa.
-    """
-
-    yield_stress: Curve
+    yield_stress: Curve  #: over temperature in K, Pa
 
     name: ClassVar[str] = "perfectly_plastic"
     parameters: ClassVar[Mapping[str, Parameter]] = {"yield_stress": Parameter(_STRESS)}
@@ -280,15 +276,10 @@ class _LnFactor:
 
 @dataclass(frozen=True, slots=True)
 class NortonCreep(RadialReturn):
-    """dp/dt = A q^n.
+    """dp/dt = A q^n."""
 
-    Attributes:
-        ln_factor: ln A over temperature in K, with A the creep rate [1/s] at q = 1 Pa.
-        exponent: n over temperature.
-    """
-
-    ln_factor: Curve
-    exponent: Curve
+    ln_factor: Curve  #: ln A over temperature in K, with A the creep rate [1/s] at q = 1 Pa
+    exponent: Curve  #: n over temperature
 
     name: ClassVar[str] = "norton_creep"
     parameters: ClassVar[Mapping[str, Parameter]] = {

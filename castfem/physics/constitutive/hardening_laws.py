@@ -95,22 +95,14 @@ class NortonHoff(Hardening):
 
     A yield stress over temperature.  Elastic below it; above it the viscous law, r = dp/dt, but q
     does not fall below the yield stress by flow.  0 everywhere is the purely viscous law (170).
-
-    Attributes:
-        strength: K0 p2 over temperature in K, Pa (s^p3).
-        p1: Softening, over temperature; any sign.
-        p3: Exponent of the rate, over temperature, at least 0.001.
-        p4: Exponent of the strain, over temperature.
-        yield_limit: None to find it automatically, or over temperature, Pa.
-        largest_strain: Beyond it e no longer changes the curve.
     """
 
-    strength: Curve
-    p1: Curve
-    p3: Curve
-    p4: Curve
-    yield_limit: Curve | None = None
-    largest_strain: float = 2.0
+    strength: Curve  #: K0 p2 over temperature in K, Pa (s^p3)
+    p1: Curve  #: softening, over temperature; any sign
+    p3: Curve  #: exponent of the rate, over temperature, at least 0.001
+    p4: Curve  #: exponent of the strain, over temperature
+    yield_limit: Curve | None = None  #: none to find it automatically, or over temperature, Pa
+    largest_strain: float = 2.0  #: beyond it e no longer changes the curve
 
     name: ClassVar[str] = "norton_hoff"
     parameters: ClassVar[Mapping[str, Parameter]] = {
@@ -188,20 +180,15 @@ class UnifiedSteel(Hardening):
 
     With accumulated `hardening` p never decreases, and a reversed load meets the hardened curve;
     signed, f1 p^f2 is a back stress along the strain tensor, which helps a reversed load.
-
-    Attributes:
-        carbon: wt%.
-        delta_share: Delta ferrite in the solid over temperature in K, 0 to 1.
-        threshold: Of the share of delta ferrite.
-        blend: Width of the transition in the share; 0 switches.
-        coldest: Coefficients below it are those at it, K (900 degC is the end of the data; the
-            default keeps the extrapolation from leaving the physical range).
     """
 
-    carbon: float
+    carbon: float  #: wt%
+    #: delta ferrite in the solid over temperature in K, 0 to 1
     delta_share: Callable[[Array], Array]
-    threshold: float = 0.1
-    blend: float = 0.0
+    threshold: float = 0.1  #: of the share of delta ferrite
+    blend: float = 0.0  #: width of the transition in the share; 0 switches
+    #: coefficients below it are those at it, K (900 degC is the end of the data; the default keeps
+    #: the extrapolation from leaving the physical range)
     coldest: float = 973.15
 
     name: ClassVar[str] = "unified_steel"

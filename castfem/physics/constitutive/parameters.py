@@ -54,21 +54,14 @@ _NOTES = ("source", "status", "note")
 
 @dataclass
 class _Reader:
-    """Parameters in the reading, and what is wrong with them; see `base.Given`.
+    """Parameters in the reading, and what is wrong with them; see `base.Given`."""
 
-    Attributes:
-        data: The file.
-        label: What it is called in messages.
-        carbon: Of the steel of the case, wt%.
-        delta_share: Delta ferrite in its solid over temperature.
-        problems: Found so far.
-    """
-
-    data: Mapping[str, Any]
-    label: str
-    carbon: float | None = None
+    data: Mapping[str, Any]  #: the file
+    label: str  #: what it is called in messages
+    carbon: float | None = None  #: of the steel of the case, wt%
+    #: delta ferrite in its solid over temperature
     delta_share: Callable[[Array], Array] | None = None
-    problems: list[str] = field(default_factory=list)
+    problems: list[str] = field(default_factory=list)  #: found so far
 
     def fail(self, key: str, text: str) -> None:
         """Note what is wrong with a key, once."""
@@ -300,13 +293,9 @@ def delta_share_of(carbon: float) -> Callable[[Array], Array]:
 
 @dataclass(frozen=True, slots=True)
 class DeltaShare:
-    """Share of delta ferrite in the solid; that at the liquidus where there is no solid.
+    """Share of delta ferrite in the solid; that at the liquidus where there is no solid."""
 
-    Attributes:
-        diagram: Iron-carbon equilibrium of the steel (`castfem.physics.materials.IronCarbon`).
-    """
-
-    diagram: Any
+    diagram: Any  #: iron-carbon equilibrium of the steel (`castfem.physics.materials.IronCarbon`)
 
     def __call__(self, temperature: Array) -> Array:
         """Return the share, 0 to 1, at temperatures in K."""

@@ -27,25 +27,15 @@ HALVINGS = 30
 
 @dataclass(frozen=True, slots=True)
 class Tension:
-    """History of n specimens at m + 1 times.
+    """History of n specimens at m + 1 times."""
 
-    Attributes:
-        time: s, (m+1,).
-        strain: Total strain, Mandel, (m+1, n, 4).
-        thermal_strain: (m+1, n).
-        stress: Pa, Mandel, (m+1, n, 4).
-        state: (m+1, n, states).
-        flows: Whether the specimen flowed in the step to that time, (m+1, n).
-        work: Viscoplastic work since the start, J/m3, (m+1, n).
-    """
-
-    time: Array
-    strain: Array
-    thermal_strain: Array
-    stress: Array
-    state: Array
-    flows: Flags
-    work: Array
+    time: Array  #: s, (m+1,)
+    strain: Array  #: total strain, Mandel, (m+1, n, 4)
+    thermal_strain: Array  #: (m+1, n)
+    stress: Array  #: Pa, Mandel, (m+1, n, 4)
+    state: Array  #: (m+1, n, states)
+    flows: Flags  #: whether the specimen flowed in the step to that time, (m+1, n)
+    work: Array  #: viscoplastic work since the start, J/m3, (m+1, n)
 
     @property
     def axial_stress(self) -> Array:
@@ -60,23 +50,14 @@ class Tension:
 
 @dataclass(frozen=True, slots=True)
 class _Machine:
-    """What is prescribed: `goal` is the axial strain or stress at each time, (m+1, n).
+    """What is prescribed: `goal` is the axial strain or stress at each time, (m+1, n)."""
 
-    Attributes:
-        law: Of the specimens.
-        by_stress: Whether `goal` is a stress.
-        goal: Axial strain or stress.
-        temperature: K, (m+1, n).
-        tolerance: Of the residual stresses, see `pull`.
-        out: Arrays for the responses.
-    """
-
-    law: Law
-    by_stress: bool
-    goal: Array
-    temperature: Array
-    tolerance: float
-    out: Response
+    law: Law  #: of the specimens
+    by_stress: bool  #: whether `goal` is a stress
+    goal: Array  #: axial strain or stress
+    temperature: Array  #: K, (m+1, n)
+    tolerance: float  #: of the residual stresses, see `pull`
+    out: Response  #: arrays for the responses
 
     def advance(self, record: Tension, k: int, guess: Array) -> Array:
         """Find the strain increments of step k from a guess, and record what comes of them."""

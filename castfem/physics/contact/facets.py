@@ -30,19 +30,13 @@ from castfem.fem.section import Section
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """The facets that have the same place in their cells.
+    """The facets that have the same place in their cells."""
 
-    Attributes:
-        facets: Their numbers among the contact facets (m,). cells: Their cells (m,).
-        points: Reference points in the cell (k, 2). tangent: Reference vector along the facet.
-        outward: Reference normal.
-    """
-
-    facets: Indices
-    cells: npt.NDArray[np.int32]
-    points: Array
-    tangent: Array
-    outward: Array
+    facets: Indices  #: their numbers among the contact facets (m,)
+    cells: npt.NDArray[np.int32]  #: their cells (m,)
+    points: Array  #: reference points in the cell (k, 2)
+    tangent: Array  #: reference vector along the facet
+    outward: Array  #: reference normal
 
 
 class Facets:

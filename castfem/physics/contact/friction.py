@@ -65,18 +65,12 @@ def _check(name: str, value: float, low: float = 0.0, high: float = np.inf) -> N
 
 @dataclass(frozen=True, slots=True)
 class Coulomb:
-    """tau_c = mu p + b (231), if asked for within sqrt(p^2 + 3 tau^2) <= p0 (233).
+    """tau_c = mu p + b (231), if asked for within sqrt(p^2 + 3 tau^2) <= p0 (233)."""
 
-    Attributes:
-        coefficient: mu. cohesion: b, Pa.
-        yield_stress: p0 of the weaker material, Pa; None for no limit.
-        cap: Cohesion over pressure, at most.
-    """
-
-    coefficient: float
-    cohesion: float = 0.0
-    yield_stress: float | None = None
-    cap: float = CAP
+    coefficient: float  #: mu
+    cohesion: float = 0.0  #: b, Pa
+    yield_stress: float | None = None  #: p0 of the weaker material, Pa; None for no limit
+    cap: float = CAP  #: cohesion over pressure, at most
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -104,16 +98,11 @@ class Coulomb:
 
 @dataclass(frozen=True, slots=True)
 class Tresca:
-    """tau_c = m p0 / sqrt(3) (234)-(235).
+    """tau_c = m p0 / sqrt(3) (234)-(235)."""
 
-    Attributes:
-        share: m, 0 to 1. yield_stress: p0, Pa.
-        cap: tau_c over pressure, at most.
-    """
-
-    share: float
-    yield_stress: float
-    cap: float = CAP
+    share: float  #: m, 0 to 1
+    yield_stress: float  #: p0, Pa
+    cap: float = CAP  #: tau_c over pressure, at most
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -132,20 +121,14 @@ class Tresca:
 
 @dataclass(frozen=True, slots=True)
 class Viscous:
-    """Beyond a threshold tau - tau_c = min(alpha p0/sqrt(3) (|v|/u)^n, p0/sqrt(3)) (236).
+    """Beyond a threshold tau - tau_c = min(alpha p0/sqrt(3) (|v|/u)^n, p0/sqrt(3)) (236)."""
 
-    Attributes:
-        base: Law of the threshold. share: alpha. yield_stress: p0, Pa.
-        speed: u, m/s. exponent: n.
-        cap: tau - tau_c over pressure, at most.
-    """
-
-    base: Coulomb | Tresca
-    share: float
-    yield_stress: float
-    speed: float
-    exponent: float
-    cap: float = CAP
+    base: Coulomb | Tresca  #: law of the threshold
+    share: float  #: alpha
+    yield_stress: float  #: p0, Pa
+    speed: float  #: u, m/s
+    exponent: float  #: n
+    cap: float = CAP  #: tau - tau_c over pressure, at most
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -167,16 +150,11 @@ class Viscous:
 
 @dataclass(frozen=True, slots=True)
 class Lubricant:
-    """tau = beta |v|^n without threshold (237).
+    """tau = beta |v|^n without threshold (237)."""
 
-    Attributes:
-        coefficient: beta, Pa (s/m)^n. exponent: n.
-        cap: tau over pressure, at most.
-    """
-
-    coefficient: float
-    exponent: float
-    cap: float = CAP
+    coefficient: float  #: beta, Pa (s/m)^n
+    exponent: float  #: n
+    cap: float = CAP  #: tau over pressure, at most
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -208,18 +186,12 @@ def _power(rate: Array, coefficient: float, exponent: float) -> tuple[Array, Arr
 
 @dataclass(frozen=True, slots=True)
 class Sliding:
-    """Friction at n points at the end of a step.
+    """Friction at n points at the end of a step."""
 
-    Attributes:
-        traction: In the plane and along the strand (n, 2), Pa.
-        by_trial: Its derivative by the trial friction (n, 2, 2). by_pressure: By p (n, 2).
-        slides: Whether the threshold was reached (n,).
-    """
-
-    traction: Array
-    by_trial: Array
-    by_pressure: Array
-    slides: Flags
+    traction: Array  #: in the plane and along the strand (n, 2), Pa
+    by_trial: Array  #: its derivative by the trial friction (n, 2, 2)
+    by_pressure: Array  #: by p (n, 2)
+    slides: Flags  #: whether the threshold was reached (n,)
 
 
 def return_friction(

@@ -80,28 +80,19 @@ class WallMet:
 
 @dataclass(slots=True)
 class GivenChanges:
-    """Changes of what the contact of a step is given.
+    """Changes of what the contact of a step is given."""
 
-    Attributes:
-        normal: Of the wall at the place there is (n, 2, k). gap: To it (n, k), m.
-        stiffness: Of K_p (n, k), Pa/m. pool: Of the pressure of liquid at the surface (n, k), Pa.
-        slip: Along the strand over the step (k,), m. travel: Of the step (k,), m.
-        law: Of friction as the law or the duration changes, at the trial friction there is
-            (n, 2, k), Pa.
-        friction: At the start of the step (n, 2, k), Pa. resistance: To withdrawal (3, k), there.
-        before: Of the motion of the points at the start of the step (n, 2, k), m.
-    """
-
-    normal: Array
-    gap: Array
-    stiffness: Array
-    pool: Array
-    slip: Array
-    travel: Array
+    normal: Array  #: of the wall at the place there is (n, 2, k)
+    gap: Array  #: to it (n, k), m
+    stiffness: Array  #: of K_p (n, k), Pa/m
+    pool: Array  #: of the pressure of liquid at the surface (n, k), Pa
+    slip: Array  #: along the strand over the step (k,), m
+    travel: Array  #: of the step (k,), m
+    #: of friction as the law or the duration changes, at the trial friction there is (n, 2, k), Pa
     law: Array
-    friction: Array
-    resistance: Array
-    before: Array
+    friction: Array  #: at the start of the step (n, 2, k), Pa
+    resistance: Array  #: to withdrawal (3, k), there
+    before: Array  #: of the motion of the points at the start of the step (n, 2, k), m
 
     @classmethod
     def none(cls, points: int, count: int) -> GivenChanges:
@@ -119,13 +110,9 @@ class GivenChanges:
 
 @dataclass(frozen=True, slots=True)
 class ContactChanges:
-    """Changes of contact; names are those of `ContactState`.
+    """Changes of contact; names are those of `ContactState`."""
 
-    Attributes:
-        traction: On the strand, x, y and along it (n, 3, k), Pa.
-    """
-
-    traction: Array
+    traction: Array  #: on the strand, x, y and along it (n, 3, k), Pa
     place: Array
     normal: Array
     gap: Array

@@ -124,13 +124,9 @@ class StretchingFoundation(Foundation, Protocol):
 
 @dataclass(frozen=True)
 class GivenFoundation:
-    """Beds that are given over time, and remember nothing.
+    """Beds that are given over time, and remember nothing."""
 
-    Attributes:
-        given: Bed of each group over time, s.
-    """
-
-    given: Mapping[str, Callable[[float], Bed]]
+    given: Mapping[str, Callable[[float], Bed]]  #: bed of each group over time, s
 
     def initial(self) -> Memory:
         """See `Foundation`."""
@@ -192,19 +188,12 @@ class RollSupport(SurfaceInteraction):
 
 @dataclass(frozen=True, slots=True)
 class RollSupportState:
-    """What of a support by rolls belongs to the committed state.
+    """What of a support by rolls belongs to the committed state."""
 
-    Attributes:
-        beds: In force at its end, by name; of no stiffness while it does not act.
-        memory: Of the foundation.
-        force: That the beds bear, outward (groups named,), N per m of undeformed strand.
-        moved: Mean displacement of each of the groups along its normal, m.
-    """
-
-    beds: Mapping[str, Bed]
-    memory: Memory
-    force: Array
-    moved: Array
+    beds: Mapping[str, Bed]  #: in force at its end, by name; of no stiffness while it does not act
+    memory: Memory  #: of the foundation
+    force: Array  #: that the beds bear, outward (groups named,), N per m of undeformed strand
+    moved: Array  #: mean displacement of each of the groups along its normal, m
     withdrawal_resistance: Array = field(default_factory=lambda: np.zeros(3))
 
     @property

@@ -20,31 +20,22 @@ CONTACT = "contact."  # before the names of its numbers among those of the whole
 
 @dataclass(frozen=True, slots=True)
 class ContactState:
-    """State at this rank's facet points; nothing ever writes into its arrays.
+    """State at this rank's facet points; nothing ever writes into its arrays."""
 
-    Attributes:
-        friction: On the strand, in the plane along (-n_y, n_x) and along the strand (n, 2), Pa.
-        withdrawal_resistance: Axial force of the friction that has acted on the strand so far, N,
-            and its moments with x and y, N m, (3,).
-        stress: At the points, Mandel (n, 4), Pa; no rows with the penalty, which needs none.
-        internal: What the law remembers there (n, states); likewise.
-        place: Where the points are now (n, 2), m. normal: Of the wall there (n, 2).
-        gap: Distance to the wall along its normal (n,), m; inf where none is met.
-        pressure: Contact pressure (n,), Pa.
-        status: `OPEN`, `STICK` or `SLIP` (n,); without friction, as liquid, what touches slips.
-        weight: Length of surface of each point (n,), m.
-    """
-
+    #: on the strand, in the plane along (-n_y, n_x) and along the strand (n, 2), Pa
     friction: Array
+    #: axial force of the friction that has acted on the strand so far, N, and its moments with x
+    #: and y, N m, (3,)
     withdrawal_resistance: Array
-    stress: Array
-    internal: Array
-    place: Array
-    normal: Array
-    gap: Array
-    pressure: Array
+    stress: Array  #: at the points, Mandel (n, 4), Pa; no rows with the penalty, which needs none
+    internal: Array  #: what the law remembers there (n, states); likewise
+    place: Array  #: where the points are now (n, 2), m
+    normal: Array  #: of the wall there (n, 2)
+    gap: Array  #: distance to the wall along its normal (n,), m; inf where none is met
+    pressure: Array  #: contact pressure (n,), Pa
+    #: `OPEN`, `STICK` or `SLIP` (n,); without friction, as liquid, what touches slips
     status: npt.NDArray[np.int8]
-    weight: Array
+    weight: Array  #: length of surface of each point (n,), m
 
     def numbers(self) -> dict[str, Array]:
         """All but the status, by its name with "contact." before it."""
@@ -54,58 +45,41 @@ class ContactState:
 
 @dataclass(slots=True)
 class ContactEvaluation:
-    """Contact at one set of unknowns, by facet point; most names are those of `ContactState`.
-
-    Attributes:
-        closed: Whether points touch. slides: Whether they slide.
-        stretch: Length of surface over undeformed length.
-        coefficients: What the forms see (n, columns). strain: Increment (n, 4), of Nitsche's law.
-    """
+    """Contact at one set of unknowns, by facet point; most names are those of `ContactState`."""
 
     place: Array
     normal: Array
     gap: Array
     pressure: Array
     friction: Array
-    closed: Flags
-    slides: Flags
-    stretch: Array
-    coefficients: Array
-    strain: Array
+    closed: Flags  #: whether points touch
+    slides: Flags  #: whether they slide
+    stretch: Array  #: length of surface over undeformed length
+    coefficients: Array  #: what the forms see (n, columns)
+    strain: Array  #: increment (n, 4), of Nitsche's law
 
 
 @dataclass(frozen=True, slots=True)
 class ContactSummary:
-    """Contact of the whole section at one moment.
+    """Contact of the whole section at one moment."""
 
-    Attributes:
-        pressure: Largest contact pressure at a point, Pa. mean_pressure: Largest mean over a length
-            of the surface (`castfem.physics.contact.facets`), Pa.
-        penetration: Largest, m; 0 if nothing touches.
-        gap: Largest gap to a wall that is met, m; 0 if none is open.
-        force: Of the wall on the strand, x and y, friction included, N per m of undeformed strand,
-            as those of the supports.
-        axial: Friction along the strand, N per m of it as it is, negative as it holds it back.
-        length: Of surface that touches, m. share: Of the surface that could.
-        sticking: Part of the surface that could touch that does and sticks; None without friction.
-        points: Numbers of points that are open, stick and slip.
-        highest: Where the pressure is largest (2,), m. highest_mean: Where its mean is (2,), m.
-        widest: Where the gap is (2,), m.
-    """
-
-    pressure: float
+    pressure: float  #: largest contact pressure at a point, Pa
+    #: largest mean over a length of the surface (`castfem.physics.contact.facets`), Pa
     mean_pressure: float
-    penetration: float
-    gap: float
+    penetration: float  #: largest, m; 0 if nothing touches
+    gap: float  #: largest gap to a wall that is met, m; 0 if none is open
+    #: of the wall on the strand, x and y, friction included, N per m of undeformed strand, as those
+    #: of the supports
     force: Array
-    axial: float
-    length: float
-    share: float
+    axial: float  #: friction along the strand, N per m of it as it is, negative as it holds it back
+    length: float  #: of surface that touches, m
+    share: float  #: of the surface that could
+    #: part of the surface that could touch that does and sticks; None without friction
     sticking: float | None
-    points: tuple[int, int, int]
-    highest: Array
-    highest_mean: Array
-    widest: Array
+    points: tuple[int, int, int]  #: numbers of points that are open, stick and slip
+    highest: Array  #: where the pressure is largest (2,), m
+    highest_mean: Array  #: where its mean is (2,), m
+    widest: Array  #: where the gap is (2,), m
 
 
 BY_POINT = ("friction", "stress", "internal", "place", "normal", "gap", "pressure", "status",

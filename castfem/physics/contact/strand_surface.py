@@ -17,17 +17,12 @@ from castfem.physics.mould.wall import GapFunction, Wall
 
 @dataclass(frozen=True, slots=True)
 class Met:
-    """Where the points of a surface meet a wall.
+    """Where the points of a surface meet a wall."""
 
-    Attributes:
-        moved: Displacement of the points (n, 2), m. strand: Outward normal of the strand (n, 2).
-        near: Places on a raster (n, 2), m. found: What was met from there.
-    """
-
-    moved: Array
-    strand: Array
-    near: Array
-    found: GapFunction
+    moved: Array  #: displacement of the points (n, 2), m
+    strand: Array  #: outward normal of the strand (n, 2)
+    near: Array  #: places on a raster (n, 2), m
+    found: GapFunction  #: what was met from there
 
     @property
     def facing(self) -> Array:

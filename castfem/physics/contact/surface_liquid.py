@@ -20,16 +20,11 @@ from castfem.physics.contact.interaction import Solid
 
 @dataclass(frozen=True, slots=True)
 class SurfaceTemperatures:
-    """From temperatures of the vertices to those of the surface.
+    """From temperatures of the vertices to those of the surface."""
 
-    Attributes:
-        facets: Points of the surface.
-        at_vertices: Operator from vertex values to the points.
-        slopes: Operator to their gradient there; None where no fed liquid meets friction.
-    """
-
-    facets: Facets
-    at_vertices: sparse.csr_matrix
+    facets: Facets  #: points of the surface
+    at_vertices: sparse.csr_matrix  #: operator from vertex values to the points
+    #: operator to their gradient there; None where no fed liquid meets friction
     slopes: sparse.csr_matrix | None
 
     @classmethod

@@ -24,18 +24,12 @@ Deformations = tuple[finite_strain.Deformation, finite_strain.Deformation]
 
 @dataclass(frozen=True, slots=True)
 class SurfaceStrain:
-    """How the facets' points are strained by the motion, whatever the law.
+    """How the facets' points are strained by the motion, whatever the law."""
 
-    Attributes:
-        gradients: Operator from displacement to its gradient at the points.
-        thickness: Strain zz at the points by a0, a1 and a2 (n, 3).
-        motion: Displacement and generalized strains.
-        step: Gives increments and turning over a step at large strain; None at small.
-    """
-
-    gradients: sparse.csr_matrix
-    thickness: Array
-    motion: Motion
+    gradients: sparse.csr_matrix  #: operator from displacement to its gradient at the points
+    thickness: Array  #: strain zz at the points by a0, a1 and a2 (n, 3)
+    motion: Motion  #: displacement and generalized strains
+    #: gives increments and turning over a step at large strain; None at small
     step: Callable[[], Array] | None
 
     @classmethod

@@ -18,25 +18,18 @@ from castfem.physics.contact.surface_stress import SurfaceStrain
 
 @dataclass(frozen=True, slots=True)
 class WallSurface:
-    """What all slices on a mesh share that meet a wall with some groups.
+    """What all slices on a mesh share that meet a wall with some groups."""
 
-    Attributes:
-        facets: Points. strand: Where they are, and how far off a wall is.
-        height: Mean height of the surface cells, m: one for all points, so that uniform pressure is
-            a uniform penetration (patch test).
-        temperatures: At the points.
-        strained: How they are strained, for Nitsche's method; None with the penalty.
-        geometry: Of the surface, as the forms see it.
-        given: What the forms see of the wall.
-    """
-
-    facets: Facets
-    strand: StrandSurface
+    facets: Facets  #: points
+    strand: StrandSurface  #: where they are, and how far off a wall is
+    #: mean height of the surface cells, m: one for all points, so that uniform pressure is a
+    #: uniform penetration (patch test)
     height: float
-    temperatures: SurfaceTemperatures
+    temperatures: SurfaceTemperatures  #: at the points
+    #: how they are strained, for Nitsche's method; None with the penalty
     strained: SurfaceStrain | None
-    geometry: forms.Surface
-    given: FacetFields
+    geometry: forms.Surface  #: of the surface, as the forms see it
+    given: FacetFields  #: what the forms see of the wall
 
     @classmethod
     def of(

@@ -28,24 +28,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class CouplingLimits:
-    """Errors of a coupling window, and what it begins with.
+    """Errors of a coupling window, and what it begins with."""
 
-    Attributes:
-        share: Error of the surface temperature for the gap that was held at its mean, over what the
-            change of flux does: the flux varies linearly over a window.
-        order: Of this error in the length of the window.
-        allowed: That error where the case gives none, K.
-        beyond: Times what is allowed: the window is cut back before the gap has converged.
-        steady: Change of the rate of displacement, relative, up to which the gap at the end of a
-            window is extrapolated.
-        coldest: Least temperature that is extrapolated, K: a line may fall below absolute zero.
-    """
-
+    #: error of the surface temperature for the gap that was held at its mean, over what the change
+    #: of flux does: the flux varies linearly over a window
     share: float = 1.0 / 6.0
-    order: float = 1.5
-    allowed: float = 2.0
+    order: float = 1.5  #: of this error in the length of the window
+    allowed: float = 2.0  #: that error where the case gives none, K
+    #: times what is allowed: the window is cut back before the gap has converged
     beyond: float = 4.0
+    #: change of the rate of displacement, relative, up to which the gap at the end of a window is
+    #: extrapolated
     steady: float = 0.5
+    #: least temperature that is extrapolated, K: a line may fall below absolute zero
     coldest: float = 100.0
 
 
@@ -54,25 +49,21 @@ LIMITS = CouplingLimits()
 
 @dataclass(frozen=True, slots=True)
 class StrandState:
-    """The committed state of the slice, all of it at one time.
+    """The committed state of the slice, all of it at one time."""
 
-    Attributes:
-        thermal: Temperatures. mechanical: Displacement, stress...; None without mechanics.
-        heating: Heat of the viscoplastic work of the last window, which warms the next, at the
-            owned vertices (owned,), J/m3; empty without.
-        trend: Rate of temperature in the last window (owned,), K/s: what mechanics that go first
-            know of the next; empty where they do not.
-        strain_rate: Of the generalized strains a0, a1, a2 in the last window (3,), 1/s, 1/(m s):
-            what the next one is compared with; empty where windows do not grow.
-        step: Of the next thermal step, as learnt; window: of the next window likewise. Without a
-            length where none follows.
-    """
-
-    thermal: ThermalState
-    mechanical: MechanicalState | None
+    thermal: ThermalState  #: temperatures
+    mechanical: MechanicalState | None  #: displacement, stress...; None without mechanics
+    #: heat of the viscoplastic work of the last window, which warms the next, at the owned vertices
+    #: (owned,), J/m3; empty without
     heating: Array
+    #: rate of temperature in the last window (owned,), K/s: what mechanics that go first know of
+    #: the next; empty where they do not
     trend: Array = field(default_factory=lambda: np.zeros(0))
+    #: of the generalized strains a0, a1, a2 in the last window (3,), 1/s, 1/(m s): what the next
+    #: one is compared with; empty where windows do not grow
     strain_rate: Array = field(default_factory=lambda: np.zeros(0))
+    #: of the next thermal step, as learnt; window: of the next window likewise. Without a length
+    #: where none follows
     step: StepLength = NO_STEP
     window: StepLength = NO_STEP
 
@@ -90,26 +81,19 @@ class StrandState:
 
 @dataclass(frozen=True, slots=True)
 class CouplingWindow:
-    """One attempted coupling window.
+    """One attempted coupling window."""
 
-    Attributes:
-        converged: Whether both solvers converged. state: The new state, or the old one.
-        substeps: The thermal steps. mechanical: The mechanical steps.
-        iterations: Of the coupling; 1 if the window was not repeated.
-        gap_converged: Whether the iterations of the gap converged, if there were to be some.
-        error: Of the surface temperature at its end, K, for the gap was held at its mean; 0 where
-            the window is not repeated.
-        cut_for_error: Longer windows that were tried before, and had too large an error.
-    """
-
-    converged: bool
-    state: StrandState
-    substeps: SubSteps
-    mechanical: MechanicalResult
-    iterations: int
+    converged: bool  #: whether both solvers converged
+    state: StrandState  #: the new state, or the old one
+    substeps: SubSteps  #: the thermal steps
+    mechanical: MechanicalResult  #: the mechanical steps
+    iterations: int  #: of the coupling; 1 if the window was not repeated
+    #: whether the iterations of the gap converged, if there were to be some
     gap_converged: bool = True
+    #: of the surface temperature at its end, K, for the gap was held at its mean; 0 where the
+    #: window is not repeated
     error: float = 0.0
-    cut_for_error: int = 0
+    cut_for_error: int = 0  #: longer windows that were tried before, and had too large an error
 
     def before(self, after: CouplingWindow) -> CouplingWindow:
         """The same window repeated: `after`, with the work of both counted."""

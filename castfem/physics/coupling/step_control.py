@@ -49,18 +49,12 @@ def rung(step: float, unit: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Adaptive:
-    """Error-controlled stepping.
+    """Error-controlled stepping."""
 
-    Attributes:
-        tolerance: Temperature error allowed in a step, K.
-        first: Step after the meniscus and after each change of cooling, s.
-        smallest: The run stops when this one is still too long, s. largest: Upper limit, s.
-    """
-
-    tolerance: float
-    first: float
-    smallest: float
-    largest: float
+    tolerance: float  #: temperature error allowed in a step, K
+    first: float  #: step after the meniscus and after each change of cooling, s
+    smallest: float  #: the run stops when this one is still too long, s
+    largest: float  #: upper limit, s
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,19 +70,13 @@ NO_STEP = StepLength(0.0)
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """A step to try.
+    """A step to try."""
 
-    Attributes:
-        end: Where it ends, s. taken: Its length, s. base: The same without growth, s.
-        clipped: Whether a milestone or a limit ends it.
-        length: What it was proposed from.
-    """
-
-    end: float
-    taken: float
-    base: float
-    clipped: bool
-    length: StepLength
+    end: float  #: where it ends, s
+    taken: float  #: its length, s
+    base: float  #: the same without growth, s
+    clipped: bool  #: whether a milestone or a limit ends it
+    length: StepLength  #: what it was proposed from
 
 
 class StepControl:

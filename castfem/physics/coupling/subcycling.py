@@ -25,23 +25,17 @@ Moment = tuple[float, Array]  # a time, s, and temperatures of the owned vertice
 
 @dataclass(frozen=True, slots=True)
 class SubSteps:
-    """Thermal steps that were taken one after another.
+    """Thermal steps that were taken one after another."""
 
-    Attributes:
-        state: At their end. step: Length of the last, s. length: Of the next, as learnt.
-        newton: Newton iterations of all.
-        balance: Largest relative error of their heat balances. steps: Their number.
-        rejected: Steps that were tried and not kept. limited: Steps taken by backward Euler
-            because the second-order scheme left the physical bounds, or would have come back.
-    """
-
-    state: ThermalState
-    step: float
-    length: StepLength
-    newton: int
-    balance: float
-    steps: int
-    rejected: int
+    state: ThermalState  #: at their end
+    step: float  #: length of the last, s
+    length: StepLength  #: of the next, as learnt
+    newton: int  #: Newton iterations of all
+    balance: float  #: largest relative error of their heat balances
+    steps: int  #: their number
+    rejected: int  #: steps that were tried and not kept
+    #: steps taken by backward Euler because the second-order scheme left the physical bounds, or
+    #: would have come back
     limited: int
 
     def __add__(self, after: SubSteps) -> SubSteps:

@@ -64,15 +64,11 @@ class Machine:
 
     Positions are lengths along the strand from the meniscus, m; times are those of the slice, s,
     which is at the meniscus at time 0.
-
-    Attributes:
-        travel: The way of the slice over time.
-        line: The line it follows.
-        mould_length: From the meniscus to the end of the mould, m; None without one.
     """
 
-    travel: Travel
-    line: Line = Vertical()
+    travel: Travel  #: the way of the slice over time
+    line: Line = Vertical()  #: the line it follows
+    #: from the meniscus to the end of the mould, m; None without one
     mould_length: float | None = None
 
     @property
@@ -154,15 +150,10 @@ class Machine:
 
 @dataclass(frozen=True, slots=True)
 class OverTime:
-    """What is tabulated over position or casting speed, as the slice meets it.
+    """What is tabulated over position or casting speed, as the slice meets it."""
 
-    Attributes:
-        table: Over one of the two.
-        machine: Has both over time.
-    """
-
-    table: Table
-    machine: Machine
+    table: Table  #: over one of the two
+    machine: Machine  #: has both over time
 
     def __call__(self, time: float) -> float:
         """The value where the slice is, or at the speed that it has, at `time` (s)."""

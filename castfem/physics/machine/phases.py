@@ -17,30 +17,20 @@ Kind = Literal["vertical", "bending", "arc", "straightening", "straight"]
 
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """Rolls between which the curvature goes one way.
+    """Rolls between which the curvature goes one way."""
 
-    Attributes:
-        kind: What they do.
-        first: Index of the pair at its beginning. last: At its end.
-    """
-
-    kind: Kind
-    first: int
-    last: int
+    kind: Kind  #: what they do
+    first: int  #: index of the pair at its beginning
+    last: int  #: at its end
 
 
 @dataclass(frozen=True, slots=True)
 class OffStretch:
-    """Rolls between which the strand follows rolls that are off.
+    """Rolls between which the strand follows rolls that are off."""
 
-    Attributes:
-        off: Numbers of the rolls that are off, from 1 on.
-        first: Index of the pair at its beginning. last: At its end.
-    """
-
-    off: tuple[int, ...]
-    first: int
-    last: int
+    off: tuple[int, ...]  #: numbers of the rolls that are off, from 1 on
+    first: int  #: index of the pair at its beginning
+    last: int  #: at its end
 
     @property
     def name(self) -> str:

@@ -30,31 +30,18 @@ _YES, _NO = ("yes", "true", "1"), ("no", "false", "0", "")
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """A pair of rolls.
+    """A pair of rolls."""
 
-    Attributes:
-        position: From the meniscus along the strand, m.
-        diameter: Of its rolls, m.
-        radius: Of the strand there, m; inf where it is straight.
-        aperture: Between its rolls, m; None for the thickness of the section.
-        driven: Whether it draws the strand.
-        capacity: With what force at most, N; None if that is not given.
-        offset: How far it is off towards the centre of curvature, m.
-        locked: Whether it does not turn.
-        lost: Whether it is not there; the radius is that of the strand all the same.
-        designed: Radius of the strand there without rolls that are off or lost, m; None where that
-            is `radius`.
-    """
-
-    position: float
-    diameter: float
-    radius: float = math.inf
-    aperture: float | None = None
-    driven: bool = False
-    capacity: float | None = None
-    offset: float = 0.0
-    locked: bool = False
-    lost: bool = False
+    position: float  #: from the meniscus along the strand, m
+    diameter: float  #: of its rolls, m
+    radius: float = math.inf  #: of the strand there, m; inf where it is straight
+    aperture: float | None = None  #: between its rolls, m; None for the thickness of the section
+    driven: bool = False  #: whether it draws the strand
+    capacity: float | None = None  #: with what force at most, N; None if that is not given
+    offset: float = 0.0  #: how far it is off towards the centre of curvature, m
+    locked: bool = False  #: whether it does not turn
+    lost: bool = False  #: whether it is not there; the radius is that of the strand all the same
+    #: radius of the strand there without rolls that are off or lost, m; None where that is `radius`
     designed: float | None = None
 
     @property
@@ -67,16 +54,11 @@ class Pair:
 
 @dataclass(frozen=True, slots=True)
 class Rolls:
-    """All pairs of rolls in casting order.
+    """All pairs of rolls in casting order."""
 
-    Attributes:
-        pairs: From the mould on.
-        face: Of which the radii are, and along which positions are measured.
-        places: Where each pair was written, for messages.
-    """
-
-    pairs: tuple[Pair, ...]
-    face: Face = "extrados"
+    pairs: tuple[Pair, ...]  #: from the mould on
+    face: Face = "extrados"  #: of which the radii are, and along which positions are measured
+    #: where each pair was written, for messages
     places: tuple[str, ...] = field(default=(), compare=False)
 
     def place(self, index: int) -> str:
@@ -279,19 +261,14 @@ def columns_of(rolls: Rolls) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """Rolls of one pitch and diameter.
+    """Rolls of one pitch and diameter."""
 
-    Attributes:
-        rolls: Number of pairs. pitch: From the pair before to each, m. diameter: m.
-        radius: At its last pair, m: 1/R goes there linearly from the segment before.
-        aperture: m; None for the thickness of the section.
-    """
-
-    rolls: int
-    pitch: float
-    diameter: float
+    rolls: int  #: number of pairs
+    pitch: float  #: from the pair before to each, m
+    diameter: float  #: m
+    #: at its last pair, m: 1/R goes there linearly from the segment before
     radius: float = math.inf
-    aperture: float | None = None
+    aperture: float | None = None  #: m; None for the thickness of the section
 
 
 def expand(segments: Sequence[Segment], first: float, face: Face = "extrados") -> Rolls:
@@ -311,17 +288,11 @@ def expand(segments: Sequence[Segment], first: float, face: Face = "extrados") -
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """Why a pair cannot be there.
+    """Why a pair cannot be there."""
 
-    Attributes:
-        index: Of the pair.
-        kind: What is wrong, the same word for the same of several pairs.
-        text: For messages.
-    """
-
-    index: int
-    kind: str
-    text: str
+    index: int  #: of the pair
+    kind: str  #: what is wrong, the same word for the same of several pairs
+    text: str  #: for messages
 
 
 def faults(rolls: Rolls, thickness: float, mould_end: float | None) -> Iterator[Fault]:

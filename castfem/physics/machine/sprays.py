@@ -50,19 +50,12 @@ def longest_spray(clear: float, stand_off: float, diameter: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """The clear distance between two pairs of rolls.
+    """The clear distance between two pairs of rolls."""
 
-    Attributes:
-        above: Number of the pair above it, from 1.
-        middle: Of the clear distance, from the meniscus, m.
-        clear: On the tighter side, m.
-        diameter: Of the thinner rolls, m: these limit a spray more.
-    """
-
-    above: int
-    middle: float
-    clear: float
-    diameter: float
+    above: int  #: number of the pair above it, from 1
+    middle: float  #: of the clear distance, from the meniscus, m
+    clear: float  #: on the tighter side, m
+    diameter: float  #: of the thinner rolls, m: these limit a spray more
 
 
 def gap_below(rolls: Rolls, number: int, thickness: float) -> Gap:
@@ -79,19 +72,13 @@ def gap_below(rolls: Rolls, number: int, thickness: float) -> Gap:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """The nozzles of a circuit in one gap.
+    """The nozzles of a circuit in one gap."""
 
-    Attributes:
-        circuit: Its name. gap: Number of the roll above.
-        start: Where their sprays begin, from the meniscus, m. end: Where they end, m.
-        share: Of the water that these nozzles are meant to have.
-    """
-
-    circuit: str
-    gap: int
-    start: float
-    end: float
-    share: float = 1.0
+    circuit: str  #: its name
+    gap: int  #: number of the roll above
+    start: float  #: where their sprays begin, from the meniscus, m
+    end: float  #: where they end, m
+    share: float = 1.0  #: of the water that these nozzles are meant to have
 
 
 def scale_water(
@@ -127,20 +114,13 @@ def scale_water(
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """A length of strand that loses heat in one way.
+    """A length of strand that loses heat in one way."""
 
-    Attributes:
-        kind: In which.
-        start: From the meniscus, m. end: Likewise.
-        gap: Number of the roll above; of contact the number of the roll.
-        rows: Indices of the rows that spray it.
-    """
-
-    kind: Kind
-    start: float
-    end: float
-    gap: int
-    rows: tuple[int, ...] = ()
+    kind: Kind  #: in which
+    start: float  #: from the meniscus, m
+    end: float  #: likewise
+    gap: int  #: number of the roll above; of contact the number of the roll
+    rows: tuple[int, ...] = ()  #: indices of the rows that spray it
 
 
 def stretches(

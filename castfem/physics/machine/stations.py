@@ -19,16 +19,11 @@ _OFF, _DESIGNED = "offset", "radius_designed"  # columns of rolls that are off, 
 
 @dataclass(frozen=True, slots=True)
 class Stations:
-    """The rolls as a strand passes them, or none.
+    """The rolls as a strand passes them, or none."""
 
-    Attributes:
-        rolls: From the mould on; None of a machine that has none.
-        thickness: Of the section, m. mould_exit: m from the meniscus; None without a mould.
-    """
-
-    rolls: Rolls | None = None
-    thickness: float = 0.0
-    mould_exit: float | None = None
+    rolls: Rolls | None = None  #: from the mould on; None of a machine that has none
+    thickness: float = 0.0  #: of the section, m
+    mould_exit: float | None = None  #: m from the meniscus; None without a mould
 
     @classmethod
     def of_columns(

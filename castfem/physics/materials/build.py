@@ -58,23 +58,15 @@ class Faulty(Exception):
 
 @dataclass
 class Workshop:
-    """A steel in the making, and the problems found on the way.
+    """A steel in the making, and the problems found on the way."""
 
-    Attributes:
-        given: The material file.
-        name: Name of the steel.
-        composition: wt%.
-        diagram: Iron-carbon diagram, None without carbon content.
-        left_out: Elements that are stated, but of which nothing is known.
-        problems: What was found so far.
-    """
-
-    given: MaterialFile
-    name: str
-    composition: Mapping[str, float]
+    given: MaterialFile  #: the material file
+    name: str  #: name of the steel
+    composition: Mapping[str, float]  #: wt%
+    #: iron-carbon diagram, None without carbon content
     diagram: iron_carbon.IronCarbon | None = None
-    left_out: tuple[str, ...] = ()
-    problems: list[Problem] = field(default_factory=list)
+    left_out: tuple[str, ...] = ()  #: elements that are stated, but of which nothing is known
+    problems: list[Problem] = field(default_factory=list)  #: what was found so far
 
     def fail(self, *path: str, text: str) -> Faulty:
         """Note a problem; raise what is returned to give up the entry."""

@@ -88,19 +88,12 @@ class EnthalpyTable:
 
 @dataclass(frozen=True, slots=True)
 class SensibleHeat:
-    """Specific heat that is constant between temperatures.
+    """Specific heat that is constant between temperatures."""
 
-    Attributes:
-        jumps: Temperatures where it changes, K.
-        values: On the pieces, one more than jumps, J/(kg K).
-        span: Temperatures between which it is defined, K.
-        curved: It is not.
-    """
-
-    jumps: tuple[float, ...]
-    values: tuple[float, ...]
-    span: tuple[float, float]
-    curved: bool = False
+    jumps: tuple[float, ...]  #: temperatures where it changes, K
+    values: tuple[float, ...]  #: on the pieces, one more than jumps, J/(kg K)
+    span: tuple[float, float]  #: temperatures between which it is defined, K
+    curved: bool = False  #: it is not
 
     @property
     def kinks(self) -> tuple[float, ...]:

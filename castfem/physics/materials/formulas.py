@@ -31,26 +31,18 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Formula:
-    """A property as a function of temperature, and where it comes from.
+    """A property as a function of temperature, and where it comes from."""
 
-    Attributes:
-        name: As written in a material file.
-        quantity: Property it may stand for, the key in a material file.
-        evaluate: Temperatures in K, phases (None unless `by_phase`) and parameters to SI values.
-        source: Reference of the numbers.
-        status: F, M or C, see the module.
-        by_phase: The formula needs the iron-carbon diagram.
-        kinks: Temperatures at which it has a kink of its own, as a function of the parameters.
-        parameters: Numbers the user may change.
-    """
-
-    name: str
-    quantity: str
+    name: str  #: as written in a material file
+    quantity: str  #: property it may stand for, the key in a material file
+    #: temperatures in K, phases (None unless `by_phase`) and parameters to SI values
     evaluate: Callable[..., Array]
-    source: str
-    status: str
-    by_phase: bool = False
+    source: str  #: reference of the numbers
+    status: str  #: F, M or C, see the module
+    by_phase: bool = False  #: the formula needs the iron-carbon diagram
+    #: temperatures at which it has a kink of its own, as a function of the parameters
     kinks: Callable[..., tuple[float, ...]] = lambda **_: ()
+    #: numbers the user may change
     parameters: Mapping[str, Parameter] = field(default_factory=lambda: MappingProxyType({}))
 
 

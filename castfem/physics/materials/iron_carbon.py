@@ -53,23 +53,14 @@ ELEMENTS = tuple(LIQUIDUS_DROP)
 
 @dataclass(frozen=True, slots=True)
 class Phases:
-    """Mass fractions of the phases and the carbon in each; all arrays of one shape.
+    """Mass fractions of the phases and the carbon in each; all arrays of one shape."""
 
-    Attributes:
-        liquid: Fraction of liquid.
-        delta: Fraction of delta ferrite.
-        gamma: Fraction of austenite.
-        carbon_liquid: Carbon in the liquid, wt%; NaN where there is none of it.
-        carbon_delta: Carbon in the delta ferrite, wt%; NaN where there is none of it.
-        carbon_gamma: Carbon in the austenite, wt%; NaN where there is none of it.
-    """
-
-    liquid: Array
-    delta: Array
-    gamma: Array
-    carbon_liquid: Array
-    carbon_delta: Array
-    carbon_gamma: Array
+    liquid: Array  #: fraction of liquid
+    delta: Array  #: fraction of delta ferrite
+    gamma: Array  #: fraction of austenite
+    carbon_liquid: Array  #: carbon in the liquid, wt%; NaN where there is none of it
+    carbon_delta: Array  #: carbon in the delta ferrite, wt%; NaN where there is none of it
+    carbon_gamma: Array  #: carbon in the austenite, wt%; NaN where there is none of it
 
 
 @dataclass(frozen=True, slots=True)

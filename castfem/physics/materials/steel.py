@@ -29,17 +29,11 @@ from castfem.physics.materials.solid_fraction import SolidFraction
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Where a number comes from.
+    """Where a number comes from."""
 
-    Attributes:
-        law: The property in words: its value, "table", or the name of its formula.
-        source: Reference.
-        status: F read in the source, M from memory of it, C computed, U the user's own.
-    """
-
-    law: str
-    source: str
-    status: str
+    law: str  #: the property in words: its value, "table", or the name of its formula
+    source: str  #: reference
+    status: str  #: F read in the source, M from memory of it, C computed, U the user's own
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -49,35 +43,26 @@ class Steel:
     Temperatures are in K, of any shape; results have the same shape.  At a temperature where a
     property jumps (isothermal freezing, peritectic) `side` picks the hotter ("above") or the colder
     ("below") state; "above" by default.
-
-    Attributes:
-        name: Name of the set, or of its file.
-        description: What it is, one sentence.
-        solidus: K.
-        liquidus: K.
-        latent_heat: Heat of solidification, J/kg; for a steel defined by its enthalpy, what that
-            releases from liquidus to solidus beyond the specific heat.
-        properties: density, specific_heat, conductivity, and perhaps enthalpy, emissivity,
-            youngs_modulus, poisson_ratio.
-        fraction: Law of the solid fraction.
-        expansion: Law of the thermal contraction, if there is one.
-        composition: wt% by element; empty if not stated.
-        diagram: Iron-carbon diagram, if a composition is stated.
-        origins: Source and status by property.
-        left_out: Elements that were stated, but of whose effect nothing is known here.
     """
 
-    name: str
-    description: str
-    solidus: float
-    liquidus: float
+    name: str  #: name of the set, or of its file
+    description: str  #: what it is, one sentence
+    solidus: float  #: K
+    liquidus: float  #: K
+    #: heat of solidification, J/kg; for a steel defined by its enthalpy, what that releases from
+    #: liquidus to solidus beyond the specific heat
     latent_heat: float
+    #: density, specific_heat, conductivity, and perhaps enthalpy, emissivity, youngs_modulus,
+    #: poisson_ratio
     properties: Mapping[str, Property]
-    fraction: SolidFraction
-    expansion: Expansion | None = None
+    fraction: SolidFraction  #: law of the solid fraction
+    expansion: Expansion | None = None  #: law of the thermal contraction, if there is one
+    #: wt% by element; empty if not stated
     composition: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
-    diagram: IronCarbon | None = None
+    diagram: IronCarbon | None = None  #: iron-carbon diagram, if a composition is stated
+    #: source and status by property
     origins: Mapping[str, Origin] = field(default_factory=lambda: MappingProxyType({}))
+    #: elements that were stated, but of whose effect nothing is known here
     left_out: tuple[str, ...] = ()
 
     def has(self, key: str) -> bool:

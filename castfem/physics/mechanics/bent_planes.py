@@ -28,17 +28,11 @@ def same_curvature(one: float, other: float) -> bool:
 
 @dataclass(frozen=True)
 class ImposedAxis:
-    """Where the thickness of the slice stays as it is, from one instant to the next (42).
+    """Where the thickness of the slice stays as it is, from one instant to the next (42)."""
 
-    Attributes:
-        times: From which on each place holds (n,), s; the first holds before, too.
-        places: y1 (n,), m.
-        thicknesses: Of the slice there (n,).
-    """
-
-    times: tuple[float, ...]
-    places: tuple[float, ...]
-    thicknesses: tuple[float, ...]
+    times: tuple[float, ...]  #: from which on each place holds (n,), s; the first holds before, too
+    places: tuple[float, ...]  #: y1 (n,), m
+    thicknesses: tuple[float, ...]  #: of the slice there (n,)
 
     @classmethod
     def alternating(
@@ -102,30 +96,23 @@ class BentPlanes(Planes):
     stays where it is.  The integral is taken by the trapezoidal rule, its share of the step
     itself implicitly: with k at mid-step in the test direction.  The "axial" one, [1, 0, 0], is the
     first of (38) as it stands, N = F.
-
-    Attributes:
-        curvature: 1/R over time, 1/m; linear between the rolls (`castfem.physics.machine`).
-        half_thickness: h/2, m.
-        neutral_axis: y1, m, where the slice stays 1 thick, or where it stays as thick as it is,
-            from one instant to the next; None to let equilibrium find it.
-        force: External axial force F over time, N.
-        test_direction: Test direction, so what F balances: N - k M, "tangential", or N, "axial".
-        contains_work: F has the work of bending in it, as a measured effort has: it is not taken
-            off once more.
-        effort: Of rolls and drives, of the whole strand, which F comes on top of; None without.
-        position: Of the slice over time, m.
-        parts: How many times the modelled part makes up the strand.
     """
 
+    #: 1/R over time, 1/m; linear between the rolls (`castfem.physics.machine`)
     curvature: TimeHistory
-    half_thickness: float
+    half_thickness: float  #: h/2, m
+    #: y1, m, where the slice stays 1 thick, or where it stays as thick as it is, from one instant
+    #: to the next; None to let equilibrium find it
     neutral_axis: float | ImposedAxis | None = None
-    force: TimeHistory = zero
+    force: TimeHistory = zero  #: external axial force F over time, N
+    #: test direction, so what F balances: N - k M, "tangential", or N, "axial"
     test_direction: Literal["tangential", "axial"] = "tangential"
+    #: F has the work of bending in it, as a measured effort has: it is not taken off once more
     contains_work: bool = False
+    #: of rolls and drives, of the whole strand, which F comes on top of; None without
     effort: Effort | None = None
-    position: TimeHistory = zero
-    parts: int = 1
+    position: TimeHistory = zero  #: of the slice over time, m
+    parts: int = 1  #: how many times the modelled part makes up the strand
 
     @property
     def steady(self) -> bool:

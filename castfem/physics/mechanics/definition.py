@@ -39,18 +39,14 @@ class Ferrostatic:
     is nothing in the slice that could hold it: its stand-in stiffness would, and the section
     would swell by millimetres that freeze into the shell.  There the pressure is held from outside,
     by the mould or whatever the liquid is in, and the slice feels the front alone.
-
-    Attributes:
-        head: gamma D over time, Pa.
-        solid_fraction: Over temperature, K.
-        mushy_zone: Pressure there: "proportional" to the liquid (219), "full" until all is solid,
-            or "none" as soon as anything is (Fig. 63).
-        outside: Where the surface is liquid, the pressure is "held" there, or it is "free".
     """
 
-    head: TimeHistory
-    solid_fraction: Callable[[Array], Array]
+    head: TimeHistory  #: gamma D over time, Pa
+    solid_fraction: Callable[[Array], Array]  #: over temperature, K
+    #: pressure there: "proportional" to the liquid (219), "full" until all is solid, or "none" as
+    #: soon as anything is (Fig. 63)
     mushy_zone: Literal["proportional", "full", "none"] = "proportional"
+    #: where the surface is liquid, the pressure is "held" there, or it is "free"
     outside: Literal["held", "free"] = "held"
 
     def __post_init__(self) -> None:
@@ -73,33 +69,23 @@ class Ferrostatic:
 
 @dataclass(frozen=True, slots=True)
 class Slice:
-    """What a slice is made of and how it is held.
+    """What a slice is made of and how it is held."""
 
-    Attributes:
-        law: Constitutive law.
-        thermal_strain: Linear thermal strain over temperature, K; 0 in mushy zone and liquid.
-        planes: Motion of the bounding planes.
-        held: Prescribed displacements beside the lines of symmetry.
-        loads: Surface loads.
-        ferrostatic: Pressure of the liquid; None for none.
-        large_strain: Objective update on the deformed slice.
-        pin: Hold by points, or springs, the rigid motions that symmetry and held leave.
-        integration: Quadrature rules; the usual ones if None.
-        interactions: What acts on its surface: a mould's wall, rolls.
-        liquid: "fed" from above, so that it carries its pressure alone; or "elastic", a body of its
-            own stiffness.
-    """
-
-    law: Law
+    law: Law  #: constitutive law
+    #: linear thermal strain over temperature, K; 0 in mushy zone and liquid
     thermal_strain: Callable[[Array], Array]
-    planes: Planes = field(default_factory=PlainPlanes)
+    planes: Planes = field(default_factory=PlainPlanes)  #: motion of the bounding planes
+    #: prescribed displacements beside the lines of symmetry
     held: tuple[PrescribedDisplacement, ...] = ()
-    loads: tuple[Traction | SurfacePressure, ...] = ()
-    ferrostatic: Ferrostatic | None = None
-    large_strain: bool = False
-    pin: bool = True
-    integration: Integration | None = None
+    loads: tuple[Traction | SurfacePressure, ...] = ()  #: surface loads
+    ferrostatic: Ferrostatic | None = None  #: pressure of the liquid; None for none
+    large_strain: bool = False  #: objective update on the deformed slice
+    pin: bool = True  #: hold by points, or springs, the rigid motions that symmetry and held leave
+    integration: Integration | None = None  #: quadrature rules; the usual ones if None
+    #: what acts on its surface: a mould's wall, rolls
     interactions: tuple[SurfaceInteraction, ...] = ()
+    #: "fed" from above, so that it carries its pressure alone; or "elastic", a body of its own
+    #: stiffness
     liquid: Literal["fed", "elastic"] = "elastic"
 
     def head(self, time: float) -> float:

@@ -19,31 +19,18 @@ AXIAL = np.array([0.0, 0.0, 1.0, 0.0])  # Mandel
 
 @dataclass(frozen=True, slots=True)
 class Fields:
-    """What the forms see of material and motion.
+    """What the forms see of material and motion."""
 
-    Attributes:
-        u: Displacement now, m.
-        u_old: At the start of the step.
-        generalized_strains: Now (4,), see `castfem.forms.mechanics`.
-        generalized_strains_old: At the start of the step.
-        one: A direction of the generalized strains (4,).
-        other: A second one.
-        deviator: Stress deviator, Mandel (4,), Pa.
-        tangent: Deviatoric tangent (4, 4), Pa.
-        mean: Mean stress, linear on each cell, Pa.
-        pressure: Ferrostatic pressure, likewise; None without one.
-    """
-
-    u: fem.Function
-    u_old: fem.Function
-    generalized_strains: fem.Constant
-    generalized_strains_old: fem.Constant
-    one: fem.Constant
-    other: fem.Constant
-    deviator: fem.Function
-    tangent: fem.Function
-    mean: fem.Function
-    pressure: fem.Function | None
+    u: fem.Function  #: displacement now, m
+    u_old: fem.Function  #: at the start of the step
+    generalized_strains: fem.Constant  #: now (4,), see `castfem.forms.mechanics`
+    generalized_strains_old: fem.Constant  #: at the start of the step
+    one: fem.Constant  #: a direction of the generalized strains (4,)
+    other: fem.Constant  #: a second one
+    deviator: fem.Function  #: stress deviator, Mandel (4,), Pa
+    tangent: fem.Function  #: deviatoric tangent (4, 4), Pa
+    mean: fem.Function  #: mean stress, linear on each cell, Pa
+    pressure: fem.Function | None  #: ferrostatic pressure, likewise; None without one
 
     def clear_stress(self) -> None:
         """There is none anywhere."""

@@ -31,24 +31,16 @@ Other = TypeVar("Other")
 
 @dataclass(frozen=True, slots=True)
 class Parts(Generic[Part]):
-    """Forms on some cells; to stiffness, column, row and corner comes that of `VolumeStiffness`.
+    """Forms on some cells; to stiffness, column, row and corner comes that of `VolumeStiffness`."""
 
-    Attributes:
-        work: Forces in the plane (vector).
-        stiffness: Their derivative (matrix).
-        generalized_work: Work of the stress on the direction `Fields.one` (scalar).
-        column: Derivative of the forces along that direction (vector); None if no generalized
-            strain is free.
-        row: Derivative of `generalized_work` by the displacement (vector); None if it is `column`.
-        corner: Derivative of the work on `one` along `other` (scalar).
-    """
-
-    work: Part
-    stiffness: Part
-    generalized_work: Part
+    work: Part  #: forces in the plane (vector)
+    stiffness: Part  #: their derivative (matrix)
+    generalized_work: Part  #: work of the stress on the direction `Fields.one` (scalar)
+    #: derivative of the forces along that direction (vector); None if no generalized strain is free
     column: Part | None
+    #: derivative of `generalized_work` by the displacement (vector); None if it is `column`
     row: Part | None
-    corner: Part | None
+    corner: Part | None  #: derivative of the work on `one` along `other` (scalar)
 
     def each(self, make: Callable[[str, Part], Other]) -> Parts[Other]:
         """What is made of each that there is, by its name."""

@@ -14,17 +14,11 @@ from castfem.physics.constitutive.kernel import constants
 
 @dataclass(frozen=True, slots=True)
 class FedPoints:
-    """Points of liquid that is fed: what stands in for a stiffness there.
+    """Points of liquid that is fed: what stands in for a stiffness there."""
 
-    Attributes:
-        carries: Points in cells that carry stress (points,); the others have none at all.
-        liquid: Points without coherent solid (points,).
-        young: Modulus at these in cells that carry stress, Poisson's ratio being 0, Pa.
-    """
-
-    carries: Flags
-    liquid: Flags
-    young: float
+    carries: Flags  #: points in cells that carry stress (points,); the others have none at all
+    liquid: Flags  #: points without coherent solid (points,)
+    young: float  #: modulus at these in cells that carry stress, Poisson's ratio being 0, Pa
 
     @classmethod
     def of(cls, carries: Flags, liquid: Flags, solid: float, head: float) -> FedPoints:

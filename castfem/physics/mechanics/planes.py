@@ -37,21 +37,16 @@ class Bending:
     """What the machine's curvature has done to the slice so far; part of its state.
 
     Moments and work are those of the modelled part of the section.
-
-    Attributes:
-        curvature: k of the strand's middle, 1/m.
-        moment: M = int sigma_zz y da, N m; positive where the intrados is pulled.
-        work: Int M dk from the first instant on, J per m of strand; bending takes less than zero.
-        axis: Where the slice's thickness has not changed in the last step, m from the middle
-            towards the intrados; None where the curvature stayed.
-        withdrawal: What rolls and drives have done, of the whole strand; None where no rolls
-            resist.
     """
 
-    curvature: float = 0.0
-    moment: float = 0.0
+    curvature: float = 0.0  #: k of the strand's middle, 1/m
+    moment: float = 0.0  #: M = int sigma_zz y da, N m; positive where the intrados is pulled
+    #: int M dk from the first instant on, J per m of strand; bending takes less than zero
     work: float = 0.0
+    #: where the slice's thickness has not changed in the last step, m from the middle towards the
+    #: intrados; None where the curvature stayed
     axis: float | None = None
+    #: what rolls and drives have done, of the whole strand; None where no rolls resist
     withdrawal: Withdrawal | None = None
 
 
@@ -61,20 +56,14 @@ STRAIGHT = Bending()
 
 @dataclass(frozen=True, slots=True)
 class StepTaken:
-    """What planes are told of a step that is kept.
+    """What planes are told of a step that is kept."""
 
-    Attributes:
-        time: At its end, s.
-        moment: Computes M at its end, N m (collective); called only for planes that are bent.
-        change: Of the generalized strains over it (4,).
-        temperature: At its end, at the owned vertices (owned,), K.
-        added: To the forces of the next two pairs of rolls (`BearsRolls.added`), N/m.
-    """
-
-    time: float
+    time: float  #: at its end, s
+    #: computes M at its end, N m (collective); called only for planes that are bent
     moment: Callable[[], float]
-    change: Array
-    temperature: Array
+    change: Array  #: of the generalized strains over it (4,)
+    temperature: Array  #: at its end, at the owned vertices (owned,), K
+    #: to the forces of the next two pairs of rolls (`BearsRolls.added`), N/m
     added: tuple[float, float] = NOTHING_ADDED
 
 
@@ -136,23 +125,14 @@ def loads_at(planes: Planes, past: Bending, time: float) -> dict[str, float]:
 
 @dataclass(frozen=True, slots=True)
 class ScaledPlanes:
-    """Free degrees of freedom of the planes at one instant, scaled to lengths.
+    """Free degrees of freedom of the planes at one instant, scaled to lengths."""
 
-    Attributes:
-        offset: Generalized strains where the free scalars are zero (4,).
-        directions: Generalized strains for each unknown (4, free), 1/m and 1/m2.
-        test_directions: The work along them is balanced (4, free), scaled likewise.
-        load: Work of the external forces on them (free,), N/m.
-        scaling: Free scalar for each unknown, 1/m.
-        coupled: Whether `test_directions` differ from `directions`.
-    """
-
-    offset: Array
-    directions: Array
-    test_directions: Array
-    load: Array
-    scaling: Array
-    coupled: bool
+    offset: Array  #: generalized strains where the free scalars are zero (4,)
+    directions: Array  #: generalized strains for each unknown (4, free), 1/m and 1/m2
+    test_directions: Array  #: the work along them is balanced (4, free), scaled likewise
+    load: Array  #: work of the external forces on them (free,), N/m
+    scaling: Array  #: free scalar for each unknown, 1/m
+    coupled: bool  #: whether `test_directions` differ from `directions`
 
     @classmethod
     def of(cls, planes: Planes, past: Bending, time: float, length: float) -> ScaledPlanes:
@@ -211,20 +191,14 @@ def zero(time: float) -> float:
 
 @dataclass(frozen=True)
 class PlainPlanes(Planes):
-    """Each generalized strain free, or imposed over time (fixed at zero by default).
+    """Each generalized strain free, or imposed over time (fixed at zero by default)."""
 
-    Attributes:
-        free: Those that are free, of `GENERALIZED_STRAINS`.
-        imposed: Value over time (s) of others: strain, 1/m, 1/m, strain.
-        force: External axial force, N. moment_x: External moment of sigma_zz with x, N m (thesis'
-            M_y). moment_y: The same with y (M_x). Each over time.
-    """
-
-    free: tuple[str, ...] = ("a0",)
+    free: tuple[str, ...] = ("a0",)  #: those that are free, of `GENERALIZED_STRAINS`
+    #: value over time (s) of others: strain, 1/m, 1/m, strain
     imposed: Mapping[str, TimeHistory] = field(default_factory=dict)
-    force: TimeHistory = zero
-    moment_x: TimeHistory = zero
-    moment_y: TimeHistory = zero
+    force: TimeHistory = zero  #: external axial force, N
+    moment_x: TimeHistory = zero  #: external moment of sigma_zz with x, N m (thesis' M_y)
+    moment_y: TimeHistory = zero  #: The same with y (M_x). Each over time
 
     def __post_init__(self) -> None:
         """Check the names."""

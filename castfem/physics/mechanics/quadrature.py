@@ -223,25 +223,17 @@ class Points:
 
 @dataclass(frozen=True, slots=True)
 class ActivePoints:
-    """The points of those cells in which a step has stress, in the order of all points.
+    """The points of those cells in which a step has stress, in the order of all points."""
 
-    Attributes:
-        points: All points. cells: The cells, of this rank's own.
-        rows: Of all points, those of these cells. deviator: The same of the deviator's rule alone.
-        mean: Of that of the mean stress. deviator_points: Number of the first.
-        linear: Projection of values at the points of the mean stress. strain: Operator from the
-            displacement to Mandel strain, see `Points`. volume: Area of each point, see there.
-    """
-
-    points: Points
-    cells: npt.NDArray[np.int32]
-    rows: Indices | slice
-    deviator: Indices | slice
-    mean: Indices | slice
-    deviator_points: int
-    linear: Linear
-    strain: sparse.csr_matrix
-    volume: Array
+    points: Points  #: all points
+    cells: npt.NDArray[np.int32]  #: the cells, of this rank's own
+    rows: Indices | slice  #: of all points, those of these cells
+    deviator: Indices | slice  #: the same of the deviator's rule alone
+    mean: Indices | slice  #: of that of the mean stress
+    deviator_points: int  #: number of the first
+    linear: Linear  #: projection of values at the points of the mean stress
+    strain: sparse.csr_matrix  #: operator from the displacement to Mandel strain, see `Points`
+    volume: Array  #: area of each point, see there
 
     @property
     def count(self) -> int:

@@ -22,17 +22,12 @@ from castfem.fem.section import Section
 
 @dataclass(frozen=True, slots=True)
 class Integration:
-    """Degrees of the two quadrature rules.
+    """Degrees of the two quadrature rules."""
 
-    Attributes:
-        deviator: For the stress deviator (4: 3 x 3 points, on triangles 6).
-        mean: For the mean stress (3: 2 x 2 points, on triangles the 4 of `STRANG_FIX`).
-        linear: Whether the mean stress is linear on each cell, or has a value of its own at each
-            of its points (to show what that does).
-    """
-
-    deviator: int = 4
-    mean: int = 3
+    deviator: int = 4  #: for the stress deviator (4: 3 x 3 points, on triangles 6)
+    mean: int = 3  #: for the mean stress (3: 2 x 2 points, on triangles the 4 of `STRANG_FIX`)
+    #: whether the mean stress is linear on each cell, or has a value of its own at each of its
+    #: points (to show what that does)
     linear: bool = True
 
     @classmethod

@@ -33,18 +33,13 @@ def over(value: float, allowed: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class StressScale:
-    """Magnitude of the stress.
+    """Magnitude of the stress."""
 
-    Attributes:
-        typical: Mean stress weighted with itself, Pa: what is met where there is stress at all,
-            however small the shell is in its section.
-        total: Int |stress| da, N.
-        rounding: Stress that rounding makes, of the displacements and of the old stress, Pa.
-    """
-
+    #: mean stress weighted with itself, Pa: what is met where there is stress at all, however small
+    #: the shell is in its section
     typical: float
-    total: float
-    rounding: float
+    total: float  #: int |stress| da, N
+    rounding: float  #: stress that rounding makes, of the displacements and of the old stress, Pa
 
 
 class Scales:

@@ -17,37 +17,23 @@ from castfem.physics.mechanics.planes import STRAIGHT, Bending
 
 @dataclass(frozen=True, slots=True)
 class MechanicalState:
-    """The committed state; nothing ever writes into its arrays.
+    """The committed state; nothing ever writes into its arrays."""
 
-    Attributes:
-        time: Since the meniscus, s.
-        displacement: Of this rank's nodes, ghosts included, x and y by turns, m.
-        generalized_strains: [a0 - 1, a1, a2, across] (4,).
-        scalars: Free degrees of freedom of the planes (free,).
-        rate: d displacement / dt of the owned nodes over the last step, m/s.
-        scalar_rate: d scalars / dt.
-        unsteadiness: Relative change of the rates over the last step; inf before the first.
-        temperature: At the owned vertices, K.
-        stress: At the points, Mandel (points, 4), Pa; the mean stress counts at the points of its
-            own rule alone, the deviator at those of the other.
-        internal: What the law remembers (points, states).
-        pressure: Ferrostatic pressure at the points of the mean stress, Pa; empty without one.
-        interactions: State of each of the slice's interactions.
-        bending: By the machine's curvature; all zero in a strand that goes straight down.
-    """
-
-    time: float
-    displacement: Array
-    generalized_strains: Array
-    scalars: Array
-    rate: Array
-    scalar_rate: Array
-    unsteadiness: float
-    temperature: Array
+    time: float  #: since the meniscus, s
+    displacement: Array  #: of this rank's nodes, ghosts included, x and y by turns, m
+    generalized_strains: Array  #: [a0 - 1, a1, a2, across] (4,)
+    scalars: Array  #: free degrees of freedom of the planes (free,)
+    rate: Array  #: d displacement / dt of the owned nodes over the last step, m/s
+    scalar_rate: Array  #: d scalars / dt
+    unsteadiness: float  #: relative change of the rates over the last step; inf before the first
+    temperature: Array  #: at the owned vertices, K
+    #: at the points, Mandel (points, 4), Pa; the mean stress counts at the points of its own rule
+    #: alone, the deviator at those of the other
     stress: Array
-    internal: Array
-    pressure: Array
-    interactions: tuple[InteractionState, ...] = ()
+    internal: Array  #: what the law remembers (points, states)
+    pressure: Array  #: ferrostatic pressure at the points of the mean stress, Pa; empty without one
+    interactions: tuple[InteractionState, ...] = ()  #: state of each of the slice's interactions
+    #: by the machine's curvature; all zero in a strand that goes straight down
     bending: Bending = STRAIGHT
 
     @property
@@ -63,45 +49,31 @@ class MechanicalState:
 
 @dataclass(frozen=True, slots=True)
 class Balance:
-    """Forces of the slice and what is left unbalanced.
+    """Forces of the slice and what is left unbalanced."""
 
-    Attributes:
-        axial: Int sigma_zz da (N), and its moments with x and y (N m), (3,): the left of (38).
-        axial_error: Largest imbalance along a test direction of the planes, what holds them before
-            there is a shell (`plane_equations`) counted in, over the sum of the absolute forces.
-        forces_error: Largest imbalance of a free node, over the force of the mean stress there.
-        support: Sum of the forces of all supports, x and y, N/m.
-    """
-
-    axial: Array
+    axial: Array  #: int sigma_zz da (N), and its moments with x and y (N m), (3,): the left of (38)
+    #: largest imbalance along a test direction of the planes, what holds them before there is a
+    #: shell (`plane_equations`) counted in, over the sum of the absolute forces
     axial_error: float
+    #: largest imbalance of a free node, over the force of the mean stress there
     forces_error: float
-    support: Array
+    support: Array  #: sum of the forces of all supports, x and y, N/m
 
 
 @dataclass(frozen=True, slots=True)
 class MechanicalResult:
-    """One attempted step, or several that were taken one after another.
+    """One attempted step, or several that were taken one after another."""
 
-    Attributes:
-        converged: Whether the solver succeeded and what it found can be kept; if not, `state` is
-            the old one.
-        state: The new state. newton: Newton iterations. reason: The solver's word.
-        balance: Forces of the new state; None if not converged.
-        dissipation: Viscoplastic work over the step at the deviator's points, J/m3.
-        flowing: Share of the section's area that flows.
-        refused: Whether there was equilibrium, in a state that cannot be kept.
-        unborne: Whether a load meets no shell that could bear it: no shorter step would.
-    """
-
+    #: whether the solver succeeded and what it found can be kept; if not, `state` is the old one
     converged: bool
-    state: MechanicalState
-    newton: int
-    reason: str
-    balance: Balance | None
-    dissipation: Array
-    flowing: float
-    refused: bool = False
+    state: MechanicalState  #: the new state
+    newton: int  #: Newton iterations
+    reason: str  #: the solver's word
+    balance: Balance | None  #: forces of the new state; None if not converged
+    dissipation: Array  #: viscoplastic work over the step at the deviator's points, J/m3
+    flowing: float  #: share of the section's area that flows
+    refused: bool = False  #: whether there was equilibrium, in a state that cannot be kept
+    #: whether a load meets no shell that could bear it: no shorter step would
     unborne: bool = False
 
     def before(self, after: MechanicalResult) -> MechanicalResult:

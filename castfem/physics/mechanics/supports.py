@@ -24,16 +24,11 @@ Place = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class PrescribedDisplacement:
-    """A component of the displacement prescribed on boundary groups.
+    """A component of the displacement prescribed on boundary groups."""
 
-    Attributes:
-        on: Groups; a name covers all that begin with it.
-        component: 0 for x, 1 for y.
-        value: From positions (n, 2), m, and time, s, to displacements (n,), m; None for zero.
-    """
-
-    on: tuple[str, ...]
-    component: int
+    on: tuple[str, ...]  #: groups; a name covers all that begin with it
+    component: int  #: 0 for x, 1 for y
+    #: from positions (n, 2), m, and time, s, to displacements (n,), m; None for zero
     value: Callable[[Array, float], Array] | None = None
 
 
@@ -286,18 +281,13 @@ def _vertex_at(section: Section, place: Place, size: float) -> npt.NDArray[np.in
 
 @dataclass(frozen=True, slots=True)
 class SurfaceLoads:
-    """Loads on groups and the constants that carry their values.
+    """Loads on groups and the constants that carry their values."""
 
-    Attributes:
-        tractions: Tag-restricted measure tags, constant and time history of each traction.
-        pressures: Likewise.
-        measure: Perimeter measure with the boundary tags.
-        liquid: Pressure at the vertices of liquid that is held from outside; None if none is.
-    """
-
+    #: tag-restricted measure tags, constant and time history of each traction
     tractions: list[tuple[tuple[int, ...], fem.Constant, Traction]]
-    pressures: list[tuple[tuple[int, ...], fem.Constant, SurfacePressure]]
-    measure: ufl.Measure
+    pressures: list[tuple[tuple[int, ...], fem.Constant, SurfacePressure]]  #: likewise
+    measure: ufl.Measure  #: perimeter measure with the boundary tags
+    #: pressure at the vertices of liquid that is held from outside; None if none is
     liquid: fem.Function | None
 
     @classmethod

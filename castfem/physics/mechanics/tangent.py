@@ -25,17 +25,11 @@ from castfem.physics.mechanics.supports import Constraints
 
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """Forces of the pressure in the cells without stress, constant throughout a step.
+    """Forces of the pressure in the cells without stress, constant throughout a step."""
 
-    Attributes:
-        forces: On this rank's nodes, ghosts included, N/m.
-        work: On each generalized strain (4,), N/m.
-        sums: What it adds to the sums of `Scales.stress` (2,).
-    """
-
-    forces: Array
-    work: Array
-    sums: Array
+    forces: Array  #: on this rank's nodes, ghosts included, N/m
+    work: Array  #: on each generalized strain (4,), N/m
+    sums: Array  #: what it adds to the sums of `Scales.stress` (2,)
 
 
 class ActivePart:
@@ -110,18 +104,13 @@ class ActivePart:
 
 @dataclass(frozen=True, slots=True)
 class Tangent:
-    """Stiffness of the active cells, of what acts on their surface and of what holds them.
+    """Stiffness of the active cells, of what acts on their surface and of what holds them."""
 
-    Attributes:
-        kinematics: Forms, and the stiffness against change of volume that stands beside them.
-        fields: What the forms see. constraints: Supports.
-        work: A displacement to compute with; nothing in it is kept.
-    """
-
+    #: forms, and the stiffness against change of volume that stands beside them
     kinematics: Kinematics
-    fields: Fields
-    constraints: Constraints
-    work: fem.Function
+    fields: Fields  #: what the forms see
+    constraints: Constraints  #: supports
+    work: fem.Function  #: a displacement to compute with; nothing in it is kept
 
     def _take(self, response: Response) -> None:
         """Hand the tangent of the law to the forms, the bulk modulus to what stands beside them."""

@@ -39,29 +39,21 @@ NO_SHELL = "there is no shell yet that could bear a load: let that begin later, 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Range in which a description of strain is valid.
+    """Range in which a description of strain is valid."""
 
-    Attributes:
-        name: What messages call it. strain: What solid may have borne since it froze.
-        thickness: Smallest and largest thickness e (37) of the slice, over the undeformed one.
-        size: Difference of the displacements of two points along x or y, over the section's extent.
-        rotation: Of the solid, rad. mend: What to do beyond.
-        folded: What is left of the area of a cell that counts as folded.
-        compressed: Elastic strain of the mean stress: hundreds of MPa, which no hot steel carries.
-        fresh: Below the solidus, K: what is warmer has just frozen.
-        scant: Of the section: solid that is no shell yet, were it spread all round.
-    """
-
-    name: str
-    strain: float
+    name: str  #: what messages call it
+    strain: float  #: what solid may have borne since it froze
+    #: smallest and largest thickness e (37) of the slice, over the undeformed one
     thickness: tuple[float, float]
+    #: difference of the displacements of two points along x or y, over the section's extent
     size: float
-    rotation: float
-    mend: str
-    folded: float = 0.1
+    rotation: float  #: of the solid, rad
+    mend: str  #: what to do beyond
+    folded: float = 0.1  #: what is left of the area of a cell that counts as folded
+    #: elastic strain of the mean stress: hundreds of MPa, which no hot steel carries
     compressed: float = 0.02
-    fresh: float = 50.0
-    scant: float = 0.01
+    fresh: float = 50.0  #: below the solidus, K: what is warmer has just frozen
+    scant: float = 0.01  #: of the section: solid that is no shell yet, were it spread all round
 
 
 SMALL = Limits(
@@ -72,20 +64,14 @@ LARGE = Limits("large strain", 1.0, (1.0 / 3.0, 3.0), 0.3, np.inf, LOOK)
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """One thing that a state is judged by.
+    """One thing that a state is judged by."""
 
-    Attributes:
-        values: On this rank (n,); the larger, the worse. places: Where (n, 2), m.
-        limit: Of the values. message: What to say beyond it, of the value and of its opposite.
-        loaded: Whether a load from outside makes it large where there is no shell yet.
-        more: Finds what else to say beyond the limit (collective); None for nothing.
-    """
-
-    values: Array
-    places: Array
-    limit: float
-    message: str
-    loaded: bool = False
+    values: Array  #: on this rank (n,); the larger, the worse
+    places: Array  #: where (n, 2), m
+    limit: float  #: of the values
+    message: str  #: what to say beyond it, of the value and of its opposite
+    loaded: bool = False  #: whether a load from outside makes it large where there is no shell yet
+    #: finds what else to say beyond the limit (collective); None for nothing
     more: Callable[[], str] | None = None
 
 

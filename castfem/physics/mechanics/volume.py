@@ -34,16 +34,11 @@ class Linear:
 
     In x and y, not in the coordinates of the reference cell: those lose an order on cells that are
     no parallelograms (Arnold, Boffi and Falk, Math. Comp. 71 (2002) 909).
-
-    Attributes:
-        values: Of the functions that span `__call__`'s, at the points (cells, q, terms).
-        terms: From values at the points to factors of those functions (cells, terms, q).
-        applied: Whether `__call__` projects, or leaves a value of its own to each point.
     """
 
-    values: Array
-    terms: Array
-    applied: bool
+    values: Array  #: of the functions that span `__call__`'s, at the points (cells, q, terms)
+    terms: Array  #: from values at the points to factors of those functions (cells, terms, q)
+    applied: bool  #: whether `__call__` projects, or leaves a value of its own to each point
 
     @classmethod
     def at(cls, section: Section, weights: Array, places: Array, applied: bool) -> Linear:

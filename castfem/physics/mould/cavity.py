@@ -19,16 +19,11 @@ from castfem.physics.mould.taper import TaperProfile
 
 @dataclass(frozen=True, slots=True)
 class Tapers:
-    """The profiles of the cavity's dimensions along the mould.
+    """The profiles of the cavity's dimensions along the mould."""
 
-    Attributes:
-        width: Of the width at the middle of the narrow faces; of a round, the diameter.
-        height: Of the height at the middle of the wide faces.
-        corner: Of the section at its corners; None where the faces stay plane.
-    """
-
-    width: TaperProfile
-    height: TaperProfile
+    width: TaperProfile  #: of the width at the middle of the narrow faces; of a round, the diameter
+    height: TaperProfile  #: of the height at the middle of the wide faces
+    #: of the section at its corners; None where the faces stay plane
     corner: TaperProfile | None = None
 
     @property
@@ -72,16 +67,11 @@ class Sides:
 
 @dataclass(frozen=True, slots=True)
 class RectangleCavity:
-    """A rectangle whose faces are plane or, with a taper of its own at the corner, parabolas.
+    """A rectangle whose faces are plane or, with a taper of its own at the corner, parabolas."""
 
-    Attributes:
-        width: Width (x) at the meniscus, m.
-        height: Height (y) at the meniscus, m.
-        radius: Radius of the corners there, 0 for sharp ones, m; it goes with the corner's taper.
-    """
-
-    width: float
-    height: float
+    width: float  #: width (x) at the meniscus, m
+    height: float  #: height (y) at the meniscus, m
+    #: radius of the corners there, 0 for sharp ones, m; it goes with the corner's taper
     radius: float = 0.0
 
     def sides(self, tapers: Tapers, position: float, scale: float) -> Sides:
@@ -138,13 +128,9 @@ def _diagonal(sides: Sides) -> float:
 
 @dataclass(frozen=True, slots=True)
 class RoundCavity:
-    """A circle.
+    """A circle."""
 
-    Attributes:
-        diameter: At the meniscus, m.
-    """
-
-    diameter: float
+    diameter: float  #: at the meniscus, m
 
     def _radius(self, tapers: Tapers, position: float, scale: float) -> float:
         radius = scale * tapers.width.half(position, 0.5 * self.diameter)
@@ -167,17 +153,12 @@ class RoundCavity:
 
 @dataclass(frozen=True, slots=True)
 class FreeCavity:
-    """A section of any doubly symmetric shape; the taper of its width scales it as a whole.
+    """A section of any doubly symmetric shape; the taper of its width scales it as a whole."""
 
-    Attributes:
-        quarter: Its segments from (a, 0) to (0, c), counter-clockwise, at the meniscus.
-        width: Its width over all, m.
-        height: Its height over all, m.
-    """
-
+    #: its segments from (a, 0) to (0, c), counter-clockwise, at the meniscus
     quarter: tuple[Segment, ...]
-    width: float
-    height: float
+    width: float  #: its width over all, m
+    height: float  #: its height over all, m
 
     def _scale(self, tapers: Tapers, position: float, scale: float) -> float:
         found = scale * tapers.width.half(position, 0.5 * self.width) / (0.5 * self.width)

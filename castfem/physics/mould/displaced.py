@@ -25,19 +25,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class WallDisplacement:
-    """How far the wall of a quarter stands from its cavity.
+    """How far the wall of a quarter stands from its cavity."""
 
-    Attributes:
-        positions: Below the meniscus (p,), m, increasing; beyond them the end values hold.
-        ways: Length of wall from the middle of the right-hand face (w,), m, along the cavity at
-            the meniscus, increasing, from 0 to the middle of the upper face. Three and three in
-            a row, the first of which is the third of those before, make a parabola.
-        moved: Displacement (p, w, 2), m.
-    """
-
-    positions: Array
+    positions: Array  #: below the meniscus (p,), m, increasing; beyond them the end values hold
+    #: length of wall from the middle of the right-hand face (w,), m, along the cavity at the
+    #: meniscus, increasing, from 0 to the middle of the upper face. Three and three in a row, the
+    #: first of which is the third of those before, make a parabola
     ways: Array
-    moved: Array
+    moved: Array  #: displacement (p, w, 2), m
 
     def __post_init__(self) -> None:
         """Refuse tables that do not fit together.

@@ -25,16 +25,11 @@ class Expansion:
 
     Every length of the cavity is 1 + alpha (T(z) - T_cold) times what it is cold: the plates or
     the tube expand freely and across their whole thickness by the mean temperature T(z).
-
-    Attributes:
-        coefficient: Mean expansion coefficient alpha of the copper from T_cold to T, 1/K.
-        cold: Temperature T_cold at which the shape is given, K.
-        temperature: Mean temperature T(z) of the wall along the mould, K.
     """
 
-    coefficient: float
-    cold: float
-    temperature: Constant | Table
+    coefficient: float  #: mean expansion coefficient alpha of the copper from T_cold to T, 1/K
+    cold: float  #: temperature T_cold at which the shape is given, K
+    temperature: Constant | Table  #: mean temperature T(z) of the wall along the mould, K
 
     def factor(self, position: float) -> float:
         """Return hot length over cold length at a position."""
@@ -43,21 +38,13 @@ class Expansion:
 
 @dataclass(frozen=True, slots=True)
 class Zone:
-    """Taper (300) of one dimension in one zone of the mould.
+    """Taper (300) of one dimension in one zone of the mould."""
 
-    Attributes:
-        dimension: Its name: "width", "height", "diagonal", "diameter".
-        start: Where the zone begins, from the meniscus, m.
-        end: Where it ends, m.
-        inlet: The dimension at its start, m.
-        outlet: The dimension at its end, m.
-    """
-
-    dimension: str
-    start: float
-    end: float
-    inlet: float
-    outlet: float
+    dimension: str  #: its name: "width", "height", "diagonal", "diameter"
+    start: float  #: where the zone begins, from the meniscus, m
+    end: float  #: where it ends, m
+    inlet: float  #: the dimension at its start, m
+    outlet: float  #: the dimension at its end, m
 
     @property
     def taper(self) -> float:

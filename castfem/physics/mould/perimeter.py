@@ -49,15 +49,10 @@ def corner_of(sides: Sides, ways: Array) -> int | None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Places:
-    """Places on a quarter of the wall.
+    """Places on a quarter of the wall."""
 
-    Attributes:
-        piece: On which piece each place lies (n,).
-        share: Of the piece's length from its start (n,), 0 to 1.
-    """
-
-    piece: Indices
-    share: Array
+    piece: Indices  #: on which piece each place lies (n,)
+    share: Array  #: of the piece's length from its start (n,), 0 to 1
 
     @classmethod
     def spread(cls, sides: Sides, face_cells: int, corner_cells: int, order: int = 2) -> Places:

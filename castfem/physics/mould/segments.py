@@ -30,15 +30,10 @@ GRAZING = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Straight:
-    """A straight segment.
+    """A straight segment."""
 
-    Attributes:
-        start: First point (x, y), m.
-        end: Last point, m.
-    """
-
-    start: Point
-    end: Point
+    start: Point  #: first point (x, y), m
+    end: Point  #: last point, m
 
     def __post_init__(self) -> None:
         """Refuse a segment of no length."""
@@ -53,17 +48,12 @@ class Straight:
 
 @dataclass(frozen=True, slots=True)
 class Circular:
-    """An arc that turns by less than half a circle.
+    """An arc that turns by less than half a circle."""
 
-    Attributes:
-        start: First point (x, y), m.
-        end: Last point, m.
-        centre: Centre, m, at one distance from both; on the left of the chord where the cavity
-            is convex, on its right where the wall bulges into it.
-    """
-
-    start: Point
-    end: Point
+    start: Point  #: first point (x, y), m
+    end: Point  #: last point, m
+    #: centre, m, at one distance from both; on the left of the chord where the cavity is convex, on
+    #: its right where the wall bulges into it
     centre: Point
 
     def __post_init__(self) -> None:
@@ -103,16 +93,11 @@ class Parabolic:
     """A parabola through three points, at xi = -1, 0 and 1 (269).
 
     Three points on a line, equally spaced, make a straight segment.
-
-    Attributes:
-        start: First point (x, y), m.
-        middle: Point at xi = 0, m.
-        end: Last point, m.
     """
 
-    start: Point
-    middle: Point
-    end: Point
+    start: Point  #: first point (x, y), m
+    middle: Point  #: point at xi = 0, m
+    end: Point  #: last point, m
 
     def __post_init__(self) -> None:
         """Refuse points between which the parabola turns back."""

@@ -24,17 +24,11 @@ from castfem.base.tables import Table
 
 @dataclass(frozen=True, slots=True)
 class TaperSegment:
-    """A segment of the mould with one taper.
+    """A segment of the mould with one taper."""
 
-    Attributes:
-        end: Where it ends, from the meniscus, m; None for the end of the mould.
-        top: Taper (300) at its upper end, 1/m.
-        bottom: Taper at its lower end, 1/m; that at the top where it is linear.
-    """
-
-    end: float | None
-    top: float
-    bottom: float
+    end: float | None  #: where it ends, from the meniscus, m; None for the end of the mould
+    top: float  #: taper (300) at its upper end, 1/m
+    bottom: float  #: taper at its lower end, 1/m; that at the top where it is linear
 
     @property
     def mean(self) -> float:

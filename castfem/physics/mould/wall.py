@@ -51,17 +51,11 @@ class Wall(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class PlaneWall:
-    """An unbounded plane wall that may move with the position below the meniscus.
+    """An unbounded plane wall that may move with the position below the meniscus."""
 
-    Attributes:
-        point: A point of the wall at position 0, m.
-        normal: Direction out of the cavity, into the wall; of any length.
-        closing: Movement of the wall against its normal for each metre of position, m/m.
-    """
-
-    point: tuple[float, float]
-    normal: tuple[float, float]
-    closing: float = 0.0
+    point: tuple[float, float]  #: a point of the wall at position 0, m
+    normal: tuple[float, float]  #: direction out of the cavity, into the wall; of any length
+    closing: float = 0.0  #: movement of the wall against its normal for each metre of position, m/m
 
     def __post_init__(self) -> None:
         """Refuse a normal of no length."""

@@ -12,20 +12,13 @@ from castfem.runs.results.numbers import shown
 
 @dataclass(frozen=True, slots=True)
 class Digits:
-    """How many digits numbers of optima are printed with.
+    """How many digits numbers of optima are printed with."""
 
-    Attributes:
-        finest: Smallest number that is printed without its power of ten.
-        largest: From here on the power is printed, too.
-        result: Significant digits of a result at most.
-        variable: The same of a variable, which is rounded to those of its range.
-        lost: Rounding, over a value or a difference, from which two digits of it are printed.
-    """
-
-    finest: float = 1e-4
-    largest: float = 1e4
-    result: int = 7
-    variable: int = 9
+    finest: float = 1e-4  #: smallest number that is printed without its power of ten
+    largest: float = 1e4  #: from here on the power is printed, too
+    result: int = 7  #: significant digits of a result at most
+    variable: int = 9  #: the same of a variable, which is rounded to those of its range
+    #: rounding, over a value or a difference, from which two digits of it are printed
     lost: float = 0.05
 
 
@@ -88,5 +81,4 @@ def ends(low: float, high: float) -> tuple[str, str]:
 
 
 def _power(value: float) -> int:
-    """The power of ten of the first digit."""
     return math.floor(math.log10(abs(value)) + ROUNDING)

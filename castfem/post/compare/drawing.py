@@ -41,12 +41,7 @@ class Pen:
 
 
 def draw(folder: Path, runs: Sequence[Run], base: Run) -> list[Path]:
-    """Draw all figures for which the runs have the data.
-
-    Raises:
-        RunFailure: They cannot be written.
-        InputError: A file of a run is damaged.
-    """
+    """Draw all figures for which the runs have the data."""
     drawn = []
     pens = _pens(runs, base)
     with look():

@@ -49,11 +49,7 @@ class Run:
 
 
 def read_runs(folders: Sequence[Path]) -> list[Run]:
-    """Return the runs in some folders; that of a sweep stands for all its runs that have ended.
-
-    Raises:
-        InputError: A folder holds no run, or one that has not ended; or there are fewer than two.
-    """
+    """Return the runs in some folders; that of a sweep stands for all its runs that have ended."""
     problems: list[str] = []
     found: list[Run] = []
     for folder in folders:
@@ -72,16 +68,11 @@ def read_runs(folders: Sequence[Path]) -> list[Run]:
 
 
 def alone(folder: Path) -> Run | None:
-    """Return the run in a folder; None where that holds a sweep.
-
-    Raises:
-        InputError: There is no run, or it has not ended.
-    """
+    """Return the run in a folder; None where that holds a sweep."""
     return None if (folder / SWEEP_NAME).is_file() else _run(folder)
 
 
 def _run(folder: Path, label: str = "") -> Run:
-    """Read one run."""
     if not folder.is_dir():
         raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
     status = RunRecord.load(folder).status
@@ -130,11 +121,7 @@ def heat_shared(runs: Sequence[Run]) -> list[str]:
 
 
 def base_of(runs: Sequence[Run], named: str | None) -> Run:
-    """Return the run the others are measured by: the one named, or the idealised, or the first.
-
-    Raises:
-        InputError: No run of that label or folder.
-    """
+    """Return the run the others are measured by: the one named, or the idealised, or the first."""
     if named is None:
         return next((run for run in runs if run.label == "idealised"), runs[0])
     for run in runs:

@@ -189,7 +189,6 @@ def _range(sections: Iterable[Section]) -> tuple[float, float]:
 
 
 def _draw_temperature(sections: Mapping[str, Section]) -> Figure:
-    """Temperature with solidus and liquidus."""
     limits = _range(sections.values())
 
     def draw(ax: Axes, section: Section) -> _Drawn:

@@ -12,7 +12,8 @@ from castfem.base.shown_units import Scale, place_said, plain_unit, scale_of
 from castfem.base.table import FAILED, Table
 from castfem.runs.results.headline import headline, plain_label
 from castfem.runs.results.numbers import error_shown, resolution_in, shown, unit_shown
-from castfem.studies.accuracy.table import Entry, ErrorTable, Part
+from castfem.studies.accuracy.estimate import Estimate
+from castfem.studies.accuracy.table import Entry, ErrorTable
 from castfem.studies.sweep.plan import shortened
 from castfem.studies.sweep.results import TABLE_NAME, Row, varied
 
@@ -24,12 +25,7 @@ _Column = tuple[str, list[str]]
 
 
 def sweep_table(table: Sequence[Row], width: int) -> Table:
-    """What was varied, and as many headline results as fit beside it; the others are named below.
-
-    Args:
-        table: The runs.
-        width: Of the terminal, characters.
-    """
+    """What was varied, and as many headline results as fit beside it in `width` characters."""
     columns, results = _leading_columns(table), _main_columns(table)
     remarks = [_remark(row) for row in table]
     left = width - min(30, max(map(len, remarks)))
@@ -159,7 +155,7 @@ def _errors(title: str, entries: Mapping[str, Entry]) -> Table:
     return Table(heads, rows, title, words=(0, 3))
 
 
-def _part(part: Part | None, scale: Scale) -> str:
+def _part(part: Estimate | None, scale: Scale) -> str:
     if part is None or not math.isfinite(part.error):
         return "-"
     order = f" ({part.order:.1f})" if part.order is not None else ""

@@ -215,10 +215,6 @@ def table_of(runs: Sequence[Run], table: Sequence[Line]) -> Table:
 
     References stand in a column of their own if all runs have the same ones, else in brackets
     behind our values; those of an unchanged case are left out.
-
-    Args:
-        runs: As in `lines`.
-        table: From `lines`.
     """
     changed = any(c.reference.changed for run in runs for c in run.summary.references)
     alone = not changed and have_common_references(table)

@@ -69,17 +69,7 @@ class AtWork:
 
 
 def write(folders: Sequence[Path], target: Path, at: Sequence[float] = ()) -> Path:
-    """Write the report of one run, or of several beside one another.
-
-    Args:
-        folders: Of runs, or of sweeps.
-        target: The file.
-        at: Positions, m, whose results the page has besides.
-
-    Raises:
-        InputError: A folder holds no run that has ended, or none has been at a position.
-        RunFailure: The file cannot be written.
-    """
+    """Write the report of one run, or of several beside one another."""
     found = alone(folders[0]) if len(folders) == 1 else None
     runs = [found] if found is not None else read_runs(folders)
     write_text(target, rendered(runs, at=at), durable=False)
@@ -87,16 +77,7 @@ def write(folders: Sequence[Path], target: Path, at: Sequence[float] = ()) -> Pa
 
 
 def rendered(runs: Sequence[Run], at_work: AtWork | None = None, at: Sequence[float] = ()) -> str:
-    """The page of some runs, one file without links to others.
-
-    Args:
-        runs: Those with results; there may be none yet of runs at work.
-        at_work: How runs stand that have not all ended.
-        at: Positions, m, whose results the page has besides.
-
-    Raises:
-        InputError: No run has been at a position.
-    """
+    """The page of some runs, one file without links to others."""
     import jinja2
 
     environment = jinja2.Environment(
@@ -108,7 +89,6 @@ def rendered(runs: Sequence[Run], at_work: AtWork | None = None, at: Sequence[fl
 
 
 def _content(runs: Sequence[Run], at_work: AtWork | None, at: Sequence[float]) -> dict[str, Any]:
-    """What the template is filled with."""
     every = lines(runs, runs[0]) if runs else []
     table = [line for line in every if len(runs) > 1 or line.unit != SHARE]
     tables = [("numbers", "Headline numbers", _numbers(runs, table))] if runs else []
@@ -168,7 +148,6 @@ def _contents(found: Mapping[str, Any]) -> list[dict[str, str]]:
 
 
 def _part(run: Run, runs: Sequence[Run], section: Section | None) -> dict[str, Any]:
-    """What the page says of one of the runs."""
     record, summary, base = RunRecord.load(run.folder), run.summary, runs[0]
     cracks = crack_places(run.folder, summary)
     ranking = [] if cracks is None else cracks.ranking
@@ -252,7 +231,6 @@ def _json(content: Any) -> str:
 
 
 def _text(name: str) -> str:
-    """A file of the templates."""
     return (resources.files(__package__) / "templates" / name).read_text(encoding="utf-8")
 
 

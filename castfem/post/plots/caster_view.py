@@ -151,7 +151,6 @@ def _circle(centre: Array, radius: float, across: float) -> Array:
 
 
 def _draw(panel: Axes, maps: SurfaceMaps, view: View, name: str) -> None:
-    """One picture, with its scale."""
     from matplotlib.collections import PolyCollection
 
     options: dict[str, Any]

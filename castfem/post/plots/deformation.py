@@ -178,7 +178,6 @@ def draw_outlines(axes: Axes, distortion: Distortion, factor: float, colour: str
 
 
 def _draw_symmetry(axes: Axes, distortion: Distortion) -> list[Line2D]:
-    """The planes of symmetry; their legend."""
     from matplotlib.lines import Line2D
 
     chain: dict[str, Any] = {"color": "#444444", "linewidth": 0.9, "linestyle": "-."}

@@ -143,7 +143,6 @@ class Figure:
 
 
 def _along(name: str, title: str, picture: bool = False) -> Figure:
-    """A figure of the history."""
     draw = getattr(along_strand, f"draw_{name}")
     return Figure(
         name, title, "table", lambda run: draw(run.table, run.abscissa, run.steel), picture=picture

@@ -24,11 +24,7 @@ _SHOWN = {"K": ("°C", 1.0, -ZERO_CELSIUS), "Pa": ("MPa", 1e-6, 0.0), "m": ("mm"
 
 
 def plot_columns(table: pandas.DataFrame, names: Sequence[str], axes: Axes | None) -> Axes:
-    """Columns of a history over the position below the meniscus.
-
-    Raises:
-        InputError: No column, one that is not there, or units that differ.
-    """
+    """Columns of a history over the position below the meniscus."""
     from matplotlib import pyplot
 
     unknown = [name for name in names if name not in table]
@@ -52,11 +48,7 @@ def plot_columns(table: pandas.DataFrame, names: Sequence[str], axes: Axes | Non
 
 
 def plot_field(fields: Fields, name: str, index: int, axes: Axes | None) -> Axes:
-    """A scalar field over the whole section, in mm, with its scale.
-
-    Raises:
-        InputError: No such field, or it is no scalar of the nodes.
-    """
+    """A scalar field over the whole section, in mm, with its scale."""
     from matplotlib import pyplot
 
     values = fields.values(name, index)

@@ -118,7 +118,6 @@ def draw_maps(maps: SurfaceMaps, abscissa: Abscissa) -> Figure | None:
 
 
 def _bar(panel: Axes, shades: ScalarMappable, label: str) -> Any:
-    """The scale of a panel, beside it."""
     figure = panel.figure.get_figure(root=True)
     assert figure is not None
     return figure.colorbar(shades, cax=panel.inset_axes((1.015, 0.0, 0.02, 1.0)), label=label)

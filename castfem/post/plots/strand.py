@@ -229,7 +229,6 @@ def _places(kinds: int, views: int, wide: float) -> tuple[Figure, list[Axes], li
 def _draw_view(
     axes: Axes, stack: Stack, view: View, kind: str, steel: Steel | None
 ) -> ScalarMappable:
-    """One picture; returns its colours."""
     from matplotlib.tri import Triangulation
 
     fields = stack.fields

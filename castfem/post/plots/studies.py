@@ -73,7 +73,6 @@ def optimum_figure(optimum: Optimum) -> Figure:
 def _draw_column(
     column: Sequence[Axes], optimum: Optimum, objective: ResultWithError, value: Value
 ) -> None:
-    """Draw objective and constraints along a variable through the optimum."""
     away = [step for step in optimum.neighbours if step.key == value.key]
     here = [objective.chosen(objective.value)]
     there = [[objective.chosen(objective.value + step.objective) for step in away]]
@@ -231,11 +230,7 @@ _UP, _DOWN = "#d55e00", "#0072b2"
 
 
 def draw_tornado(found: Sensitivity, path: Path) -> None:
-    """Draw a panel for each result, in it a pair of bars for each parameter.
-
-    Raises:
-        RunFailure: The file cannot be written.
-    """
+    """Draw a panel for each result, in it a pair of bars for each parameter."""
     names = list(found.quantities)
     across = min(2, len(names))
     down = -(-len(names) // across)

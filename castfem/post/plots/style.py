@@ -32,55 +32,36 @@ _DEFECT = "#d55e00"  # the line at a roll that has one
 
 @dataclass(frozen=True, slots=True)
 class Style:
-    """Measures that several places of the figures share, inches where nothing else is said.
+    """Measures that several places of the figures share, inches where nothing else is said."""
 
-    Attributes:
-        dpi: Pixels an inch.
-        width: Of a figure over the strand's length; left, right, top, bottom: around its panels.
-        between: From one panel to the next.
-        edge: Left free beside long numbers.
-        panel: Width and height of a panel of a study.
-        label: Characters along the height of one.
-        shades: Colours of a scale.
-        slender: Ratio of the sides from which equal axes would leave a mere line of a section.
-        wide: Ratio of the sides from which the colour bar lies below.
-        moves: Share of the section by which its surface may seem to move.
-        segment: Points of a segment of an outline; odd, so that one lies in the middle of a face.
-        dense: The same where the radius is interpolated: its error is magnified with the rest.
-        slices: Of a stack at least: its colours run straight from each to the next.
-        gap: Least span of the axis of the gap, mm: what is less is no gap to look at.
-        held: Motion of a surface that is held, as that of a strip, mm.
-        force: That the solver leaves on a free strand, kN or kN/m.
-        roll_end: Length of a roll beyond the edge of the strand in the picture of a caster, m.
-        caster: Left free around that picture, m.
-        hot_times: Magnification of the distortion of a hot mould.
-        outline_times: The same of a calculated outline of a mould.
-    """
-
-    dpi: int = 160
-    width: float = 7.2
-    left: float = 0.8
+    dpi: int = 160  #: pixels an inch
+    width: float = 7.2  #: of a figure over the strand's length
+    left: float = 0.8  #: around its panels, as the next three
     right: float = 0.2
     top: float = 0.52
     bottom: float = 0.48
-    between: float = 0.14
-    edge: float = 0.04
-    panel: tuple[float, float] = (3.4, 2.3)
-    label: int = 34
-    shades: int = 256
+    between: float = 0.14  #: from one panel to the next
+    edge: float = 0.04  #: left free beside long numbers
+    panel: tuple[float, float] = (3.4, 2.3)  #: width and height of a panel of a study
+    label: int = 34  #: characters along the height of one
+    shades: int = 256  #: colours of a scale
+    #: ratio of the sides from which equal axes would leave a mere line of a section
     slender: float = 12.0
-    wide: float = 1.6
-    moves: float = 0.05
+    wide: float = 1.6  #: ratio of the sides from which the colour bar lies below
+    moves: float = 0.05  #: share of the section by which its surface may seem to move
+    #: points of a segment of an outline; odd, so that one lies in the middle of a face
     segment: int = 33
+    #: the same where the radius is interpolated: its error is magnified with the rest
     dense: int = 400
-    slices: int = 4
-    gap: float = 0.01
-    held: float = 1e-6
-    force: float = 1e-6
+    slices: int = 4  #: of a stack at least: its colours run straight from each to the next
+    gap: float = 0.01  #: least span of the axis of the gap, mm: what is less is no gap to look at
+    held: float = 1e-6  #: motion of a surface that is held, as that of a strip, mm
+    force: float = 1e-6  #: that the solver leaves on a free strand, kN or kN/m
+    #: length of a roll beyond the edge of the strand in the picture of a caster, m
     roll_end: float = 0.06
-    caster: float = 0.3
-    hot_times: float = 40.0
-    outline_times: float = 20.0
+    caster: float = 0.3  #: left free around that picture, m
+    hot_times: float = 40.0  #: magnification of the distortion of a hot mould
+    outline_times: float = 20.0  #: the same of a calculated outline of a mould
 
 
 STYLE = Style()
@@ -199,9 +180,6 @@ def save(figure: Figure, path: Path, *, shaded: bool = False) -> Path:
         path: Of the file.
         shaded: Colours run smoothly into one another: all are kept. Of anything else there are
             few, and 256 of them take half the time and a third of the size.
-
-    Raises:
-        RunFailure: It cannot be written.
     """
     image = render(figure)
     image = image if shaded else _indexed(image)
@@ -297,7 +275,6 @@ def _mark_defects(axes: list[Axes], abscissa: Abscissa) -> None:
 
 
 def _is_steady(abscissa: Abscissa) -> bool:
-    """Whether the slice goes at one speed."""
     way, time = abscissa.position - abscissa.position[0], abscissa.time - abscissa.time[0]
     steady = time / time[-1] * way[-1] if time[-1] > 0.0 else way
     return bool(np.allclose(way, steady, rtol=0.0, atol=1e-6 * way[-1]))

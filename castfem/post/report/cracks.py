@@ -23,23 +23,15 @@ from castfem.runs.results.run_case import case_with
 
 @dataclass(frozen=True, slots=True)
 class CrackLimits:
-    """Which places of the maps are named.
+    """Which places of the maps are named."""
 
-    Attributes:
-        little: Least share of the largest value that a place has.
-        equal: Relative difference of values that are one: the maps have single precision.
-        along: Distance of places that are one where no rolls are known, m.
-        ranks: Worst places of an index.
-        warmed: Least rise of temperature that is a reheat, K.
-        small: Value from which on a number is printed without its power of ten.
-    """
-
-    little: float = 0.05
+    little: float = 0.05  #: least share of the largest value that a place has
+    #: relative difference of values that are one: the maps have single precision
     equal: float = 1e-6
-    along: float = 0.5
-    ranks: int = 4
-    warmed: float = 5.0
-    small: float = 1e-2
+    along: float = 0.5  #: distance of places that are one where no rolls are known, m
+    ranks: int = 4  #: worst places of an index
+    warmed: float = 5.0  #: least rise of temperature that is a reheat, K
+    small: float = 1e-2  #: value from which on a number is printed without its power of ten
 
 
 LIMITS = CrackLimits()

@@ -88,11 +88,7 @@ def _same(one: float, other: float) -> bool:
 
 
 def table_at(folder: Path, positions: Sequence[float]) -> Table:
-    """The table of all results at some positions, m.
-
-    Raises:
-        InputError: There is no history, or the run has not been there.
-    """
+    """The table of all results at some positions, m."""
     table = read_history(folder / HISTORY_NAME)
     if table.empty:
         raise InputError(f"{folder}: no step has been taken yet")
@@ -124,7 +120,6 @@ def _table(
     runs: Sequence[Mapping[str, Quantity]],
     names: Sequence[str],
 ) -> Table:
-    """A row a quantity, a column a place."""
     rows = []
     for name in names:
         some = next(run[name] for run in runs if name in run)

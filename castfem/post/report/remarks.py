@@ -37,31 +37,18 @@ THINNEST, _HOTTEST = "thinnest shell", "hottest surface"
 
 @dataclass(frozen=True, slots=True)
 class RemarkLimits:
-    """From which size on something is remarked on.
+    """From which size on something is remarked on."""
 
-    Attributes:
-        thinner: What the shell lacks beside the probes, over that at them.
-        hotter: What the surface is hotter by beside the probes, K.
-        coarse: What the shell is off by for its cells, mm.
-        more: Share of the surface that touches again after the least contact, %.
-        bulged: Motion of a face, over the size of the section.
-        melted: Shell that is lost on the way, mm.
-        reheated: Rise of the surface's temperature, K.
-        flickers: Losses of contact at one probe: taper and shrinkage lose it once or twice.
-        alike: Difference of surfaces that are the same by symmetry, K.
-        missed: Heat that gaps keep from the mould, over the heat that is asked for.
-    """
-
-    thinner: float = 0.03
-    hotter: float = 3.0
-    coarse: float = 0.2
-    more: float = 1.0
-    bulged: float = 0.01
-    melted: float = 0.1
-    reheated: float = 5.0
-    flickers: int = 3
-    alike: float = 5.0
-    missed: float = 0.03
+    thinner: float = 0.03  #: what the shell lacks beside the probes, over that at them
+    hotter: float = 3.0  #: what the surface is hotter by beside the probes, K
+    coarse: float = 0.2  #: what the shell is off by for its cells, mm
+    more: float = 1.0  #: share of the surface that touches again after the least contact, %
+    bulged: float = 0.01  #: motion of a face, over the size of the section
+    melted: float = 0.1  #: shell that is lost on the way, mm
+    reheated: float = 5.0  #: rise of the surface's temperature, K
+    flickers: int = 3  #: losses of contact at one probe: taper and shrinkage lose it once or twice
+    alike: float = 5.0  #: difference of surfaces that are the same by symmetry, K
+    missed: float = 0.03  #: heat that gaps keep from the mould, over the heat that is asked for
 
 
 LIMITS = RemarkLimits()
@@ -143,7 +130,6 @@ def remarks(
 
 
 def _contact(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
-    """Loss of contact at the probes, the largest gap, the highest pressure."""
     for label, _, column in curves(table, "gap"):
         gap, unit = table[column].to_numpy(), unit_of(table, column)
         stretches = spells(gap, position, OPEN)
@@ -229,7 +215,6 @@ def _bulging(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
 
 
 def _between_rolls(loads: RollLoads) -> Iterator[Remark]:
-    """The largest bulge between rolls, and where."""
     if (one := loads.largest(BULGE)) is not None:
         number, value = one
         where = f"below {loads.where(number)}"

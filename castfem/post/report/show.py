@@ -41,9 +41,6 @@ def show(
         console: Where to print; standard output if None.
         figures: Draw them; a folder that cannot be written costs a line, not the table.
         at: Positions, m; the results there, and nothing else, if some are given.
-
-    Raises:
-        InputError: The folder holds no run, or a file in it is damaged.
     """
     from rich.console import Console
 
@@ -94,7 +91,6 @@ def how_it_ended(record: RunRecord) -> str:
 
 
 def _status(record: RunRecord, running: bool) -> str:
-    """One line: how the run stands."""
     how = record.status
     if how == "running" and not running:
         how = "killed or aborted"
@@ -109,7 +105,6 @@ def _status(record: RunRecord, running: bool) -> str:
 
 
 def _remarks(path: Path, summary: Summary | None) -> Iterator[Table | str]:
-    """What is worth a look."""
     rows = [
         (one.what, finely(one.value, one.unit, one.name, one.resolution), one.where)
         for one in remarks_of(path, summary)
@@ -168,7 +163,6 @@ def _last_state(path: Path, record: RunRecord) -> Iterator[Table | str]:
 
 
 def _effort(record: RunRecord, summary: Summary | None) -> Iterator[Table]:
-    """Steps and wall time by stage."""
     if summary is not None and summary.steps:
         # "Newton iterations, mechanics" is one entry
         names = {n: n.replace("_", " ").replace(", ", " of the ") for n in summary.steps}
@@ -195,7 +189,6 @@ def slow_output(record: RunRecord) -> str:
 
 
 def _draw_figures(out: Console, path: Path) -> None:
-    """Draws the figures and says where they are."""
     from castfem.post.plots.figures import draw_figures
 
     try:

@@ -42,11 +42,7 @@ class Page:
         self._clock, self._next = clock, -math.inf
 
     def write_run(self, status: RunStatus) -> None:
-        """Write the page of one run if it is due, or if the run has ended.
-
-        Raises:
-            RunFailure: It cannot be written.
-        """
+        """Write the page of one run if it is due, or if the run has ended."""
         ended = status.has_ended(self._wait)
         if not ended and self._clock() < self._next:
             return
@@ -56,11 +52,7 @@ class Page:
         self._write([run], None if status.state == FINISHED else head)
 
     def write_sweep(self, found: SweepStatus) -> None:
-        """Write the page of a sweep: all its runs at its head, below it those that have finished.
-
-        Raises:
-            RunFailure: It cannot be written.
-        """
+        """Write the page of a sweep: all its runs at its head, those that have finished below."""
         if not found.ended and self._clock() < self._next:
             return
         try:
@@ -89,7 +81,6 @@ class Page:
         runs: tuple[Progress, ...],
         messages: tuple[str, ...] = (),
     ) -> AtWork:
-        """What stands at the head of the page."""
         now = datetime.now().isoformat(sep=" ", timespec="seconds")
         again = 0 if ended else max(1, round(self._every))
         return AtWork(title, status, now, again, runs, messages)

@@ -76,11 +76,7 @@ class Watcher:
         self._dead = False
 
     def status(self) -> RunStatus:
-        """How the run stands now.
-
-        Raises:
-            InputError: The folder holds no run, or a file of it is damaged.
-        """
+        """How the run stands now."""
         if not self.folder.is_dir():
             raise InputError(
                 f"{self.folder}: {'is no' if self.folder.exists() else 'no such'} folder"

@@ -77,11 +77,7 @@ class SweepWatcher:
         self._busy = clock()
 
     def status(self) -> SweepStatus:
-        """How the sweep stands now.
-
-        Raises:
-            InputError: Its record is damaged.
-        """
+        """How the sweep stands now."""
         rows = tuple(self._row(name, entry) for name, entry in Record(self.folder).entries.items())
         now = self._clock()
         if any(row.status.state == RUNNING for row in rows):

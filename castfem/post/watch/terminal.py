@@ -74,10 +74,6 @@ def watch(folder: Path, viewing: Viewing) -> bool:
 
     Returns:
         Whether the run, or all runs of the sweep, have ended well.
-
-    Raises:
-        InputError: The folder holds no run, or a file of it is damaged.
-        RunFailure: The page cannot be written.
     """
     _until_begun(folder, viewing)
     show = _watch_sweep if (folder / SWEEP_NAME).is_file() else _watch_run
@@ -100,7 +96,6 @@ def _until_begun(folder: Path, viewing: Viewing) -> None:
 
 
 def _watch_run(folder: Path, viewing: Viewing) -> bool:
-    """Show one run."""
     watcher, name, console = Watcher(folder), folder.resolve().name, viewing.console
     status = watcher.status()
     stopped = False  # whether it has been told that the run is no more at work
@@ -128,7 +123,6 @@ def _say_stopped(folder: Path, status: RunStatus, before: bool, viewing: Viewing
 
 
 def _watch_sweep(folder: Path, viewing: Viewing) -> bool:
-    """Show all runs of a sweep."""
     watcher = SweepWatcher(folder, patience=math.inf if viewing.wait else PATIENCE)
     console = viewing.console
     with _Screen(console) as screen:

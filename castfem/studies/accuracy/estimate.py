@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from scipy.optimize import brentq
 
@@ -18,26 +18,17 @@ from castfem.base.constants import EXACT
 
 @dataclass(frozen=True, slots=True)
 class ConvergenceRules:
-    """How errors are estimated from the results at several sizes, after [Roache1994].
+    """How errors are estimated from the results at several sizes, after [Roache1994]."""
 
-    Attributes:
-        safety: Factor on the distance to the limit, for an order that three sizes have shown
-            [Roache1994].
-        few: Factor on the difference to a finer size where no order shows [Roache1994].
-        half: Factor on the difference to a coarser size where no order shows.
-        least: Least error over the spread where an order shows: three values may agree by luck.
-        least_order: Lowest order; less is no convergence.
-        most_order: Highest order that the schemes have.
-        most_tried: Highest order that is sought; above it two values agree by accident.
-    """
-
+    #: factor on the distance to the limit, for an order that three sizes have shown [Roache1994]
     safety: float = 1.25
-    few: float = 3.0
-    half: float = 0.5
+    few: float = 3.0  #: factor on the difference to a finer size where no order shows [Roache1994]
+    half: float = 0.5  #: factor on the difference to a coarser size where no order shows
+    #: least error over the spread where an order shows: three values may agree by luck
     least: float = 0.25
-    least_order: float = 0.5
-    most_order: float = 2.0
-    most_tried: float = 8.0
+    least_order: float = 0.5  #: lowest order; less is no convergence
+    most_order: float = 2.0  #: highest order that the schemes have
+    most_tried: float = 8.0  #: highest order that is sought; above it two values agree by accident
 
 
 RULES = ConvergenceRules()
@@ -49,6 +40,8 @@ class Estimate:
 
     error: float  #: its absolute value, in the unit of the number; NaN where nothing is known
     order: float | None = None  #: the order of convergence that shows; None where none does
+    #: the number by size, relative to that of the case; empty where only the error counts
+    values: Mapping[float, float] = field(default_factory=dict)
 
     def scaled(self, factor: float) -> float:
         """Return the error where the size is `factor` times as large.

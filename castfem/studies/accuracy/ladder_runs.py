@@ -37,11 +37,7 @@ class Ladder:
         return tuple(level for level in self.levels if not level.problem)
 
     def table(self) -> ErrorTable:
-        """Return the errors as far as the runs that have ended tell them.
-
-        Raises:
-            RunFailure: The case itself has not come to its end.
-        """
+        """Return the errors as far as the runs that have ended tell them."""
         base = next(level for level in self.levels if not level.axis)
         results: dict[str, Summary] = {}
         runs: list[Ran] = []
@@ -94,10 +90,6 @@ def prepare(
         folder: Where they lie, a folder each.
         overwrite: Run all anew, also over runs of other cases.
         at: Places on the way whose errors are asked for, m.
-
-    Raises:
-        InputError: The folder holds runs of another case, one is at work there, or it cannot be
-            written.
     """
     runnable = [
         Variant(one.name, {"sizes": one.text}, one.case) for one in levels if not one.problem

@@ -32,11 +32,7 @@ class Proposal:
 
 
 def read_share(text: str) -> float:
-    """Return the share that `1%` or `0.5 %` means.
-
-    Raises:
-        InputError: It is not written so, or is not between 0 and 100 %.
-    """
+    """Return the share that `1%` or `0.5 %` means."""
     number, percent, rest = text.strip().partition("%")
     try:
         share = 0.01 * float(number)

@@ -58,9 +58,6 @@ def factors_of(word: str) -> dict[str, float]:
     """Return the factors that a word for the accuracy of a run stands for.
 
     They are those of `LEVELS`; the step goes with the coupling window.
-
-    Raises:
-        InputError: There is no such word.
     """
     level = LEVELS.get(word)
     if level is None:
@@ -69,11 +66,7 @@ def factors_of(word: str) -> dict[str, float]:
 
 
 def assignments(case: Case, word: str) -> list[str]:
-    """Return how a word for the accuracy of a run changes a case: KEY=VALUE, as --set takes it.
-
-    Raises:
-        InputError: There is no such word.
-    """
+    """Return how a word for the accuracy of a run changes a case: KEY=VALUE, as --set takes it."""
     return [f"{key}={value}" for key, value in changes(case, factors_of(word)).items()]
 
 
@@ -207,10 +200,6 @@ def factors_between(
     base: Mapping[str, float], other: Mapping[str, float]
 ) -> dict[str, float] | None:
     """Return by how much the sizes of one case are those of another, by axis.
-
-    Args:
-        base: From `described`.
-        other: Of the other case, likewise.
 
     Returns:
         Factors; None where the sizes are not all scaled alike, so that no error is known.

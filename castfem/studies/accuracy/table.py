@@ -20,7 +20,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -52,26 +52,13 @@ class Ran:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
-    """The error that comes from one of the sizes."""
-
-    error: float  #: its absolute value; NaN where nothing is known
-    order: float | None  #: the order of convergence that shows; None where none does
-    values: Mapping[float, float]  #: the number by size, relative to that of the case
-
-    def at(self, factor: float) -> float:
-        """The error where the size is `factor` times as large."""
-        return Estimate(self.error, self.order).scaled(factor)
-
-
-@dataclass(frozen=True, slots=True)
 class Entry:
     """A number with its error."""
 
     label: str  #: what it is, for tables
     unit: str  #: of the value; errors of temperatures are in K
     value: float  #: of the case as it is
-    parts: Mapping[str, Part]  #: what the error is made of, by axis
+    parts: Mapping[str, Estimate]  #: what the error is made of, by axis
     scale: float = 0.0
     """What a percentage of it is of: the value, of a temperature its fall since the meniscus; 0
     where there is nothing."""
@@ -83,7 +70,7 @@ class Entry:
             factors: Of other sizes than those of the case, by axis.
         """
         return math.fsum(
-            part.at((factors or {}).get(axis, 1.0)) for axis, part in self.parts.items()
+            part.scaled((factors or {}).get(axis, 1.0)) for axis, part in self.parts.items()
         )
 
 
@@ -100,11 +87,7 @@ class ErrorTable:
     """The same at places on the way, by position, m."""
 
     def write(self, folder: Path) -> Path:
-        """Write error.json.
-
-        Raises:
-            RunFailure: It cannot be written.
-        """
+        """Write error.json."""
         path = folder / ERROR_NAME
         content = {
             "format": _FORMAT,
@@ -123,11 +106,7 @@ class ErrorTable:
 
     @classmethod
     def load(cls, path: Path) -> ErrorTable:
-        """Read error.json.
-
-        Raises:
-            InputError: It cannot be read.
-        """
+        """Read error.json."""
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
             if content["format"] != _FORMAT:
@@ -222,11 +201,10 @@ def _entries(
     for name, quantity in results[base.name].items():
         if not math.isfinite(quantity.shown):
             continue
-        parts: dict[str, Part] = {}
+        parts: dict[str, Estimate] = {}
         for axis in sizes.axes_of(case):
             values = _series(case, axis, levels, results, name)
-            made = estimate(values)
-            parts[axis] = Part(made.error, made.order, values)
+            parts[axis] = replace(estimate(values), values=values)
         largest = max((abs(v) for part in parts.values() for v in part.values.values()), default=0)
         # in the unit of the tables; else rounding
         if largest > 1e-9 and any(part.error != 0.0 for part in parts.values()):
@@ -292,15 +270,8 @@ def _scale(quantity: Quantity, poured: float) -> float:
 def attach(table: ErrorTable, folder: Path) -> bool:
     """Put the errors beside the results of a finished run, in its summary.json.
 
-    Args:
-        table: The errors.
-        folder: Of the run.
-
     Returns:
         Whether it is a run of that case, its sizes scaled alike, that has come to its end.
-
-    Raises:
-        RunFailure: The file cannot be written.
     """
     path = folder / SUMMARY_NAME
     if not path.is_file() or RunRecord.load(folder).status != "finished":
@@ -341,7 +312,7 @@ def _entry_json(entry: Entry) -> dict[str, Any]:
 
 def _entry(content: Mapping[str, Any]) -> Entry:
     parts = {
-        axis: Part(
+        axis: Estimate(
             _number(part["error"]),
             part["order"],
             {float(size): _number(value) for size, value in part["values"].items()},

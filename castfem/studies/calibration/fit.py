@@ -25,8 +25,13 @@ from castfem.base.types import Array
 from castfem.model.load import value_of
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.results.places import quantities_at
-from castfem.studies.calibration.measured import Measured, residuals
-from castfem.studies.calibration.probe_data import is_of_probe, thermocouples, value_at
+from castfem.studies.calibration.measured import (
+    Measured,
+    is_of_probe,
+    residuals,
+    thermocouples,
+    value_at,
+)
 from castfem.studies.mould_fit.thermocouples import CopperTemperatures
 from castfem.studies.optimisation.evaluator import Evaluator, variant
 from castfem.studies.sweep.workers import nothing
@@ -40,21 +45,14 @@ CSV_NAME, JSON_NAME, CASE_NAME = "calibration.csv", "calibration.json", "calibra
 
 @dataclass(frozen=True, slots=True)
 class FitSettings:
-    """Settings of the least squares and of its intervals.
+    """Settings of the least squares and of its intervals."""
 
-    Attributes:
-        step: Of the difference quotients, over the range of a key.
-        near: Distance from a bound, over the range, at which a value is held by it.
-        close: Relative change of the sum of squares, or of the keys, at which the fit ends.
-        evaluations: Evaluations of the derivatives at most.
-        confidence: Probability of the intervals.
-    """
-
-    step: float = 0.01
-    near: float = 1e-3
+    step: float = 0.01  #: of the difference quotients, over the range of a key
+    near: float = 1e-3  #: distance from a bound, over the range, at which a value is held by it
+    #: relative change of the sum of squares, or of the keys, at which the fit ends
     close: float = 1e-4
-    evaluations: int = 20
-    confidence: float = 0.95
+    evaluations: int = 20  #: evaluations of the derivatives at most
+    confidence: float = 0.95  #: probability of the intervals
 
 
 SETTINGS = FitSettings()
@@ -116,11 +114,7 @@ class Calibration:
 
 
 def read_free(assignment: str) -> Free:
-    """Return a key with its bounds as a user has written them: `KEY=800..3000 W/(m^2 K)`.
-
-    Raises:
-        InputError: It is not written so.
-    """
+    """Return a key with its bounds as a user has written them: `KEY=800..3000 W/(m^2 K)`."""
     where = f'--free "{assignment}"'
     key, equals, bounds = assignment.partition("=")
     low, dots, high = bounds.partition("..")
@@ -149,9 +143,6 @@ def fit(
         start: Where to begin, in their units; drawn into the bounds.
         errors_known: Whether the errors are those of the measurement; otherwise their size is taken
             from the residuals of the best fit.
-
-    Raises:
-        InputError: There are fewer data than keys.
     """
     from scipy.optimize import least_squares
 
@@ -228,10 +219,6 @@ def calibrate(
         keys: To be fitted, with their bounds.
         evaluator: Of `followed(case, measured)`; runs it.
         ended: Called with each run that is made, and how it has ended.
-
-    Raises:
-        InputError: A key or a value cannot be used.
-        RunFailure: A run of the fit does not come to its end.
     """
     known: dict[str, list[Quantity]] = {}
 
@@ -253,11 +240,7 @@ def calibrate(
 
 
 def followed(case: Case, measured: Sequence[Measured]) -> Case:
-    """The case, followed as far as there are data; for those in the copper to the mould's exit.
-
-    Raises:
-        InputError: They lie beyond its end.
-    """
+    """The case, followed as far as there are data; for those in the copper to the mould's exit."""
     copper, exit_ = thermocouples(case), 0.0 if case.mould is None else case.mould.length
     reach = {
         one: exit_ if one.name.partition(".")[0] in copper else one.position for one in measured
@@ -279,12 +262,7 @@ def followed(case: Case, measured: Sequence[Measured]) -> Case:
 
 
 def computed(case: Case, folder: Path, measured: Sequence[Measured]) -> list[Quantity]:
-    """Return what the run of a case gives where there are data.
-
-    Raises:
-        InputError: It has no such result there.
-        RunFailure: The copper of the mould has no temperature.
-    """
+    """Return what the run of a case gives where there are data."""
     table, found = read_history(folder / HISTORY_NAME), []
     copper, in_copper = CopperTemperatures(case, folder), thermocouples(case)
     for data in measured:
@@ -313,11 +291,7 @@ def _text(values: Mapping[str, str]) -> str:
 
 
 def write(folder: Path, found: Calibration) -> None:
-    """Write the data with what was computed, the fit, and the calibrated case.
-
-    Raises:
-        RunFailure: A file cannot be written.
-    """
+    """Write the data with what was computed, the fit, and the calibrated case."""
     rows = [["position [m]", "result", "unit", "measured", "error", "before", "after"]]
     for data, before, after in zip(found.measured, found.before, found.after, strict=True):
         unit = before.shown_unit

@@ -1,4 +1,9 @@
-"""What was measured on a strand, as a CSV file has it: positions, results, their errors."""
+"""What was measured, as a CSV file has it, and what a run has there.
+
+Values at points: `tc1.temperature` is of a probe, `[[output.probe]]`, in the strand, or of a
+thermocouple of `[[mould.tube.thermocouple]]` in the copper, whose temperature follows from the heat
+of the run.
+"""
 
 from __future__ import annotations
 
@@ -11,11 +16,16 @@ import numpy as np
 
 from castfem.base import units
 from castfem.base.csv_files import DECIMAL_COMMAS, Heading, UnreadableError, read_csv
-from castfem.base.errors import InputError
+from castfem.base.errors import InputError, choices
 from castfem.base.result_registry import fault, unit_of
-from castfem.base.shown_quantity import Quantity
+from castfem.base.shown_quantity import Quantity, to_si
 from castfem.base.types import Array
-from castfem.studies.calibration.probe_data import is_of_probe, misfit, unit_at_probe
+from castfem.base.units import nearest, parse_any
+from castfem.model import Case
+from castfem.model.mould import CopperThermocouples
+from castfem.runs.output.folder import PROBES_NAME
+from castfem.runs.output.history import read_history
+from castfem.runs.results.probes import HEAT, MECHANICS, PHASES
 
 _ERROR = " error"  # ends the name of a column of errors
 _POSITION = "position"
@@ -38,20 +48,13 @@ class Measured:
         return f"{self.source}: {self.name}" if self.source else self.name
 
 
-def read_measured(path: Path, known: Iterable[str] = ()) -> list[Measured]:
+def read_measured(path: Path) -> list[Measured]:
     """Return the values of a file: a column of positions, one a result, and perhaps its errors.
 
         position [mm], surface_temperature_mid_face [degC], surface_temperature_mid_face error [K]
         1200, 1043, 10
 
     Cells may be empty. Either all values have errors, or all are of one result and none has.
-
-    Args:
-        path: The file.
-        known: Names of results that the case has; none: any will do.
-
-    Raises:
-        InputError: The file cannot be used; it names the line and the column.
     """
     try:
         file = read_csv(path)
@@ -61,7 +64,7 @@ def read_measured(path: Path, known: Iterable[str] = ()) -> list[Measured]:
     where = f"{path}: line {file.line}"
     if not names or names[0] != _POSITION or len(names) < 2 or not file.rows:
         raise InputError(f"{where}: a header and rows are needed, {_SAMPLE}")
-    problems = [*_unknown_columns(names, list(known)), *_wrong_units(file.headings)]
+    problems = [*_unknown_columns(names), *_wrong_units(file.headings)]
     if problems:
         raise InputError([f"{where}: {problem}" for problem in problems])
     found: list[Measured] = []
@@ -93,13 +96,11 @@ def _values(cells: dict[str, tuple[Heading, str]], where: str) -> Iterator[Measu
         yield Measured(place, name, _si(*cell, where), off, where)
 
 
-def _unknown_columns(names: list[str], known: list[str]) -> Iterator[str]:
+def _unknown_columns(names: list[str]) -> Iterator[str]:
     for name in names[1:]:
         bare = name.removesuffix(_ERROR)
         if name != bare and bare not in names:
             yield f"{name}: there is no column {bare}"
-        elif known and bare not in known:
-            yield f"{bare}: no such result of this case{units.nearest(bare, known)}"
     for name in {n for n in names if names.count(n) > 1}:
         yield f"{name} stands there twice"
 
@@ -126,7 +127,6 @@ def _wrong_units(headings: Iterable[Heading]) -> Iterator[str]:
 
 
 def _si(heading: Heading, cell: str, where: str, *, difference: bool = False) -> float:
-    """A cell in SI."""
     try:
         number = float(cell)
         if not math.isfinite(number):
@@ -171,3 +171,59 @@ def residuals(measured: Sequence[Measured], computed: Sequence[Quantity]) -> Arr
             )
         found.append((ours.value - data.value) / (data.error if data.error > 0.0 else 1.0))
     return np.array(found)
+
+
+_UNITS = dict((*HEAT, *PHASES, *MECHANICS))
+_DOT = "."  # between the name of the probe and that of its column
+
+
+def is_of_probe(name: str) -> bool:
+    """Return whether a measured column is of a probe."""
+    return _DOT in name
+
+
+def unit_at_probe(name: str) -> str | None:
+    """Return the unit of a column of a probe, "1" for none; None if there is no such column."""
+    unit = _UNITS.get(name.rpartition(_DOT)[2])
+    return "1" if unit == "-" else unit
+
+
+def misfit(name: str, unit: str) -> str:
+    """Return why a unit does not measure a column of a probe; "" if it does, or is not known."""
+    wanted = unit_at_probe(name)
+    if wanted is None or parse_any(f"1 {unit}")[1] == parse_any(f"1 {wanted}")[1]:
+        return ""
+    return f'("{unit}") does not measure {name}; it has a unit such as "{wanted}"'
+
+
+def missing_column(case: Case, name: str) -> str:
+    """Return why a case has no such column of a probe; "" if it has."""
+    probe, _, column = name.rpartition(_DOT)
+    copper = thermocouples(case)
+    names = [*(one.name for one in case.output.probe), *copper]
+    if probe not in names:
+        there = choices(names) if names else "none; add [[output.probe]]"
+        return f"the case has no probe {probe}{nearest(probe, names)}; it has {there}"
+    strained = () if case.mechanics is None else MECHANICS
+    columns = dict(HEAT[:1] if probe in copper else (*HEAT, *PHASES, *strained))
+    if column not in columns:
+        return f"a probe has no {column}{nearest(column, columns)}; it has {choices(columns)}"
+    return ""
+
+
+def thermocouples(case: Case) -> dict[str, CopperThermocouples]:
+    """Return the rows of thermocouples in the copper of a case, by name."""
+    tube = None if case.mould is None else case.mould.tube
+    return {} if tube is None else {one.name: one for one in tube.thermocouple}
+
+
+def value_at(folder: Path, name: str, position: float) -> Quantity:
+    """Return what a run has at a probe where the slice came to a position (m)."""
+    probe, _, column = name.rpartition(_DOT)
+    table = read_history(folder / PROBES_NAME / f"{probe}.csv")
+    places = table["position"].to_numpy()
+    if column not in table or not len(places) or not places[0] <= position <= places[-1] * 1.000001:
+        raise InputError(f"{folder}: probe {probe} has no {column} at {1e3 * position:g} mm")
+    unit = str(table.attrs["units"][column])
+    value = float(np.interp(position, places, table[column].to_numpy()))
+    return Quantity(to_si(value, unit), unit, f"{column.replace('_', ' ')} at {probe}")

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import lsq_linear
 from scipy.stats import t as student
 
 from castfem.base.constants import ZERO_CELSIUS
@@ -33,21 +33,15 @@ from castfem.studies.identification.result import NAMES, Fit, IdentifiedLaw
 
 @dataclass(frozen=True, slots=True)
 class IdentificationSettings:
-    """Settings of the fit of a law to tensile tests.
+    """Settings of the fit of a law to tensile tests."""
 
-    Attributes:
-        confidence: Probability of the intervals.
-        prior: Pull on what the data leave open, over that of one point.
-        prior_values: p1, p3, p4 where the data say nothing.
-        open: Singular value, over the largest, below which the data leave a direction open.
-        points: Least number of points of a temperature.
-    """
-
-    confidence: float = 0.95
-    prior: float = 1e-5
+    confidence: float = 0.95  #: probability of the intervals
+    prior: float = 1e-5  #: pull on what the data leave open, over that of one point
+    #: p1, p3, p4 where the data say nothing
     prior_values: tuple[float, float, float] = (0.0, 0.13, 0.1)
+    #: singular value, over the largest, below which the data leave a direction open
     open: float = 1e-6
-    points: int = 4
+    points: int = 4  #: least number of points of a temperature
 
 
 SETTINGS = IdentificationSettings()
@@ -93,15 +87,7 @@ class _Problem:
 def identify(
     source: str | os.PathLike[str] | TensileData, options: IdentifyOptions | None = None
 ) -> IdentifiedLaw:
-    """Fit the law to tensile curves.
-
-    Args:
-        source: CSV file as the module `measured` describes it, or its points.
-        options: How; the defaults if left out.
-
-    Raises:
-        InputError: If the file is faulty or there is too little data for what was asked.
-    """
+    """Fit the law to tensile curves."""
     chosen = options or IdentifyOptions()
     given = source if isinstance(source, TensileData) else read_tensile(source)
     data = _usable(given, chosen)
@@ -163,36 +149,15 @@ def _solve(problem: _Problem) -> tuple[Array, Array]:
     held = problem.design[:, ~moving] @ values[~moving]
     goal = np.concatenate([problem.goal - held, weight * problem.prior[moving]])
     least, most = problem.least[moving], problem.most[moving]
-    margin = 1e-3 * (most - least)
-    found = least_squares(
-        lambda x: design @ x - goal,
-        np.clip(problem.prior[moving], least + margin, most - margin),
-        jac=lambda x: design, bounds=(least, most), x_scale="jac", method="trf",
-        ftol=1e-15, xtol=1e-15, gtol=1e-14, max_nfev=500,
-    )  # fmt: skip
-    values[moving], bound = _polished(design, goal, found.x, least, most)
+    scale = np.abs(design).max(axis=0)
+    found = lsq_linear(design / scale, goal, (scale * least, scale * most), method="bvls").x / scale
+    close = 1e-6 * np.minimum(most - least, 1.0)
+    at_least, at_most = found - least < close, most - found < close
+    values[moving] = np.where(at_least, least, np.where(at_most, most, found))
     fixed = ~moving
-    fixed[moving] = bound
+    fixed[moving] = at_least | at_most
     residual = problem.design @ values - problem.goal
     return values, _covariance(problem, residual, fixed)
-
-
-def _polished(
-    design: Array, goal: Array, values: Array, least: Array, most: Array
-) -> tuple[Array, Flags]:
-    """Put what is at a bound onto it and solve for the rest to rounding, within the bounds."""
-    close = 1e-6 * np.minimum(most - least, 1.0)
-    at_least, at_most = values - least < close, most - values < close
-    bound = at_least | at_most
-    values = np.where(at_least, least, np.where(at_most, most, values))
-    free = ~bound
-    if free.any():
-        scale = np.abs(design[:, free]).max(axis=0)
-        rest = goal - design[:, bound] @ values[bound]
-        best = np.linalg.lstsq(design[:, free] / scale, rest, rcond=None)[0] / scale
-        if np.all((best >= least[free]) & (best <= most[free])):
-            values[free] = best
-    return values, bound
 
 
 def _covariance(problem: _Problem, residual: Array, fixed: Flags) -> Array:
@@ -232,7 +197,6 @@ def _widening(residual: Array, curves: list[Indices]) -> float:
 
 
 def _fit_alone(data: TensileData, temperature: float, options: IdentifyOptions) -> Fit:
-    """Fit one temperature by itself."""
     if len(data.stress) < SETTINGS.points:
         raise InputError(
             f"{data.name}: {len(data.stress)} usable points at "
@@ -311,7 +275,6 @@ def _fit(
     temperature: float, values: Array, covariance: Array, data: TensileData, bounds: Array,
     surplus: int,
 ) -> Fit:  # fmt: skip
-    """Gather what is known of one temperature."""
     residual = _columns(data) @ values - np.log(data.stress / SQRT3)
     quantile = float(student.ppf(0.5 + 0.5 * SETTINGS.confidence, max(surplus, 1)))
     near = np.abs(values[:, None] - bounds).min(axis=1) < 1e-9

@@ -73,11 +73,7 @@ class TensileData:
 
 
 def read_tensile(path: str | os.PathLike[str]) -> TensileData:
-    """Read tensile curves.
-
-    Raises:
-        InputError: With all that is wrong in the file, one line each.
-    """
+    """Read tensile curves."""
     source = Path(path)
     try:
         file = read_csv(source)

@@ -84,7 +84,6 @@ class IdentifiedLaw:
         return NortonHoff(elasticity, strength, p1, p3, p4)
 
     def _curve(self, name: str) -> Curve:
-        """One parameter over temperature."""
         values = tuple(float(v) for v in self.parameter(name))
         if len(values) == 1:
             return Constant(values[0])
@@ -172,7 +171,6 @@ class IdentifiedLaw:
         return "\n".join(lines) + "\n"
 
     def _table(self, k: int, name: str) -> list[str]:
-        """Lines of one parameter."""
         scale = 1e-6 if name == "strength" else 1.0
         values = [f"{scale * v:.6g}" for v in self.parameter(name)]
         half = [f.half_width[k] for f in self.fits]

@@ -37,17 +37,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """When the turns of strand and mould end.
+    """When the turns of strand and mould end."""
 
-    Attributes:
-        shape: Change of the wall from one turn to the next below which they agree, m.
-        heat: The same of the heat removed, relative.
-        most: Turns at most.
-    """
-
-    shape: float = 2e-6
-    heat: float = 1e-3
-    most: int = 8
+    shape: float = 2e-6  #: change of the wall from one turn to the next below which they agree, m
+    heat: float = 1e-3  #: the same of the heat removed, relative
+    most: int = 8  #: turns at most
 
 
 AGREEMENT = Agreement()
@@ -75,11 +69,7 @@ class Drawing:
 
 
 def table_of(case: Case, origin: str) -> MouldTable:
-    """Return [mould] of a case that has a tube.
-
-    Raises:
-        InputError: It has none.
-    """
+    """Return [mould] of a case that has a tube."""
     table = case.mould
     if table is None or table.tube is None:
         raise InputError(
@@ -143,10 +133,6 @@ def hot_mould_of(
         turns: Most of them; 1 heats the tube once. They end before where wall and heat agree, and
             after one where the tube's flux or its faces' temperatures are given.
         report: Called after each.
-
-    Raises:
-        InputError: The case has no tube.
-        RunFailure: A run or a solver fails.
     """
     table = table_of(case, origin)
     assert table.tube is not None
@@ -252,7 +238,6 @@ def _temperature(positions: Array, kelvin: Array) -> dict[str, Any]:
 
 
 def _turn(strand: Followed, wall: HotWall, before: Turn | None) -> Turn:
-    """Return a turn with what it has changed."""
     if before is None or before.strand is None:
         return Turn(strand, wall, np.nan, np.nan)
     change = wall.displacement.moved - before.wall.displacement.moved

@@ -33,15 +33,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class SectionLimits:
-    """When the section of a strand is that which was wanted.
+    """When the section of a strand is that which was wanted."""
 
-    Attributes:
-        close: Largest deviation from the wanted outline, m.
-        runs: Runs at most.
-    """
-
-    close: float = 10e-6
-    runs: int = 6
+    close: float = 10e-6  #: largest deviation from the wanted outline, m
+    runs: int = 6  #: runs at most
 
 
 LIMITS = SectionLimits()
@@ -80,10 +75,6 @@ def find_section(
         origin: What the user called the case, for messages.
         at: Position of the wanted section, m; None: the end of the mould, or of the run.
         report: Called after each run.
-
-    Raises:
-        InputError: The case cannot be asked.
-        RunFailure: A run fails, or the outlines do not come closer.
     """
     section = _checked(case, origin)
     if at is None:

@@ -25,12 +25,7 @@ if TYPE_CHECKING:
 
 
 class CopperTemperatures:
-    """The copper of a case as the heat of a run leaves it; the strand keeps its wall temperature.
-
-    Args:
-        case: With [mould.tube].
-        folder: Of its run.
-    """
+    """The copper of a case as the heat of its run leaves it; the strand keeps its wall."""
 
     def __init__(self, case: Case, folder: Path) -> None:
         self._case, self._folder = case, folder
@@ -52,10 +47,6 @@ class CopperTemperatures:
         Args:
             one: The row.
             position: Of the thermocouple below the meniscus, m.
-
-        Raises:
-            InputError: It does not lie in the copper.
-            RunFailure: The copper has no temperature.
         """
         tube, heated = self._tube
         length = tube.mould.length

@@ -46,11 +46,7 @@ def check_changes(changes: Mapping[str, Any] | None) -> Mapping[str, Any]:
 def check_request(
     problem: DesignProblem, request: RunRequest | Mapping[str, Any], caller: str
 ) -> RunRequest:
-    """Return a run, given as one that a study has asked for, or by the values of all variables.
-
-    Raises:
-        InputError: It is neither, or lies outside of the ranges.
-    """
+    """Return a run, given as one that a study has asked for, or by the values of all variables."""
     variables = problem.variables
     if isinstance(request, Mapping):
         request = RunRequest(_values(problem, request, caller), problem.table.fidelity)
@@ -115,11 +111,7 @@ def _number(variable: DesignVariable, value: Any, caller: str) -> float:
 def quantities_of(
     problem: DesignProblem, request: RunRequest, results: Mapping[str, Any]
 ) -> dict[str, Quantity]:
-    """Return results that were given by name, in SI, in the units in which castfem shows them.
-
-    Raises:
-        InputError: One is no number, or one that the problem needs is missing.
-    """
+    """Return results that were given by name, in SI, in the units in which castfem shows them."""
     found = {str(name): _quantity(str(name), value) for name, value in results.items()}
     missing = [] if request.ideal else [n for n in problem.result_names if n not in found]
     if missing:

@@ -22,17 +22,11 @@ from castfem.studies.optimisation.responses import Responses
 
 @dataclass(frozen=True, slots=True)
 class CheckLimits:
-    """How far the runs of the check go.
+    """How far the runs of the check go."""
 
-    Attributes:
-        turns: Runs of the level of the check, beside that of the best one.
-        onward: More, where a constraint is still missed.
-        farthest: Longest step of these, of the ranges.
-    """
-
-    turns: int = 4
-    onward: int = 6
-    farthest: float = 0.25
+    turns: int = 4  #: runs of the level of the check, beside that of the best one
+    onward: int = 6  #: more, where a constraint is still missed
+    farthest: float = 0.25  #: longest step of these, of the ranges
 
 
 LIMITS = CheckLimits()

@@ -169,11 +169,7 @@ class Evaluator(Closing):
 def variant(
     case: Case, changes: Mapping[str, Any], fidelity: str = DEFAULT, *, ideal: bool = False
 ) -> Case:
-    """Return a case from `lean` with changes, at a level, perhaps in its idealised mould.
-
-    Raises:
-        InputError: The changed case is not sound.
-    """
+    """Return a case from `lean` with changes, at a level, perhaps in its idealised mould."""
     made = changed(case, changes, "changes") if changes else case
     return at_level(lean(idealised(made)) if ideal else made, fidelity)
 

@@ -37,22 +37,14 @@ _SUPPORT = {
 
 
 def check_word(word: str) -> None:
-    """Refuse what is no level of fidelity.
-
-    Raises:
-        InputError: It is none.
-    """
+    """Refuse what is no level of fidelity."""
     if str(word) not in WORDS:
         near = units.nearest(str(word), WORDS)
         raise InputError(f"fidelity must be one of {', '.join(WORDS)}, got {word!r}{near}")
 
 
 def at_level(case: Case, word: str) -> Case:
-    """Return a case as a level of fidelity has it.
-
-    Raises:
-        InputError: There is no such level, or the case cannot be computed at it.
-    """
+    """Return a case as a level of fidelity has it."""
     check_word(word)
     if word == DEFAULT:
         return case

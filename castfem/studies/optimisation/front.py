@@ -22,12 +22,7 @@ from castfem.studies.optimisation.search import SEARCH, Search
 
 
 class FrontSearch:
-    """Finds the front of the problem's result and that of its table `front`.
-
-    Args:
-        search: The first search, at its end.
-        start: Where that began, shares of the ranges (n,).
-    """
+    """Finds the front of two results after a first search, from where that began, shares (n,)."""
 
     def __init__(self, search: Search, start: Array) -> None:
         self._responses, self._start = search.responses, start

@@ -20,19 +20,12 @@ from castfem.base.types import Array
 
 @dataclass(frozen=True, slots=True)
 class GlobalSettings:
-    """Settings of the search for several optima.
+    """Settings of the search for several optima."""
 
-    Attributes:
-        apart: Distance of two local optima, of the ranges.
-        batch: Runs at once.
-        optima: Optima that are followed.
-        seed: Of the random numbers.
-    """
-
-    apart: float = 0.2
-    batch: int = 4
-    optima: int = 2
-    seed: int = 12
+    apart: float = 0.2  #: distance of two local optima, of the ranges
+    batch: int = 4  #: runs at once
+    optima: int = 2  #: optima that are followed
+    seed: int = 12  #: of the random numbers
 
 
 GLOBAL = GlobalSettings()
@@ -42,11 +35,7 @@ Evaluate = Callable[[list[Array]], list[list[float]]]
 
 
 def check_installed(where: str) -> None:
-    """Look for Optuna without importing it.
-
-    Raises:
-        InputError: It is not installed.
-    """
+    """Look for Optuna without importing it."""
     if importlib.util.find_spec("optuna") is None:
         raise InputError(
             f'{where}: optimise.method ("optuna"): Optuna is not installed; pip install '

@@ -27,27 +27,17 @@ from castfem.studies.optimisation.polynomial_fit import columns
 
 @dataclass(frozen=True, slots=True)
 class ModelSettings:
-    """Settings of the quadratics about an optimum.
+    """Settings of the quadratics about an optimum."""
 
-    Attributes:
-        reach: Distance from the optimum within which they are used, in steps.
-        samples: Places in that box with several variables.
-        line: The same with one.
-        parts: Of the largest error of margins and of cost that are tried.
-        edge: Distance from the end of the box, over it, at which an interval may go on.
-        neighbours: Runs that measure the noise.
-        apart: Distance of these, of the ranges.
-        sigmas: Difference of two runs over their scatter; once in thirty by chance.
-    """
-
-    reach: float = 2.5
-    samples: int = 2**14
-    line: int = 4001
+    reach: float = 2.5  #: distance from the optimum within which they are used, in steps
+    samples: int = 2**14  #: places in that box with several variables
+    line: int = 4001  #: the same with one
+    #: of the largest error of margins and of cost that are tried
     parts: tuple[float, float, float] = (1.0 / 3.0, 2.0 / 3.0, 1.0)
-    edge: float = 0.02
-    neighbours: int = 5
-    apart: float = 1e-3
-    sigmas: float = 3.0
+    edge: float = 0.02  #: distance from the end of the box, over it, at which an interval may go on
+    neighbours: int = 5  #: runs that measure the noise
+    apart: float = 1e-3  #: distance of these, of the ranges
+    sigmas: float = 3.0  #: difference of two runs over their scatter; once in thirty by chance
 
 
 MODEL = ModelSettings()

@@ -18,17 +18,12 @@ from castfem.base.types import Array
 
 @dataclass(frozen=True, slots=True)
 class FitCost:
-    """How many runs a polynomial takes, and how they count.
+    """How many runs a polynomial takes, and how they count."""
 
-    Attributes:
-        runs: Runs over coefficients.
-        equations: Equations over coefficients, of runs with derivatives.
-        slopes: Weight of derivatives. What is missed is of fourth degree or more: it changes at
-            least four times as much as it is large.
-    """
-
-    runs: float = 1.4
-    equations: float = 4.3
+    runs: float = 1.4  #: runs over coefficients
+    equations: float = 4.3  #: equations over coefficients, of runs with derivatives
+    #: weight of derivatives. What is missed is of fourth degree or more: it changes at least four
+    #: times as much as it is large
     slopes: float = 0.25
 
 

@@ -100,9 +100,6 @@ class DesignProblem:
         variables: What is varied.
         bounds: The constraints.
         inputs: What is not known exactly.
-
-    Raises:
-        InputError: There is no table, a key cannot be varied, or Optuna is not installed.
     """
 
     def __init__(self, case: Case, origin: str = "") -> None:
@@ -144,11 +141,7 @@ class DesignProblem:
                         yield line if line.startswith(where) else f"{where}: {line}"
 
     def check_results(self) -> None:
-        """Refuse, before anything is run, results that no run of the case has.
-
-        Raises:
-            InputError: With a line for each.
-        """
+        """Refuse, before anything is run, results that no run of the case has."""
         from castfem.runs.results.needs import faults_of
 
         asked = {"minimise": self.table.minimise, "maximise": self.table.maximise}

@@ -26,35 +26,21 @@ from castfem.studies.optimisation.responses import Responses
 
 @dataclass(frozen=True, slots=True)
 class SearchSettings:
-    """Steps, scales and ends of the search. Lengths are shares of the ranges.
+    """Steps, scales and ends of the search. Lengths are shares of the ranges."""
 
-    Attributes:
-        first: First step.
-        last: Smallest step worth taking.
-        largest_last: Largest last step, however large the noise.
-        at_end: Distance from the end of a range that counts as there, in last steps.
-        sobol: 2^3 - 1 places are tried over the ranges where the start fails.
-        failed: Of the part that a failed run has not reached, in scales of the constraints.
-        unseen: Scale of a result where no two runs have shown one, over the result.
-        inside: How far inside of a constraint SLSQP aims, in its scale.
-        dear: Scales of the cost that a scale of a missed constraint is worth.
-        lost: Violation of a failed run: more than that of any that has finished.
-        flat: Change of cost and constraints that ends SLSQP, in their scales.
-        trials: Runs for a step of SLSQP that lead nowhere, as at a kink.
-    """
-
-    first: float = 0.1
-    last: float = 0.002
-    largest_last: float = 0.03
-    at_end: float = 2.0
-    sobol: int = 3
+    first: float = 0.1  #: first step
+    last: float = 0.002  #: smallest step worth taking
+    largest_last: float = 0.03  #: largest last step, however large the noise
+    at_end: float = 2.0  #: distance from the end of a range that counts as there, in last steps
+    sobol: int = 3  #: 2^3 - 1 places are tried over the ranges where the start fails
+    #: of the part that a failed run has not reached, in scales of the constraints
     failed: float = 10.0
-    unseen: float = 1e-2
-    inside: float = 1e-3
-    dear: float = 10.0
-    lost: float = 1e30
-    flat: float = 1e-3
-    trials: int = 4
+    unseen: float = 1e-2  #: scale of a result where no two runs have shown one, over the result
+    inside: float = 1e-3  #: how far inside of a constraint SLSQP aims, in its scale
+    dear: float = 10.0  #: scales of the cost that a scale of a missed constraint is worth
+    lost: float = 1e30  #: violation of a failed run: more than that of any that has finished
+    flat: float = 1e-3  #: change of cost and constraints that ends SLSQP, in their scales
+    trials: int = 4  #: runs for a step of SLSQP that lead nowhere, as at a kink
 
 
 SEARCH = SearchSettings()
@@ -276,14 +262,12 @@ class Search:
         return float(max(0.0, -np.min(self._at(u)[1:])))
 
     def _descend(self, begin: Array, first: float) -> None:
-        """Search from a place by the method that is asked for."""
         if self.problem.table.method != "slsqp" or not self._slsqp(begin, first):
             self._cobyqa(begin, first)
 
     def _cobyqa(
         self, begin: Array, first: float, objective: Function | None = None, *, free: bool = False
     ) -> None:
-        """Search by COBYQA; `free` of the constraints."""
         from scipy.optimize import NonlinearConstraint
 
         tolerated = np.array([*self.noise[1:] / self._scale[1:], 0.0])

@@ -26,23 +26,14 @@ from castfem.studies.optimisation.responses import Responses
 
 @dataclass(frozen=True, slots=True)
 class SpreadSettings:
-    """How the spread of an optimum is sampled.
+    """How the spread of an optimum is sampled."""
 
-    Attributes:
-        places: Places in the box of the variables.
-        draws: Draws of the inputs.
-        tails: Quantiles that are reported.
-        edge: Distance from the end of the box that counts as there, of half of it.
-        safe: Share of the draws in which a safe optimum meets its constraints.
-        seed: Of the random numbers.
-    """
-
-    places: int = 2**11
-    draws: int = 2**8
-    tails: tuple[float, float] = (0.05, 0.95)
-    edge: float = 0.04
-    safe: float = 0.95
-    seed: int = 12
+    places: int = 2**11  #: places in the box of the variables
+    draws: int = 2**8  #: draws of the inputs
+    tails: tuple[float, float] = (0.05, 0.95)  #: quantiles that are reported
+    edge: float = 0.04  #: distance from the end of the box that counts as there, of half of it
+    safe: float = 0.95  #: share of the draws in which a safe optimum meets its constraints
+    seed: int = 12  #: of the random numbers
 
 
 SPREAD = SpreadSettings()

@@ -113,9 +113,6 @@ class Store:
 
     Attributes:
         record: Of the folder, as sweeps keep it.
-
-    Raises:
-        InputError: The folder holds something else.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -137,9 +134,6 @@ class Store:
         """Refuse a folder in which every run is of another section or steel than a case.
 
         Keys that earlier calls have varied do not count.
-
-        Raises:
-            InputError: It is one.
         """
         text, _ = portable(case, PROPERTIES_NAME)
         own = _strand(tomllib.loads(text))
@@ -180,11 +174,7 @@ class Store:
         return Job(name, self.folder / name, case, resume=True, derivatives=derivatives)
 
     def note(self, job: Job, outcome: Outcome) -> Evaluation:
-        """Record how a run has ended, and return its results.
-
-        Raises:
-            RunFailure: A file cannot be written.
-        """
+        """Record how a run has ended, and return its results."""
         if job.name not in self.record.entries:
             self.record.expect([self._variants[job.name]])
         self.record.note(job, outcome)
@@ -195,11 +185,7 @@ class Store:
         return found
 
     def write_table(self) -> None:
-        """Write sweep.csv: a row for each run that has ended, those of earlier calls included.
-
-        Raises:
-            RunFailure: It cannot be written.
-        """
+        """Write sweep.csv: a row for each run that has ended, those of earlier calls included."""
         done = [n for n, entry in self.record.entries.items() if entry.status != "waiting"]
         for name in done:
             entry = self.record.entries[name]

@@ -22,11 +22,10 @@ from castfem.runs.output.run_record import RunRecord
 from castfem.runs.result import RunResult
 from castfem.studies.accuracy.sizes import DEFAULT
 from castfem.studies.optimisation import argument_checks as check
-from castfem.studies.optimisation.derivative_request import obstacles, of_run
 from castfem.studies.optimisation.evaluator import Ended, Evaluator
 from castfem.studies.optimisation.optimum import Optimum
 from castfem.studies.optimisation.problem import DesignProblem, RunRequest
-from castfem.studies.optimisation.responses import KnownRuns, Obtain
+from castfem.studies.optimisation.responses import KnownRuns, Obtain, obstacles, of_run
 from castfem.studies.optimisation.store import Evaluation
 from castfem.studies.optimisation.workflow import Workflow
 from castfem.studies.sweep.record import check_folder

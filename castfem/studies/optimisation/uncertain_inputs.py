@@ -66,11 +66,7 @@ class UncertainInput:
         return float(f"{self.low + share * (self.high - self.low):.6g}")
 
     def changes(self, case: Case, value: float) -> dict[str, Any]:
-        """Keys and values of the case with this value, as `Case.with_` takes them.
-
-        Raises:
-            InputError: The key names nothing that could be multiplied.
-        """
+        """Keys and values of the case with this value, as `Case.with_` takes them."""
         if not self.relative:
             return {self.key: f"{value:.12g} {self.unit}" if self.unit else value}
         for prefix, key in _SETS.items():

@@ -40,15 +40,7 @@ class UnverifiedError:
         checked: CheckedOptimum | None,
         spread: InputSpread | None,
     ) -> UnverifiedError:
-        """Return what the checks of a best run have left open.
-
-        Args:
-            search: With noise and last step.
-            best: The best run.
-            error: Its numerical error.
-            checked: The optimum by the level of the check; None where that failed.
-            spread: By the inputs; None where it was not asked for or failed.
-        """
+        """Return what the checks of a best run have left open."""
         problem = search.problem
         both = np.ones(len(problem.variables), dtype=bool)
         found: list[tuple[Flags, Flags, str]] = []

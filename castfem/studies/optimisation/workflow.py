@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,33 +12,23 @@ from castfem.base.types import Array
 from castfem.studies.accuracy.sizes import LEVELS
 from castfem.studies.optimisation.assemble import Findings, assemble
 from castfem.studies.optimisation.check_level import Check, CheckedOptimum
-from castfem.studies.optimisation.derivative_request import obstacles
 from castfem.studies.optimisation.front import FrontSearch
 from castfem.studies.optimisation.local_model import Binding, Quadratic, around, intervals
 from castfem.studies.optimisation.numerical_error import NumericalError, Tilt, next_of
 from castfem.studies.optimisation.optimum import Optimum
 from castfem.studies.optimisation.problem import DesignProblem, RunRequest
-from castfem.studies.optimisation.responses import KnownRuns, Obtain, Responses
+from castfem.studies.optimisation.responses import KnownRuns, Obtain, Responses, obstacles
 from castfem.studies.optimisation.search import SEARCH, Search
 from castfem.studies.optimisation.spread import input_spread
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, slots=True)
 class NeighbourSteps:
-    """Runs about an optimum.
+    """Runs about an optimum."""
 
-    Attributes:
-        least: Least distance between them, of the ranges.
-        widest: Largest.
-        turns: Turns of search and runs about its optimum.
-    """
-
-    least: float = 0.025
-    widest: float = 0.1
-    turns: int = 3
+    least: float = 0.025  #: least distance between them, of the ranges
+    widest: float = 0.1  #: largest
+    turns: int = 3  #: turns of search and runs about its optimum
 
 
 NEIGHBOURS = NeighbourSteps()
@@ -190,7 +179,6 @@ class Workflow:
         error: NumericalError,
         binding: Binding,
     ) -> CheckedOptimum | None:
-        """The optimum by the level of the check."""
         if not error.checked:
             return None
         self.stage(f"the best with the constraints as {error.checked} cells have them")

@@ -31,12 +31,7 @@ if TYPE_CHECKING:
 
 
 class CoupledDerivatives(CouplingObserver):
-    """Derivatives of a strained slice, carried through its coupling windows.
-
-    Args:
-        simulation: The run.
-        thermal: Derivatives of its temperatures. mechanical: Of its slice.
-    """
+    """Derivatives of a strained slice, carried through its coupling windows."""
 
     def __init__(
         self, simulation: Simulation, thermal: ThermalDerivatives, mechanical: MechanicalDerivatives
@@ -188,10 +183,6 @@ class CoupledCheckpoint:
     """Takes the derivatives of a run with mechanics apart, and puts them together again.
 
     The derivative of a state has the arrays of a state: it is taken apart as one is.
-
-    Args:
-        derivatives: Of the run.
-        run: Whose states these are; it is not written to.
     """
 
     def __init__(self, derivatives: CoupledDerivatives, run: RunState) -> None:

@@ -88,14 +88,7 @@ def follow(simulation: Simulation, to: Sequence[str]) -> Derivatives:
 
 
 class Recorder:
-    """Follows the committed steps: for results that hang on the way, and for checkpoints.
-
-    Args:
-        simulation: The run.
-        derivatives: Its derivatives.
-        readings: Reads results.
-        path: Of the checkpoint; None for a run in memory.
-    """
+    """Follows the committed steps: for results that hang on the way, and for checkpoints."""
 
     def __init__(
         self,

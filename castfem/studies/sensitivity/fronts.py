@@ -27,23 +27,14 @@ LEVELS = {"shell": "solidus", "liquidus_depth": "liquidus"}
 
 @dataclass(frozen=True, slots=True)
 class FrontLimits:
-    """How steps of a front and the scatter of readings are evened out.
+    """How steps of a front and the scatter of readings are evened out."""
 
-    Attributes:
-        cells: Cells over which a line is laid.
-        least: Cells that the front must have passed.
-        fewest: Steps, or readings, with which a line is laid.
-        apart: Growth of the shell from one reading to the next, in cells.
-        times: Error over the scatter (rms): nine of ten differences of runs lie within.
-        powers: Degree of the smooth curve.
-    """
-
-    cells: float = 12.0
-    least: float = 4.0
-    fewest: int = 8
-    apart: float = 0.25
-    times: float = 2.5
-    powers: int = 2
+    cells: float = 12.0  #: cells over which a line is laid
+    least: float = 4.0  #: cells that the front must have passed
+    fewest: int = 8  #: steps, or readings, with which a line is laid
+    apart: float = 0.25  #: growth of the shell from one reading to the next, in cells
+    times: float = 2.5  #: error over the scatter (rms): nine of ten differences of runs lie within
+    powers: int = 2  #: degree of the smooth curve
 
 
 FRONTS = FrontLimits()
@@ -51,14 +42,10 @@ FRONTS = FrontLimits()
 
 @dataclass(slots=True)
 class Front:
-    """A depth along the steps of one zone.
+    """A depth along the steps of one zone."""
 
-    Attributes:
-        zone: Index of the cooling.
-        rows: Depth, size of the cell there (m), and derivatives by each parameter, of each step.
-    """
-
-    zone: int = -1
+    zone: int = -1  #: index of the cooling
+    #: depth, size of the cell there (m), and derivatives by each parameter, of each step
     rows: list[list[float]] = field(default_factory=list)
 
     def add(self, zone: int, depth: float, cell: float, slopes: Sequence[float]) -> None:
@@ -171,13 +158,10 @@ class Scatter:
     way. The derivatives are read each time the shell has grown by a part of a cell; what a smooth
     curve leaves of them over the last cells is their scatter (docs/sensitivity.md has it beside
     differences of runs).
-
-    Attributes:
-        zone: Index of the cooling.
-        rows: Depth of the shell, size of the cell there (m), and all derivatives, of each reading.
     """
 
-    zone: int = -1
+    zone: int = -1  #: index of the cooling
+    #: depth of the shell, size of the cell there (m), and all derivatives, of each reading
     rows: list[list[float]] = field(default_factory=list)
 
     def due(self, zone: int, depth: float, cell: float) -> bool:

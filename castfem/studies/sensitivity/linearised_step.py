@@ -31,46 +31,30 @@ Some = list[int] | slice
 
 @dataclass(frozen=True, slots=True)
 class OutOfBalance:
-    """What parameters put out of balance.
+    """What parameters put out of balance."""
 
-    Attributes:
-        rights: Per unit of each, with the sign of a load (k, local), N/m.
-        rounding: What of that may be rounding (k,), N/m.
-        slopes: Of each, of what the next step takes up but the displacement; while the unknowns are
-            held, of those alone that put nothing out of balance on this rank.
-    """
-
-    rights: Array
-    rounding: Array
+    rights: Array  #: per unit of each, with the sign of a load (k, local), N/m
+    rounding: Array  #: what of that may be rounding (k,), N/m
+    #: of each, of what the next step takes up but the displacement; while the unknowns are held, of
+    #: those alone that put nothing out of balance on this rank
     slopes: list[Slopes]
 
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """Derivatives of the motion at the end of a step.
+    """Derivatives of the motion at the end of a step."""
 
-    Attributes:
-        nodal: Displacement of this rank's nodes, ghosts included (dofs, k), m.
-        scalars: Scaled scalars (free, k), m.
-        strains: Generalized strains (4, k).
-    """
-
-    nodal: Array
-    scalars: Array
-    strains: Array
+    nodal: Array  #: displacement of this rank's nodes, ghosts included (dofs, k), m
+    scalars: Array  #: scaled scalars (free, k), m
+    strains: Array  #: generalized strains (4, k)
 
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """Derivatives of what the laws answer to a motion, by each parameter.
+    """Derivatives of what the laws answer to a motion, by each parameter."""
 
-    Attributes:
-        inside: At the points with stress.
-        surface: At those of the surface, for Nitsche's method; none without.
-    """
-
-    inside: ResponseChange
-    surface: list[ResponseChange]
+    inside: ResponseChange  #: at the points with stress
+    surface: list[ResponseChange]  #: at those of the surface, for Nitsche's method; none without
 
 
 class LinearisedStep:
@@ -189,7 +173,6 @@ class LinearisedStep:
         numbers: list[int],
         some: Some,
     ) -> ContactChanges:
-        """Derivatives of contact."""
         wall, given = self._run.contact, self._touching
         assert wall is not None and given is not None
         places = wall.strand.changes(moved.nodal, moved.strains)

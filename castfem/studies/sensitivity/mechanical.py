@@ -41,23 +41,16 @@ from castfem.studies.sensitivity.step_inputs import Beginning, Slopes, Stressed,
 
 @dataclass(frozen=True, slots=True)
 class StepTolerances:
-    """Differences and corrections of a mechanical step that is differentiated.
+    """Differences and corrections of a mechanical step that is differentiated."""
 
-    Attributes:
-        narrow: Distance of the sides of a parameter, over its step.
-        stress: What may be out of balance, over the largest derivative of stress or of pressure.
-        first: The same before anything is corrected.
-        free: What may be out of balance where nothing touches, over the right-hand side.
-        stale: What a correction must leave less of; what remains else is rounding.
-        solves: Solutions with one tangent at most.
-    """
-
-    narrow: float = 5e-2
+    narrow: float = 5e-2  #: distance of the sides of a parameter, over its step
+    #: what may be out of balance, over the largest derivative of stress or of pressure
     stress: float = 1e-4
-    first: float = 1e-5
+    first: float = 1e-5  #: the same before anything is corrected
+    #: what may be out of balance where nothing touches, over the right-hand side
     free: float = 1e-7
-    stale: float = 0.1
-    solves: int = 5
+    stale: float = 0.1  #: what a correction must leave less of; what remains else is rounding
+    solves: int = 5  #: solutions with one tangent at most
 
 
 TOLERANCES = StepTolerances()
@@ -70,19 +63,13 @@ def lengthened(variation: Variation, begin: float, end: float) -> float:
 
 @dataclass(slots=True)
 class Following:
-    """A parameter's part in a step, while its derivatives are sought.
+    """A parameter's part in a step, while its derivatives are sought."""
 
-    Attributes:
-        right: What is out of balance per unit of it, with the sign of a load (local,), N/m.
-        whole: Largest of it at held unknowns.
-        left: What was out of balance after the last solution; without bounds before one.
-        rounding: What of `right` may be that, N/m.
-    """
-
-    right: Array
-    whole: float
+    right: Array  #: what is out of balance per unit of it, with the sign of a load (local,), N/m
+    whole: float  #: largest of it at held unknowns
+    #: what was out of balance after the last solution; without bounds before one
     left: float = np.inf
-    rounding: float = 0.0
+    rounding: float = 0.0  #: what of `right` may be that, N/m
 
 
 class MechanicalDerivatives:
@@ -130,7 +117,6 @@ class MechanicalDerivatives:
         return self._made(its, parameter, by)
 
     def _sides_of(self, variation: Variation) -> SliceSides:
-        """The slice on both sides of a parameter."""
         case, by = self._simulation.case, TOLERANCES.narrow * variation.parameter.step
         above, below = (self._slice(variation, sign * by) for sign in SIGNS)
         its = variation.above.simulation.case
@@ -242,9 +228,6 @@ class MechanicalDerivatives:
             state: At its end.
             before: Derivative of the temperatures at its start by each parameter (owned,), K.
             after: At its end.
-
-        Raises:
-            RunFailure: The tangent cannot be factored.
         """
         problem = self._problem
         assert problem.residual_state is not None

@@ -43,19 +43,13 @@ _BY_CARBON = "name steel.composition.C instead"
 
 @dataclass(frozen=True, slots=True)
 class DifferenceSteps:
-    """Half the distance of the difference quotients by a parameter.
+    """Half the distance of the difference quotients by a parameter."""
 
-    Attributes:
-        temperature: Of a temperature, in its unit.
-        share: Of anything else, over the number.
-        mould: Of numbers of the mould: taper moves the wall by less than its place is rounded.
-        length: Of its lengths, which move it by a part of themselves.
-    """
-
-    temperature: float = 1e-3
-    share: float = 1e-5
+    temperature: float = 1e-3  #: of a temperature, in its unit
+    share: float = 1e-5  #: of anything else, over the number
+    #: of numbers of the mould: taper moves the wall by less than its place is rounded
     mould: float = 1e-4
-    length: float = 1e-6
+    length: float = 1e-6  #: of its lengths, which move it by a part of themselves
 
 
 STEPS = DifferenceSteps()
@@ -73,29 +67,17 @@ _HELD = {
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A number of a case.
+    """A number of a case."""
 
-    Attributes:
-        name: As the user wrote it.
-        key: Dotted key under which the number stands; "" for a property of the steel.
-        value: In `unit`.
-        unit: Of the resolved case; "percent" for a table that is multiplied, "" for none.
-        spread: By how much it may differ, in `unit`: the length of a bar of the figure.
-        steel: Property of the steel that is multiplied; "" for none. law: The same of the
-            constitutive law.
-        table: What stands under `key`, if it is a table.
-        step: Half the distance of the difference quotients of laws, in `unit`.
-    """
-
-    name: str
-    key: str
-    value: float
-    unit: str
-    spread: float
-    steel: str = ""
-    law: str = ""
-    table: Mapping[str, Any] | None = None
-    step: float = 0.0
+    name: str  #: as the user wrote it
+    key: str  #: dotted key under which the number stands; "" for a property of the steel
+    value: float  #: in `unit`
+    unit: str  #: of the resolved case; "percent" for a table that is multiplied, "" for none
+    spread: float  #: by how much it may differ, in `unit`: the length of a bar of the figure
+    steel: str = ""  #: property of the steel that is multiplied; "" for none
+    law: str = ""  #: the same of the constitutive law
+    table: Mapping[str, Any] | None = None  #: what stands under `key`, if it is a table
+    step: float = 0.0  #: half the distance of the difference quotients of laws, in `unit`
 
     @property
     def has_zero(self) -> bool:
@@ -103,11 +85,7 @@ class Parameter:
         return self.unit not in LEVELS and self.value != 0.0
 
     def case_at(self, case: Case, value: float) -> Case:
-        """The case with another value.
-
-        Raises:
-            InputError: It cannot have it.
-        """
+        """The case with another value."""
         if not self.key:
             return case
         written: Any = f"{value!r} {self.unit}" if self.unit else value
@@ -200,11 +178,7 @@ class _Multiplied:
 
 
 def read_parameters(case: Case, steel: Steel, texts: Iterable[str]) -> list[Parameter]:
-    """The parameters that `--to` names: KEY or KEY=SPREAD, several with commas between them.
-
-    Raises:
-        InputError: With all that cannot be used, a line each.
-    """
+    """The parameters that `--to` names: KEY or KEY=SPREAD, several with commas between them."""
     found: dict[str, Parameter] = {}
     problems: list[str] = []
     for text in (part.strip() for given in texts for part in given.split(",")):
@@ -262,7 +236,6 @@ def _spread(text: str, parameter: Parameter, temperature: bool) -> float:
 
 
 def _of_law(case: Case, steel: Steel, name: str, entry: str) -> Parameter:
-    """A number of the constitutive law."""
     if case.mechanics is None:
         raise ValueError("the case has no [mechanics]")
     from castfem.model.build.law import build_law
@@ -277,7 +250,6 @@ def _of_law(case: Case, steel: Steel, name: str, entry: str) -> Parameter:
 
 
 def _of_steel(steel: Steel, name: str, entry: str, *, strained: bool) -> Parameter:
-    """A number of the steel itself."""
     scaled = (*SCALED, *STRAINED) if strained else SCALED
     if entry in scaled:
         if not steel.has(entry):
@@ -301,7 +273,6 @@ def _of_steel(steel: Steel, name: str, entry: str, *, strained: bool) -> Paramet
 
 
 def _of_case(case: Case, steel: Steel, name: str) -> Parameter:
-    """A number under a key of the case."""
     document = case.document()
     key = key_names.full_key(Case, document, name)
     table = key.partition(".")[0]

@@ -32,23 +32,17 @@ _COOLING = ("cooling", "secondary", "machine", "mould")
 
 @dataclass(slots=True)
 class Varied:
-    """A simulation at one end of a difference quotient.
+    """A simulation at one end of a difference quotient."""
 
-    Attributes:
-        simulation: With its own laws, steel and times; mesh and matrices are those of the run.
-        instants: Of the run and its own that belong together (2, n), s: steps are shares of the
-            time between them.
-        same_curve: Whether T(H) and theta(H) are those of the run.
-        same_cooling: Whether the laws of its cooling are, and their times.
-        same_times: Whether its times are.
-        same_laws: Whether the laws that cool it now are, and their times; see `compare`.
-    """
-
+    #: with its own laws, steel and times; mesh and matrices are those of the run
     simulation: Simulation
+    #: of the run and its own that belong together (2, n), s: steps are shares of the time between
+    #: them
     instants: Array
-    same_curve: bool
-    same_cooling: bool
-    same_times: bool = False
+    same_curve: bool  #: whether T(H) and theta(H) are those of the run
+    same_cooling: bool  #: whether the laws of its cooling are, and their times
+    same_times: bool = False  #: whether its times are
+    #: whether the laws that cool it now are, and their times; see `compare`
     same_laws: bool = False
 
     def time(self, time: float) -> float:
@@ -151,17 +145,12 @@ def _piece(starts: Array, enthalpy: Array) -> Indices:
 
 @dataclass(frozen=True, slots=True)
 class Variation:
-    """A parameter with the simulations on both sides of it.
+    """A parameter with the simulations on both sides of it."""
 
-    Attributes:
-        parameter: With the step that was taken.
-        below: At `value - step`. above: At `value + step`.
-        curves: Difference of their T(H) and theta(H); None where they are those of the run.
-    """
-
-    parameter: Parameter
-    below: Varied
-    above: Varied
+    parameter: Parameter  #: with the step that was taken
+    below: Varied  #: at `value - step`
+    above: Varied  #: at `value + step`
+    #: difference of their T(H) and theta(H); None where they are those of the run
     curves: CurveDifference | None
 
     def lateness(self, time: float) -> float:
@@ -175,11 +164,7 @@ class Variation:
 
 
 def vary(simulation: Simulation, parameter: Parameter) -> Variation:
-    """Build the simulations on both sides of a parameter (collective).
-
-    Raises:
-        InputError: The parameter cannot be moved, or it moves what the steps are held by.
-    """
+    """Build the simulations on both sides of a parameter (collective)."""
     for finer in (1.0, 0.1, 0.01):  # where tables are divided otherwise
         step = finer * parameter.step
         tried = replace(parameter, step=step)
@@ -240,11 +225,7 @@ def _places(simulation: Simulation) -> list[float]:
 
 
 def _instants(simulation: Simulation, other: Simulation, parameter: Parameter) -> Array:
-    """Instants of the run, and the corresponding ones of another (2, n), s.
-
-    Raises:
-        InputError: Their numbers differ, or two that coincide in the run do not in the other.
-    """
+    """Instants of the run, and the corresponding ones of another (2, n), s."""
     run, own = _places(simulation), _places(other)
     end = run[1]
     if len(run) != len(own) or len(simulation.zones.starts) != len(other.zones.starts):
@@ -269,11 +250,7 @@ def _instants(simulation: Simulation, other: Simulation, parameter: Parameter) -
 
 
 def _check_effect(parameter: Parameter, below: Varied, above: Varied) -> None:
-    """Refuse a parameter that the run does not hang on.
-
-    Raises:
-        InputError: Nothing that is computed changes.
-    """
+    """Refuse a parameter that the run does not hang on."""
     if parameter.of_mechanics:
         return
     one, other = below.simulation.case, above.simulation.case

@@ -27,18 +27,12 @@ SIGNS = (1.0, -1.0)  # above a parameter, and below
 
 @dataclass(frozen=True, slots=True)
 class DifferenceLimits:
-    """Steps of differences by temperature, and where they have a kink.
+    """Steps of differences by temperature, and where they have a kink."""
 
-    Attributes:
-        warmer: To either side, K.
-        uneven: Difference of the two halves, over the whole, from which there is a kink and no
-            bend.
-        same_place: Relative difference of two positions that is rounding.
-    """
-
-    warmer: float = 1e-4
+    warmer: float = 1e-4  #: to either side, K
+    #: difference of the two halves, over the whole, from which there is a kink and no bend
     uneven: float = 0.1
-    same_place: float = 1e-14
+    same_place: float = 1e-14  #: relative difference of two positions that is rounding
 
 
 DIFFERENCES = DifferenceLimits()
@@ -126,7 +120,6 @@ class SliceSides:
         return tuple(found)
 
     def _begin_walls(self, its: Beginning) -> None:
-        """Prepare the contact of both sides (collective)."""
         old, self._at_surface = its.old.contact, []
         assert old is not None
         for wall, sign in zip(self.walls, SIGNS, strict=True):

@@ -47,11 +47,7 @@ Asked = dict[str, tuple[QuantityDefinition, str]]
 
 
 def asked_quantities(simulation: Simulation, names: Sequence[str]) -> Asked:
-    """What `--of` names, each with its definition and probe.
-
-    Raises:
-        InputError: With all that the run has no such result of, a line each.
-    """
+    """What `--of` names, each with its definition and probe."""
     having: Asked = {}
     refused: dict[str, str] = {}
     for definition, probe in (*columns_of(simulation), *results_of(simulation)):
@@ -91,14 +87,7 @@ def _refusal(definition: QuantityDefinition) -> str:
 
 
 class Readings:
-    """Reads the derivatives of results.
-
-    Args:
-        simulation: The run.
-        derivatives: Along with it.
-        asked: The results.
-        errors: Whether the errors of the derivatives are wanted, which takes more readings.
-    """
+    """Reads the derivatives of results; their errors take more readings."""
 
     def __init__(
         self,

@@ -25,25 +25,18 @@ REFUSED = "refused"
 
 @dataclass(frozen=True, slots=True)
 class Derivative:
-    """The derivative of a result by a parameter, in SI per unit of the parameter.
+    """The derivative of a result by a parameter, in SI per unit of the parameter."""
 
-    Attributes:
-        quantity: Name of the result.
-        parameter: Name of the parameter.
-        below: Towards smaller values of the parameter; NaN where the result does not exist.
-        above: Towards larger ones.
-        evened: Of a depth that a front has reached, evened out over the cells behind it, and its
-            standard error (`castfem.studies.sensitivity.fronts`); NaN where it has passed too few;
-            None of anything else.
-        error: How far differences of runs may be from what is told
-            (`castfem.studies.sensitivity.scatter`); NaN where that is not known.
-    """
-
-    quantity: str
-    parameter: str
-    below: float
-    above: float
+    quantity: str  #: name of the result
+    parameter: str  #: name of the parameter
+    below: float  #: towards smaller values of the parameter; NaN where the result does not exist
+    above: float  #: towards larger ones
+    #: of a depth that a front has reached, evened out over the cells behind it, and its standard
+    #: error (`castfem.studies.sensitivity.fronts`); NaN where it has passed too few; None of
+    #: anything else
     evened: tuple[float, float] | None = None
+    #: how far differences of runs may be from what is told (`fronts.Scatter`);
+    #: NaN where that is not known
     error: float = math.nan
 
     @property
@@ -59,43 +52,30 @@ class Derivative:
 
 @dataclass(frozen=True, slots=True)
 class Kink:
-    """Points of the surface that touch the mould or leave it within a hair of a parameter.
+    """Points of the surface that touch the mould or leave it within a hair of a parameter."""
 
-    Attributes:
-        parameter: Its name.
-        position: Of the slice below the meniscus, m.
-        points: Their number.
-        place: Of the outermost of them, (x, y), m.
-    """
-
-    parameter: str
-    position: float
-    points: int
-    place: tuple[float, float]
+    parameter: str  #: its name
+    position: float  #: of the slice below the meniscus, m
+    points: int  #: their number
+    place: tuple[float, float]  #: of the outermost of them, (x, y), m
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A derivative as it is shown.
-
-    Attributes:
-        quantity: The result. name: Its name. parameter: The parameter.
-        value: Derivative, in `unit`. unit: Of the result over that of the parameter.
-        elasticity: Per cent of the result a per cent of the parameter; NaN where either counts from
-            a zero that is a convention, or is 0.
-        change: Of the result by the spread of the parameter, in the unit in which it differs.
-        sides: Derivatives to both sides, in `unit`, where they differ; None where it is smooth.
-        error: How far differences of runs may be from it, in `unit`; NaN where that is not known.
-    """
+    """A derivative as it is shown."""
 
     quantity: Quantity
-    name: str
+    name: str  #: of the result
     parameter: Parameter
-    value: float
-    unit: str
+    value: float  #: derivative, in `unit`
+    unit: str  #: of the result over that of the parameter
+    #: per cent of the result a per cent of the parameter; NaN where either counts from a zero that
+    #: is a convention, or is 0
     elasticity: float
-    change: float
+    change: float  #: of the result by the spread of the parameter, in the unit in which it differs
+    #: derivatives to both sides, in `unit`, where they differ; None where it is smooth
     sides: tuple[float, float] | None
+    #: how far differences of runs may be from it, in `unit`; NaN where that is not known
     error: float = math.nan
 
 
@@ -238,20 +218,14 @@ def per(unit: str, other: str, *, level: bool = True) -> str:
 
 @dataclass(frozen=True, slots=True)
 class ShownRow:
-    """A derivative in the units that were chosen.
+    """A derivative in the units that were chosen."""
 
-    Attributes:
-        at: Value of the parameter. at_unit: Its unit.
-        spread: By how much it may differ. spread_unit: Its unit.
-        value: Derivative. error: Of it. sides: As those of a row. unit: Of these.
-    """
-
-    at: float
+    at: float  #: value of the parameter, in `at_unit`
     at_unit: str
-    spread: float
+    spread: float  #: by how much it may differ, in `spread_unit`
     spread_unit: str
-    value: float
-    error: float
+    value: float  #: derivative, in `unit` as all that follow
+    error: float  #: of it
     sides: tuple[float, float] | None
     unit: str
 
@@ -290,17 +264,11 @@ def scales_of(parameter: Parameter) -> tuple[Scale, Scale]:
 
 @dataclass(frozen=True, slots=True)
 class Slope:
-    """The derivative of a result by a parameter.
+    """The derivative of a result by a parameter."""
 
-    Attributes:
-        value: In SI (K) per `unit` of the parameter; NaN where the result has none.
-        at: The parameter, in `unit`; 100 of what is multiplied as a whole.
-        unit: "percent" of what is multiplied, "" for none.
-    """
-
-    value: float
-    at: float
-    unit: str
+    value: float  #: in SI (K) per `unit` of the parameter; NaN where the result has none
+    at: float  #: the parameter, in `unit`; 100 of what is multiplied as a whole
+    unit: str  #: "percent" of what is multiplied, "" for none
 
 
 Slopes = Mapping[str, Mapping[str, Slope]]

@@ -29,11 +29,7 @@ if TYPE_CHECKING:
 
 
 def refuse(case: Case) -> None:
-    """Refuse a case whose run has parts that are not differentiated.
-
-    Raises:
-        InputError: Naming each, and what to do instead.
-    """
+    """Refuse a case whose run has parts that are not differentiated."""
     problems = list(_refused_mechanics(case)) if case.mechanics is not None else []
     start = case.casting.start
     if start is not None and (start.at == "mould_exit" or start.meniscus is not None):
@@ -90,10 +86,6 @@ def sensitivity(
         resume: Go on from the checkpoint in `folder`.
         comm: Ranks of the run; all when None.
         progress: Told after each step; on rank 0.
-
-    Raises:
-        InputError: Case, results or parameters cannot be used.
-        RunFailure: The run cannot go on.
     """
     comm = MPI.COMM_WORLD if comm is None else comm
     refuse(case)
@@ -149,12 +141,6 @@ def _to_the_end(
 class Carried:
     """Carries derivatives along with a run (`castfem.runs.loop.Companion`).
 
-    Args:
-        simulation: The run, before it has begun.
-        of: Names of results.
-        to: Parameters, `castfem.studies.sensitivity.parameters.read_parameters`.
-        path: Of the file that is written at the end.
-
     Raises:
         InputError: Case, results or parameters cannot be used; the simulation is as it was.
     """
@@ -193,11 +179,6 @@ def carrying(
     """Return what lets a run carry derivatives along, where it can have them.
 
     Where it cannot, its log says why, and so does the file of the derivatives.
-
-    Args:
-        of: Names of results.
-        to: Parameters.
-        folder: Of the run.
     """
     path = folder / DERIVATIVES_NAME
 

@@ -156,17 +156,12 @@ class ShapeChange:
 
 @dataclass(slots=True)
 class Feedback:
-    """Derivatives of what a window hands to its thermal steps, by each parameter.
+    """Derivatives of what a window hands to its thermal steps, by each parameter."""
 
-    Attributes:
-        duration: Of the window, s.
-        heating: Of the heat of viscoplastic work (parameters, owned), J/m3; empty without.
-        shape: Of the shape; None where heat does not follow it.
-    """
-
-    duration: float
+    duration: float  #: of the window, s
+    #: of the heat of viscoplastic work (parameters, owned), J/m3; empty without
     heating: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    shape: ShapeChange | None = None
+    shape: ShapeChange | None = None  #: of the shape; None where heat does not follow it
 
     def of_stage(self, stage: Stage, problem: ThermalProblem) -> Array:
         """What stands on the right of a stage (parameters or 1, owned), J/m (collective)."""

@@ -61,7 +61,6 @@ class GivenStep:
         self.young = None if run.constraints.springs is None else self._stiffest()
 
     def _planes(self) -> tuple[Array, Array]:
-        """Derivatives of offset and load."""
         run = self._run
         offset = np.zeros((4, self.count))
         load = np.zeros((len(run.planes.scaled.load), self.count))

@@ -56,29 +56,17 @@ def with_numbers(state: MechanicalState, numbers: Slopes) -> MechanicalState:
 
 @dataclass(frozen=True, slots=True)
 class Stressed:
-    """The points of a step that have stress: where liquid is fed those of its deep cells have none.
+    """The points of a step that have stress: of fed liquid those of its deep cells have none."""
 
-    Attributes:
-        kept: Of the active points, these (m,).
-        rows: Of all points, these (m,).
-        deviators: How many are of the deviator's rule; they come first.
-        stress: At the start of the step (m, 4), Pa.
-        internal: State of the law there (m, states).
-        before: Temperatures at its start (m,), K.
-        after: At its end.
-        now: Stress at its end (m, 4), Pa.
-        fed: The liquid among them; None where it is an elastic body.
-    """
-
-    kept: Indices
-    rows: Indices
-    deviators: int
-    stress: Array
-    internal: Array
-    before: Array
-    after: Array
-    now: Array
-    fed: FedPoints | None
+    kept: Indices  #: of the active points, these (m,)
+    rows: Indices  #: of all points, these (m,)
+    deviators: int  #: how many are of the deviator's rule; they come first
+    stress: Array  #: at the start of the step (m, 4), Pa
+    internal: Array  #: state of the law there (m, states)
+    before: Array  #: temperatures at its start (m,), K
+    after: Array  #: at its end
+    now: Array  #: stress at its end (m, 4), Pa
+    fed: FedPoints | None  #: the liquid among them; None where it is an elastic body
 
     @classmethod
     def of(
@@ -109,27 +97,16 @@ class Stressed:
 
 @dataclass(frozen=True, slots=True)
 class Beginning:
-    """What the sides of a parameter begin a step with.
+    """What the sides of a parameter begin a step with."""
 
-    Attributes:
-        old: The state it began with.
-        state: At its end.
-        start: Derivatives of the old state.
-        stressed: Points with stress, the same for all parameters.
-        points: Temperatures at all points at its start and end (points,), K.
-        warming: Derivatives of these, by the parameter.
-        vertices: Those at the owned vertices (owned,), K.
-        late: Derivatives of the times at its start and end, s.
-    """
-
-    old: MechanicalState
-    state: MechanicalState
-    start: Slopes
-    stressed: Stressed
-    points: tuple[Array, Array]
-    warming: tuple[Array, Array]
-    vertices: tuple[Array, Array]
-    late: tuple[float, float]
+    old: MechanicalState  #: the state it began with
+    state: MechanicalState  #: at its end
+    start: Slopes  #: derivatives of the old state
+    stressed: Stressed  #: points with stress, the same for all parameters
+    points: tuple[Array, Array]  #: temperatures at all points at its start and end (points,), K
+    warming: tuple[Array, Array]  #: derivatives of these, by the parameter
+    vertices: tuple[Array, Array]  #: those at the owned vertices (owned,), K
+    late: tuple[float, float]  #: derivatives of the times at its start and end, s
 
     def times(self, by: float) -> tuple[float, float]:
         """Start and end of the step with the parameter moved, s."""

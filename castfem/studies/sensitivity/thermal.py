@@ -47,9 +47,6 @@ class StageTangent:
     and positive wherever the stage has one solution.  Where freezing is isothermal dtheta/dH = 0:
     there y = 0, and the balance of the vertex gives its enthalpy.
 
-    Args:
-        problem: The heat balance.
-
     Attributes:
         matrix: That was factored last.
         solver: With its factor.
@@ -82,9 +79,6 @@ class StageTangent:
             point: What belongs to the enthalpies of the solution.
             slope: Of the heat that leaves each vertex through the surface, d/dT (owned,), W/(m K).
             tau: Coefficient of the stage, s.
-
-        Raises:
-            RunFailure: It cannot be factored.
         """
         problem, matrix = self._problem, self.matrix
         held = point.conduction_slope <= 0.0
@@ -156,10 +150,6 @@ class StageTangent:
 class ThermalDerivatives:
     """Derivatives of the committed thermal state by each parameter.
 
-    Args:
-        simulation: The run.
-        variations: Its parameters.
-
     Attributes:
         enthalpy: dH/dp of each parameter (parameters, owned), J/m3 per unit of it.
         rate: d(dH/dt)/dp likewise, W/m3.
@@ -204,11 +194,7 @@ class ThermalDerivatives:
         self.enthalpy, self.rate, self.removed = enthalpy, rate, removed
 
     def step(self, old: ThermalState, result: StepResult) -> None:
-        """Carry the derivatives through a step that has been kept (collective).
-
-        Raises:
-            RunFailure: A matrix cannot be factored.
-        """
+        """Carry the derivatives through a step that has been kept (collective)."""
         if self._begun is not None and old.time == self._begun.time:
             self.enthalpy, self.rate, self.removed = self._marked
         self._enter(old.time)
@@ -310,19 +296,14 @@ class ThermalDerivatives:
 
 @dataclass(frozen=True, slots=True)
 class _Step:
-    """A step of the run, and the corresponding steps on both sides of each parameter.
+    """A step of the run, and the corresponding steps on both sides of each parameter."""
 
-    Attributes:
-        begin: s. span: Its length, s.
-        own: Begin and length of each parameter above and below it, s.
-        lengthened: D span / dp (parameters,), s per unit. moving: Parameters of which it is not 0.
-    """
-
-    begin: float
-    span: float
+    begin: float  #: s
+    span: float  #: its length, s
+    #: begin and length of each parameter above and below it, s
     own: list[tuple[tuple[float, float], ...]]
-    lengthened: Array
-    moving: list[int]
+    lengthened: Array  #: d span / dp (parameters,), s per unit
+    moving: list[int]  #: parameters of which it is not 0
 
     @classmethod
     def of(cls, begin: float, end: float, variations: Sequence[Variation]) -> _Step:

@@ -20,16 +20,7 @@ if TYPE_CHECKING:
 
 
 def check(ranks: int, size: int, name: str = "--ranks ") -> None:
-    """Refuse groups that the ranks cannot form.
-
-    Args:
-        ranks: Of a group.
-        size: All ranks.
-        name: What the user has given the number by.
-
-    Raises:
-        InputError: They cannot; it says how many it takes.
-    """
+    """Refuse groups that the ranks cannot form."""
     if ranks < 1:
         raise InputError(f"{name}{ranks}: a run needs at least one")
     if size % ranks:

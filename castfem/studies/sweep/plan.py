@@ -21,15 +21,10 @@ from castfem.model.load import changed
 
 @dataclass(frozen=True, slots=True)
 class NameLengths:
-    """Longest names, in characters.
+    """Longest names, in characters."""
 
-    Attributes:
-        folder: Of a folder.
-        value: Of a value in tables and legends.
-    """
-
-    folder: int = 100
-    value: int = 24
+    folder: int = 100  #: of a folder
+    value: int = 24  #: of a value in tables and legends
 
 
 LENGTHS = NameLengths()
@@ -71,9 +66,6 @@ def plan(base: Case, assignments: Iterable[str], table: Path | None = None) -> t
         base: The case that is varied.
         assignments: `key=value,value,...`; a key with one value is set in all runs.
         table: CSV file; its header names the keys, `key [unit]`, and may have the column `name`.
-
-    Raises:
-        InputError: Values or keys that cannot be used, in any of the runs; all of them.
     """
     problems: list[str] = []
     keys: dict[str, tuple[str, ...]] = {}
@@ -105,11 +97,7 @@ def plan(base: Case, assignments: Iterable[str], table: Path | None = None) -> t
 def _variants(
     base: Case, rows: Sequence[Row], keys: Mapping[str, tuple[str, ...]]
 ) -> tuple[Variant, ...]:
-    """Build and validate every case.
-
-    Raises:
-        InputError: Some are not sound, or two runs are the same.
-    """
+    """Build and validate every case."""
     several = [key for key, values in keys.items() if len(values) > 1]
     varied = [*_differing(rows), *several] or [*rows[0].values, *keys]
     found: dict[str, Variant] = {}

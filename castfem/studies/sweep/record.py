@@ -61,11 +61,7 @@ def _is_of(folder: Path, job: Job) -> bool:
 
 
 def check_own(folder: Path, names: Iterable[str]) -> None:
-    """Refuse a folder that has files of names that castfem would write, and not by castfem.
-
-    Raises:
-        InputError: There is one, and no record of runs beside it.
-    """
+    """Refuse a folder that has files of names that castfem would write, and not by castfem."""
     if (folder / SWEEP_NAME).is_file():
         return
     for name in names:
@@ -82,9 +78,6 @@ def check_folder(folder: Path | str, caller: str = "") -> Path:
     Args:
         folder: The folder; it need not be there.
         caller: The function that is called with it; "" for the command line.
-
-    Raises:
-        InputError: It is a file, or holds a single run.
     """
     where, other = (f"{caller}: folder: ", "") if caller else ("", " with -o")
     if not isinstance(folder, str | Path):
@@ -115,10 +108,6 @@ def prepare(
         resume: Whether runs that were cut short go on from their checkpoints.
         overwrite: Run all anew, also over runs of other cases.
         after: Called with the folder of each finished run; see `Job`.
-
-    Raises:
-        InputError: The folder holds runs of another case, one is at work there, or it cannot be
-            written.
     """
     record, own = Record(folder), variants if mine is None else mine
     if not overwrite:
@@ -138,21 +127,13 @@ class Record:
     """
 
     def __init__(self, folder: Path) -> None:
-        """Reads sweep.json if it is there.
-
-        Raises:
-            InputError: It is not castfem's.
-        """
+        """Reads sweep.json if it is there."""
         self.folder = folder
         self.entries: dict[str, Entry] = {}
         self._read()
 
     def _read(self) -> None:
-        """Takes the entries of sweep.json for those of this record.
-
-        Raises:
-            InputError: It is not castfem's.
-        """
+        """Takes the entries of sweep.json for those of this record."""
         path = self.folder / SWEEP_NAME
         if not path.is_file():
             return
@@ -167,11 +148,7 @@ class Record:
             raise InputError(f"{path}: cannot be read ({error}); choose another folder") from None
 
     def reload(self) -> None:
-        """Take in what other processes have noted.
-
-        Raises:
-            InputError: The file cannot be read.
-        """
+        """Take in what other processes have noted."""
         mine, self.entries = self.entries, {}
         self._read()
         self.entries = mine | self.entries
@@ -181,9 +158,6 @@ class Record:
         """Change entries while other processes do the same: what they have noted is kept.
 
         On a file system without locks the last one to write wins; `find` mends that.
-
-        Raises:
-            RunFailure: The file cannot be written.
         """
         from filelock import FileLock
 
@@ -197,11 +171,7 @@ class Record:
             self.save()
 
     def begin(self, variants: Iterable[Variant] = (), mine: Container[str] | None = None) -> None:
-        """Make the folder, and write which runs are to be; see `expect`.
-
-        Raises:
-            InputError: It cannot be written.
-        """
+        """Make the folder, and write which runs are to be; see `expect`."""
         try:
             with self.shared():
                 self.expect(variants, mine)
@@ -209,12 +179,7 @@ class Record:
             raise InputError(folder_refused(self.folder, error)) from None
 
     def expect(self, variants: Iterable[Variant], mine: Container[str] | None = None) -> None:
-        """Take in the runs that are to be; of those that are not finished nothing is known.
-
-        Args:
-            variants: The runs.
-            mine: Names of those that are to be run here; what is noted of others stays. None: all.
-        """
+        """Take in the runs that are to be: nothing is known of those that are run here (`mine`)."""
         for variant in variants:
             job = Job(variant.name, self.folder / variant.name, variant.case)
             here = mine is None or variant.name in mine or variant.name not in self.entries
@@ -239,15 +204,7 @@ class Record:
         return status == "finished" and _untitled(existing) == _untitled(now)
 
     def unfinished(self, jobs: Iterable[Job], *, overwrite: bool) -> tuple[Job, ...]:
-        """Return the jobs that are to be run, having looked at the folder of each.
-
-        Args:
-            jobs: All of them.
-            overwrite: Take those that are finished, too, and folders with runs of other cases.
-
-        Raises:
-            InputError: Folders that hold runs of other cases, or where one is at work: each.
-        """
+        """Return the jobs that are to be run, having looked at the folder of each."""
         found, problems = list[Job](), list[str]()
         for job in jobs:
             if not overwrite and self.is_finished(job):
@@ -266,11 +223,7 @@ class Record:
         return tuple(found)
 
     def note(self, job: Job, outcome: Outcome) -> None:
-        """Write down how a run has ended, beside other processes that do the same.
-
-        Raises:
-            RunFailure: The file cannot be written.
-        """
+        """Write down how a run has ended, beside other processes that do the same."""
         with self.shared():
             entry = self.entries.setdefault(job.name, Entry())
             entry.physics = "" if outcome.failed else job.case.physics_hash()
@@ -302,10 +255,6 @@ class Record:
                 entry.seconds = round(sum(record.wall_time.values()), 3)
 
     def save(self) -> None:
-        """Write sweep.json.
-
-        Raises:
-            RunFailure: It cannot be written.
-        """
+        """Write sweep.json."""
         runs: dict[str, Any] = {name: asdict(entry) for name, entry in self.entries.items()}
         write_json(self.folder / SWEEP_NAME, {"format": _FORMAT, "runs": runs})

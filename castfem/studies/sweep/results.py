@@ -60,11 +60,7 @@ def rows(names: Iterable[str], record: Record, at: Sequence[float] = ()) -> list
 
 
 def _results_at(folder: Path, at: Sequence[float]) -> dict[str, Quantity]:
-    """Results of a run at some positions, m, by name and position.
-
-    Raises:
-        InputError: It has no history, or has not been there.
-    """
+    """Results of a run at some positions, m, by name and position."""
     if not at:
         return {}
     table = read_history(folder / HISTORY_NAME)
@@ -78,11 +74,7 @@ def _results_at(folder: Path, at: Sequence[float]) -> dict[str, Quantity]:
 
 
 def write_table(path: Path, table: Sequence[Row]) -> None:
-    """Write every quantity of the runs in documented units as CSV, a row a run.
-
-    Raises:
-        RunFailure: It cannot be written.
-    """
+    """Write every quantity of the runs in documented units as CSV, a row a run."""
     keys, cells = varied(table)
     names = {name: q.shown_unit for row in table for name, q in row.quantities.items()}
     results = [f"{name} [{unit}]" for name, unit in names.items()]

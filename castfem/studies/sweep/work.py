@@ -66,13 +66,9 @@ class Outcome:
 
 
 class Stop(Progress):
-    """Stops a run after its step where its process shall end: PETSc would lose an exception.
+    """Stops a run after its step where its process shall end: PETSc would lose an exception."""
 
-    Attributes:
-        wanted: Whether this process shall end.
-    """
-
-    wanted: ClassVar[bool] = False
+    wanted: ClassVar[bool] = False  #: whether this process shall end
 
     def __init__(self) -> None:
         super().__init__(verbosity=-1, terminal=False)

@@ -20,15 +20,11 @@ class StrandStopsError(RunFailure):
 
 @dataclass(frozen=True, slots=True)
 class Shares:
-    """How the drives share the resistance, at each pair (n,), N.
+    """How the drives share the resistance, at each pair (n,), N."""
 
-    Attributes:
-        drive: What the pair pulls with; 0 of one that is not driven.
-        effort: Axial effort in the strand as it comes to the pair, which has resisted already and
-            not yet pulled; negative where the strand is pushed.
-    """
-
-    drive: Array
+    drive: Array  #: what the pair pulls with; 0 of one that is not driven
+    #: axial effort in the strand as it comes to the pair, which has resisted already and not yet
+    #: pulled; negative where the strand is pushed
     effort: Array
 
 

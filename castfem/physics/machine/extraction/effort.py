@@ -26,27 +26,19 @@ class Withdrawal:
     """What rolls and drives have done to the strand down to the slice; part of its state.
 
     Forces are those of the whole strand, N.
-
-    Attributes:
-        pairs: Pairs of rolls that the slice has passed.
-        resistance: Of the strand above, with the work of bending in it.
-        drives: What the drives above pull with: resistance less drives is the effort.
-        force: External axial force on the slice: the effort, the work of bending not in it where
-            the equation of the planes has that by itself.
-        friction: Of the rolls that the slice has passed.
-        start: External force at the last of them, and what the drives above it pull with.
-        aim: Both as they will be at the next pair.
-        moments: Of the strand at the two pairs last passed, N m.
     """
 
-    pairs: int = 0
-    resistance: float = 0.0
-    drives: float = 0.0
+    pairs: int = 0  #: pairs of rolls that the slice has passed
+    resistance: float = 0.0  #: of the strand above, with the work of bending in it
+    drives: float = 0.0  #: what the drives above pull with: resistance less drives is the effort
+    #: external axial force on the slice: the effort, the work of bending not in it where the
+    #: equation of the planes has that by itself
     force: float = 0.0
-    friction: float = 0.0
+    friction: float = 0.0  #: of the rolls that the slice has passed
+    #: external force at the last of them, and what the drives above it pull with
     start: tuple[float, float] = (0.0, 0.0)
-    aim: tuple[float, float] = (0.0, 0.0)
-    moments: tuple[float, float] = (0.0, 0.0)
+    aim: tuple[float, float] = (0.0, 0.0)  #: both as they will be at the next pair
+    moments: tuple[float, float] = (0.0, 0.0)  #: of the strand at the two pairs last passed, N m
 
     @property
     def effort(self) -> float:
@@ -65,18 +57,13 @@ class Withdrawal:
 
 @dataclass(frozen=True, slots=True)
 class Passing:
-    """What the rolls feel of the slice at the end of a step, of the whole strand.
+    """What the rolls feel of the slice at the end of a step, of the whole strand."""
 
-    Attributes:
-        moment: M, N m. work: Int M dk so far, J/m; bending takes less than zero.
-        temperature: At the owned vertices (owned,), K.
-        added: What rolls that are not alike bear on both faces beyond the pressure of the length
-            that is theirs: the pair that the slice comes to and the next, N per metre of width.
-    """
-
-    moment: float
-    work: float
-    temperature: Array
+    moment: float  #: M, N m
+    work: float  #: int M dk so far, J/m; bending takes less than zero
+    temperature: Array  #: at the owned vertices (owned,), K
+    #: what rolls that are not alike bear on both faces beyond the pressure of the length that is
+    #: theirs: the pair that the slice comes to and the next, N per metre of width
     added: tuple[float, float] = (0.0, 0.0)
 
 
@@ -173,19 +160,12 @@ class KnownResistance:
 
 @dataclass(frozen=True, slots=True)
 class Pairs:
-    """The pairs that hold the strand, as the coupled resistance needs them (n,).
+    """The pairs that hold the strand, as the coupled resistance needs them (n,)."""
 
-    Attributes:
-        numbers: Index of each among all pairs of the machine.
-        places: Positions, increasing, m.
-        frictions: Coefficients of friction (`resistance.friction`).
-        capacities: Of the drives, N: 0 of a pair that is not driven, inf if not known.
-    """
-
-    numbers: tuple[int, ...]
-    places: Array
-    frictions: Array
-    capacities: Array
+    numbers: tuple[int, ...]  #: index of each among all pairs of the machine
+    places: Array  #: positions, increasing, m
+    frictions: Array  #: coefficients of friction (`resistance.friction`)
+    capacities: Array  #: of the drives, N: 0 of a pair that is not driven, inf if not known
 
 
 class CoupledResistance:

@@ -21,43 +21,29 @@ from castfem.physics.mould.hot.tube import Tube
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FaceLoad:
-    """What acts on the two faces of the wall, at all nodes of the mesh (nodes,) or one value.
+    """What acts on the two faces of the wall, at all nodes of the mesh (nodes,) or one value."""
 
-    Attributes:
-        flux: From the strand to the hot face, W/m2.
-        coefficient: Of heat transfer to the water, W/(m2 K).
-        water: Its temperature, K.
-        hot: Temperature of the hot face, K, instead of a flux; None where the flux is given.
-        outer: Temperature of the water side, K, instead of water; None with water.
-    """
-
-    flux: Array | float = 0.0
-    coefficient: Array | float = 0.0
-    water: Array | float = 0.0
+    flux: Array | float = 0.0  #: from the strand to the hot face, W/m2
+    coefficient: Array | float = 0.0  #: of heat transfer to the water, W/(m2 K)
+    water: Array | float = 0.0  #: its temperature, K
+    #: temperature of the hot face, K, instead of a flux; None where the flux is given
     hot: Array | float | None = None
+    #: temperature of the water side, K, instead of water; None with water
     outer: Array | float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Heated:
-    """The temperature of a tube.
+    """The temperature of a tube."""
 
-    Attributes:
-        temperature: Function, K.
-        supplied: Heat through the hot face of the quarter, W, by the flux given there; NaN where
-            its temperature is given.
-        removed: To the water, W; likewise.
-        newton: Iterations of Newton's method.
-        solved: The linear solves: iterations of the last.
-        hottest: K.
-    """
-
-    temperature: fem.Function
+    temperature: fem.Function  #: function, K
+    #: heat through the hot face of the quarter, W, by the flux given there; NaN where its
+    #: temperature is given
     supplied: float
-    removed: float
-    newton: int
-    solved: Solved
-    hottest: float
+    removed: float  #: to the water, W; likewise
+    newton: int  #: iterations of Newton's method
+    solved: Solved  #: the linear solves: iterations of the last
+    hottest: float  #: K
 
 
 class Conduction:

@@ -34,20 +34,14 @@ def mean_strain(coefficient: Constant | Table, temperature: Array | float) -> Ar
 
 @dataclass(frozen=True, slots=True)
 class Copper:
-    """The copper of a mould.
+    """The copper of a mould."""
 
-    Attributes:
-        conductivity: k(T), W/(m K).
-        expansion: Mean coefficient from `REFERENCE` to T, or the same from anywhere to T, 1/K.
-        youngs_modulus: E(T), Pa.
-        poisson: nu(T).
-        cold: Temperature at which its dimensions are those of the workshop, K.
-    """
-
-    conductivity: Constant | Table = CONDUCTIVITY
+    conductivity: Constant | Table = CONDUCTIVITY  #: k(T), W/(m K)
+    #: mean coefficient from `REFERENCE` to T, or the same from anywhere to T, 1/K
     expansion: Constant | Table = EXPANSION
-    youngs_modulus: Constant | Table = STIFFNESS
-    poisson: Constant | Table = field(default_factory=lambda: Constant(POISSON))
+    youngs_modulus: Constant | Table = STIFFNESS  #: E(T), Pa
+    poisson: Constant | Table = field(default_factory=lambda: Constant(POISSON))  #: nu(T)
+    #: temperature at which its dimensions are those of the workshop, K
     cold: float = 25.0 + ZERO_CELSIUS
 
     def thermal_strain(self, temperature: Array | float) -> Array:

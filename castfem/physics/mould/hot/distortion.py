@@ -46,21 +46,13 @@ _BARLOW = 1.0 / np.sqrt(3.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Distorted:
-    """The displacement of a tube.
+    """The displacement of a tube."""
 
-    Attributes:
-        displacement: Function, m.
-        solved: The linear solve.
-        von_mises: Stress at the nodes, those of the faces among them, Pa.
-        largest_stress: The largest of these, Pa.
-        largest_at: Where (3,), m.
-    """
-
-    displacement: fem.Function
-    solved: Solved
-    von_mises: fem.Function
-    largest_stress: float
-    largest_at: tuple[float, float, float]
+    displacement: fem.Function  #: function, m
+    solved: Solved  #: the linear solve
+    von_mises: fem.Function  #: stress at the nodes, those of the faces among them, Pa
+    largest_stress: float  #: the largest of these, Pa
+    largest_at: tuple[float, float, float]  #: where (3,), m
 
 
 class Distortion:

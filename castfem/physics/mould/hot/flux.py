@@ -14,17 +14,11 @@ from castfem.physics.mould.perimeter import Places, lengths
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FluxMap:
-    """Flux at places and positions; linear between them, zero above the first position.
+    """Flux at places and positions; linear between them, zero above the first position."""
 
-    Attributes:
-        positions: Below the meniscus (p,), m, increasing.
-        ways: Length of wall from the middle of the right-hand face (w,), m, increasing.
-        flux: (p, w), W/m2; below the last position that at the last holds.
-    """
-
-    positions: Array
-    ways: Array
-    flux: Array
+    positions: Array  #: below the meniscus (p,), m, increasing
+    ways: Array  #: length of wall from the middle of the right-hand face (w,), m, increasing
+    flux: Array  #: (p, w), W/m2; below the last position that at the last holds
 
     def on(self, positions: Array, ways: Array) -> Array:
         """Return the flux (positions, ways) at a mesh's nodes.

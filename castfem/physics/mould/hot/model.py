@@ -28,55 +28,35 @@ from castfem.physics.mould.perimeter import Places, corner_of, lengths, sides_of
 
 @dataclass(frozen=True, slots=True)
 class TubeSettings:
-    """A tube round a cavity, and how it is cooled, held and computed.
+    """A tube round a cavity, and how it is cooled, held and computed."""
 
-    Attributes:
-        thickness: Of the wall, m.
-        above: How far it goes on above the meniscus, m.
-        coefficient: Of heat transfer to the water, over position, W/(m2 K).
-        water: Temperature of the water, likewise, K.
-        support: How it is held.
-        hot_face: Temperature of the face towards the strand, likewise, K, instead of a flux.
-        water_side: Temperature of the water side, likewise, K, instead of water.
-        across: Cells through the wall.
-        size: Largest cell round the wall and along it, m.
-        method: Of the linear solvers.
-    """
-
-    thickness: float
-    above: float
-    coefficient: Constant | Table
-    water: Constant | Table
-    support: Support = "hung"
+    thickness: float  #: of the wall, m
+    above: float  #: how far it goes on above the meniscus, m
+    coefficient: Constant | Table  #: of heat transfer to the water, over position, W/(m2 K)
+    water: Constant | Table  #: temperature of the water, likewise, K
+    support: Support = "hung"  #: how it is held
+    #: temperature of the face towards the strand, likewise, K, instead of a flux
     hot_face: Constant | Table | None = None
+    #: temperature of the water side, likewise, K, instead of water
     water_side: Constant | Table | None = None
-    across: int = 2
-    size: float = 0.012
-    method: Method = "auto"
+    across: int = 2  #: cells through the wall
+    size: float = 0.012  #: largest cell round the wall and along it, m
+    method: Method = "auto"  #: of the linear solvers
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HotWall:
-    """The inner wall at work, from the meniscus to the exit.
+    """The inner wall at work, from the meniscus to the exit."""
 
-    Attributes:
-        displacement: From the cold wall; in the plane of each section, carried along with the
-            copper (its own way along the mould, a millimetre, moves a tapered wall by micrometres).
-        hot: Temperature of the face towards the strand (p, w), K.
-        outer: Temperature of the water side, likewise.
-        longer: How much longer the tube has become, m.
-        heated: The conduction.
-        distorted: The elasticity.
-        model: The tube whose wall it is.
-    """
-
+    #: from the cold wall; in the plane of each section, carried along with the copper (its own way
+    #: along the mould, a millimetre, moves a tapered wall by micrometres)
     displacement: WallDisplacement
-    hot: Array
-    outer: Array
-    longer: float
-    heated: Heated
-    distorted: Distorted
-    model: HotMould
+    hot: Array  #: temperature of the face towards the strand (p, w), K
+    outer: Array  #: temperature of the water side, likewise
+    longer: float  #: how much longer the tube has become, m
+    heated: Heated  #: the conduction
+    distorted: Distorted  #: the elasticity
+    model: HotMould  #: the tube whose wall it is
 
     @property
     def corner(self) -> int | None:

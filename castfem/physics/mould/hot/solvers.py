@@ -43,17 +43,11 @@ ELASTIC = {
 
 @dataclass(frozen=True, slots=True)
 class Solved:
-    """How a linear system was solved.
+    """How a linear system was solved."""
 
-    Attributes:
-        method: "direct" or "multigrid".
-        unknowns: Of the system.
-        iterations: Of the Krylov method; 0 of a direct one.
-    """
-
-    method: str
-    unknowns: int
-    iterations: int
+    method: str  #: "direct" or "multigrid"
+    unknowns: int  #: of the system
+    iterations: int  #: of the Krylov method; 0 of a direct one
 
 
 def chosen(method: Method, unknowns: int) -> Literal["direct", "multigrid"]:
@@ -81,14 +75,10 @@ def elastic_options(method: str) -> Mapping[str, Any]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CoarseLevel:
-    """The same problem with fewer unknowns, which corrects the smoothed error.
+    """The same problem with fewer unknowns, which corrects the smoothed error."""
 
-    Attributes:
-        matrix: Assembled.
-        interpolation: Of its unknowns to those of the finer level; zero where either is held.
-    """
-
-    matrix: PETSc.Mat
+    matrix: PETSc.Mat  #: assembled
+    #: of its unknowns to those of the finer level; zero where either is held
     interpolation: PETSc.Mat
 
     def destroy(self) -> None:
