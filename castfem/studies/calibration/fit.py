@@ -23,7 +23,7 @@ from castfem.base.errors import InputError, RunFailure
 from castfem.base.shown_quantity import Quantity, from_si, unit_of_difference
 from castfem.base.types import Array
 from castfem.model.load import value_of
-from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.history import HISTORY_NAME, read_columns
 from castfem.runs.results.places import quantities_at
 from castfem.studies.calibration.measured import Measured, residuals
 from castfem.studies.calibration.probe_data import is_of_probe, thermocouples, value_at
@@ -280,7 +280,7 @@ def computed(case: Case, folder: Path, measured: Sequence[Measured]) -> list[Qua
         InputError: It has no such result there.
         RunFailure: The copper of the mould has no temperature.
     """
-    table, found = read_history(folder / HISTORY_NAME), []
+    table, found = read_columns(folder / HISTORY_NAME), []
     copper, in_copper = CopperTemperatures(case, folder), thermocouples(case)
     for data in measured:
         if (row := data.name.partition(".")[0]) in in_copper:

@@ -16,7 +16,7 @@ from castfem.base.units import nearest, parse_any
 from castfem.model import Case
 from castfem.model.mould import CopperThermocouples
 from castfem.runs.output.folder import PROBES_NAME
-from castfem.runs.output.history import read_history
+from castfem.runs.output.history import read_columns
 from castfem.runs.results.probes import HEAT, MECHANICS, PHASES
 
 _UNITS = dict((*HEAT, *PHASES, *MECHANICS))
@@ -70,10 +70,10 @@ def value_at(folder: Path, name: str, position: float) -> Quantity:
         InputError: It has no such probe, or has not been there.
     """
     probe, _, column = name.rpartition(_DOT)
-    table = read_history(folder / PROBES_NAME / f"{probe}.csv")
-    places = table["position"].to_numpy()
+    table = read_columns(folder / PROBES_NAME / f"{probe}.csv")
+    places = table["position"]
     if column not in table or not len(places) or not places[0] <= position <= places[-1] * 1.000001:
         raise InputError(f"{folder}: probe {probe} has no {column} at {1e3 * position:g} mm")
     unit = str(table.attrs["units"][column])
-    value = float(np.interp(position, places, table[column].to_numpy()))
+    value = float(np.interp(position, places, table[column]))
     return Quantity(to_si(value, unit), unit, f"{column.replace('_', ' ')} at {probe}")
