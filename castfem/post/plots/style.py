@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -134,6 +135,7 @@ def look() -> Iterator[None]:
         "axes.grid": True,
         "axes.axisbelow": True,
         "axes.linewidth": 0.8,
+        "axes.titley": 1.0,  # where it lies without ticks above, found without measuring them
         "grid.color": "#d9d9d9",
         "grid.linewidth": 0.6,
         "lines.linewidth": 1.7,
@@ -206,7 +208,9 @@ def save(figure: Figure, path: Path, *, shaded: bool = False) -> Path:
     image = render(figure)
     image = image if shaded else _indexed(image)
     with replacing(path, durable=False) as temporary:
-        image.save(temporary, format="PNG", dpi=(STYLE.dpi, STYLE.dpi))
+        image.save(
+            temporary, format="PNG", dpi=(STYLE.dpi, STYLE.dpi), compress_type=zlib.Z_RLE
+        )  # a third of the time, 5 % larger where colours run smoothly
     return path
 
 
@@ -229,7 +233,7 @@ def render(figure: Figure) -> Image.Image:
     canvas.draw()
     if layout is None and _widen(figure):
         canvas.draw()
-    return Image.fromarray(np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3]))
+    return Image.frombuffer("RGBA", canvas.get_width_height(), canvas.buffer_rgba()).convert("RGB")
 
 
 def _widen(figure: Figure) -> bool:
