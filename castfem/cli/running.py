@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -106,7 +105,6 @@ def _run_case(case: AnyCase, target: Path, comm: MPI.Intracomm | None, options: 
     else:
         from castfem.runs.loop import run
 
-    gc.freeze()  # what is imported stays: garbage is sought in the rest alone
     root = parallel.rank_of(comm) == 0
     progress = Progress(options.verbosity) if root else None
     try:
