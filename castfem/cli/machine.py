@@ -329,7 +329,7 @@ def drives_of(run: Path, rolls: Rolls) -> tuple[Array, Array, float, float] | No
         return None
     units = table.attrs["units"]
     position, effort, drives, resistance = (
-        table[name] / factor_and_zero(si, units[name])[0]
+        (table[name] / factor_and_zero(si, units[name])[0]).astype(np.float64)
         for name, si in (("position", "m"), *((name, "N") for name in names))
     )
     there = list(rolls.there)

@@ -34,7 +34,8 @@ def place_legend(panel: Axes, columns: int = 2) -> None:
     To be called when curves, limits and size of the panel are settled. Where there is no room the
     axis is made longer.
     """
-    drawn, sizes = _drawn_curves(panel), []
+    drawn = _drawn_curves(panel)
+    sizes: list[tuple[float, float]] = []
     for count in range(1, columns + 1):
         legend = panel.legend(loc="upper left", ncols=count)
         width, height = _size(panel, legend)

@@ -75,7 +75,7 @@ class Ladder:
         return {
             at: {name: quantities_at(table, at, folders[name]) for name, table in tables.items()}
             for at in sorted(places)
-            if at >= float(tables[base.name]["position"].iloc[0])
+            if at >= float(tables[base.name]["position"][0])
         }
 
 
