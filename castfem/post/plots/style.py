@@ -20,6 +20,7 @@ from castfem.runs.output.summary import Zone
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.backends.backend_agg import RendererAgg
     from matplotlib.figure import Figure
     from PIL import Image
 
@@ -230,20 +231,22 @@ def render(figure: Figure) -> Image.Image:
         layout.execute(figure)
         figure.set_layout_engine("none")
     canvas = FigureCanvasAgg(figure)
+    if layout is None:
+        _widen(figure, canvas.get_renderer())
     canvas.draw()
-    if layout is None and _widen(figure):
-        canvas.draw()
     return Image.frombuffer("RGBA", canvas.get_width_height(), canvas.buffer_rgba()).convert("RGB")
 
 
-def _widen(figure: Figure) -> bool:
-    """Moves axes with fixed margins that have long numbers away from the edge; was it needed?"""
-    cut = min((axes.yaxis.label.get_window_extent().x0 for axes in figure.axes), default=0.0)
-    if cut >= 0.0:
-        return False
-    wider = (STYLE.edge * figure.dpi - cut) / figure.bbox.width
-    figure.subplots_adjust(left=figure.subplotpars.left + wider)
-    return True
+def _widen(figure: Figure, renderer: RendererAgg) -> None:
+    """Moves axes with fixed margins that have long numbers away from the edge."""
+    cut = 0.0
+    for axes in figure.axes:
+        axes.apply_aspect()
+        axes.yaxis.get_tightbbox(renderer)  # puts the label beside the numbers
+        cut = min(cut, axes.yaxis.label.get_window_extent(renderer).x0)
+    if cut < 0.0:
+        wider = (STYLE.edge * figure.dpi - cut) / figure.bbox.width
+        figure.subplots_adjust(left=figure.subplotpars.left + wider)
 
 
 def _indexed(image: Image.Image) -> Image.Image:
