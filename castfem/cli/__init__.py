@@ -15,8 +15,6 @@ from castfem.base.errors import CastfemError, InputError
 from castfem.cli import parallel
 
 _INTERRUPTED = 130
-_NEW_OBJECTS = 50_000
-"""After so many Python looks for garbage: imports and figures make many objects and leave few."""
 ALL_RANKS = ("run", "sweep", "error", "optimise", "calibrate", "sensitivity", "section")
 """Commands that run cases."""
 
@@ -25,7 +23,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and leave the process with its exit status."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     process.keep_hangup()
-    gc.set_threshold(_NEW_OBJECTS)
     if parallel.rank_and_size()[1] == 1:  # a rank that is ended takes the others with it
         process.stop_by_all()
     status = execute(words)
