@@ -26,7 +26,7 @@ ENV PATH=/opt/castfem/bin:$PATH \
     OMP_NUM_THREADS=1 \
     OMPI_ALLOW_RUN_AS_ROOT=1 \
     OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 \
-    OMPI_MCA_btl=^tcp,ofi \
+    OMPI_MCA_btl=^tcp,ofi,uct \
     OMPI_MCA_mpi_yield_when_idle=1 \
     PRTE_MCA_rmaps_default_mapping_policy=:oversubscribe
 WORKDIR /data

@@ -91,7 +91,7 @@ def launch(
             "OMPI_ALLOW_RUN_AS_ROOT": "1",
             "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
         }
-        clean.setdefault("OMPI_MCA_btl", "^tcp,ofi")
+        clean.setdefault("OMPI_MCA_btl", "^tcp,ofi,uct")
         # A rank that waits gives way: the cores may have other work.
         clean.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
         if not gives_way:

@@ -29,7 +29,7 @@ set_defaults() {
   # unreachable interfaces, the search for fast networks a second to every start), and its cores
   # have other work too: a rank that waits must give way.
   if [[ $kind == userland || -z ${SLURM_JOB_ID:-}${PBS_JOBID:-}${LSB_JOBID:-} ]]; then
-    default OMPI_MCA_btl ^tcp,ofi
+    default OMPI_MCA_btl ^tcp,ofi,uct
     default OMPI_MCA_mpi_yield_when_idle 1
   fi
   # Open MPI does not start without these two, and says so in forty lines or not at all.

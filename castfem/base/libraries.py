@@ -33,6 +33,8 @@ class _Watch:
 
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
         """See `importlib.abc.MetaPathFinder`."""
+        if name != _AT_FIRST_USE and name not in _ALL:
+            return None
         others = [finder for finder in sys.meta_path if finder is not self]
         if name == _AT_FIRST_USE:
             specs = (finder.find_spec(name, path, target) for finder in others)
@@ -40,7 +42,7 @@ class _Watch:
             if spec is not None and spec.loader is not None:
                 spec.loader = LazyLoader(spec.loader)
             return spec
-        if name in _ALL and not any(finder.find_spec(name, None) for finder in others):
+        if not any(finder.find_spec(name, None) for finder in others):
             raise ModuleNotFoundError(f"this Python has no {name}: {HOW}", name=name)
         if name in _LAST:
             _load_earlier()

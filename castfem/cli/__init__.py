@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import gc
 import io
 import re
 import sys
@@ -31,6 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     status = execute(words)
     if status != 0 and _on_all_ranks(words):
         parallel.settle()
+    gc.freeze()  # the end of the process frees all at once: not worth a search for garbage
     sys.exit(status)
 
 

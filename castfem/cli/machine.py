@@ -21,7 +21,7 @@ from castfem.model.build_machine import capacities, known_resistance
 from castfem.model.machine import thickness_of
 from castfem.model.shipped_cases import CASE_NAME
 from castfem.physics.machine.rolls import Pair, Rolls
-from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.history import HISTORY_NAME, read_columns
 from castfem.runs.output.summary import Summary
 
 if TYPE_CHECKING:
@@ -320,13 +320,13 @@ def drives_of(run: Path, rolls: Rolls) -> tuple[Array, Array, float, float] | No
         Effort (n,) and pull (n,) of the pairs, N, not a number where the run did not come to them,
         what the rolls resist, N, and down to where they do, m; None of a run without it.
     """
-    table = read_history(run / HISTORY_NAME)
+    table = read_columns(run / HISTORY_NAME)
     names = ("effort", "drive_force", "roll_resistance")
     if not set(names) <= set(table.columns):
         return None
     units = table.attrs["units"]
     position, effort, drives, resistance = (
-        table[name].to_numpy() / factor_and_zero(si, units[name])[0]
+        (table[name] / factor_and_zero(si, units[name])[0]).astype(np.float64)
         for name, si in (("position", "m"), *((name, "N") for name in names))
     )
     there = list(rolls.there)

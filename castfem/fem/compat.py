@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 from collections.abc import Callable
 from functools import lru_cache
+from itertools import count
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
@@ -25,6 +26,7 @@ _Rules: TypeAlias = dict[Any, tuple[Any, ...]]  # quadrature rule -> integrands
 _Domains: TypeAlias = list[tuple[int, npt.NDArray[np.int32]]]  # number -> facets
 
 CELLS = 1  # identifier of the cells in the measures of a `CellForm`
+_MESHES = count()  # numbers of the meshes of this process
 
 
 @lru_cache(maxsize=1)
@@ -215,11 +217,13 @@ def create_mesh(
 
     A problem and its solver hold each other, and so their mesh, until Python collects garbage. That
     counts objects, not communicators: MPICH has about 2000, a mesh takes five and more, and without
-    one DOLFINx aborts. Hence what earlier problems have left is collected here.
+    one DOLFINx aborts. Hence what earlier problems have left is collected here; before the first
+    mesh of a process there is none.
 
     `parts` are the ranks of the cells (m,), there alone, too; without it a graph partitioner cuts.
     """
-    gc.collect()
+    if next(_MESHES):
+        gc.collect()
     element = basix.ufl.element("Lagrange", cell, order, shape=(points.shape[1],))
 
     def given(*_: Any) -> Any:

@@ -241,6 +241,18 @@ def test_light_commands_load_no_heavy_modules(tmp_path):
     subprocess.run([sys.executable, "-c", code], check=True, cwd=tmp_path)
 
 
+def test_a_command_ends_without_a_search_for_garbage(tmp_path):
+    """Python would look through all objects several times before the process ends."""
+    code = (
+        "import atexit, gc, sys; from castfem.cli import main; "
+        "atexit.register(lambda: print(len(gc.get_objects()) < 1000 < gc.get_freeze_count())); "
+        "main(['cases'])"
+    )
+    words = [sys.executable, "-c", code]
+    done = subprocess.run(words, check=True, capture_output=True, text=True, cwd=tmp_path)
+    assert done.stdout.splitlines()[-1] == "True"
+
+
 def test_mesh_prints_and_draws(castfem, case_file):
     outcome = castfem("mesh", case_file, "-o", "m.png", "--set", "mesh.surface_size=2 mm")
     assert outcome.status == 0, outcome.err

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from castfem.base.errors import InputError, RunFailure
-from castfem.runs.output.history import History, last_row, read_history
+from castfem.runs.output.history import History, last_row, read_columns, read_history
 
 COLUMNS = [("time", "s"), ("position", "m"), ("shell_mid_face", "mm"), ("newton", "-")]
 
@@ -37,6 +37,26 @@ def test_reads_back_names_units_and_twelve_digits(tmp_path):
     assert {str(kind) for kind in table.dtypes} == {"float64"}
     for row, found in zip(rows(5), table.to_dict("records"), strict=True):
         assert found == pytest.approx(row, rel=1e-11)
+
+
+def test_columns_are_those_of_the_table(tmp_path):
+    write(tmp_path / "h.csv", 5)
+    table, columns = read_history(tmp_path / "h.csv"), read_columns(tmp_path / "h.csv")
+    assert (columns.columns, list(columns)) == (tuple(table.columns), list(table))
+    assert columns.attrs == table.attrs
+    assert len(columns) == len(table) == 5
+    assert "newton" in columns
+    assert "shell" not in columns
+    for name in columns:
+        assert columns[name].dtype == float
+        assert (columns[name] == table[name].to_numpy()).all()
+
+
+def test_a_header_alone_has_columns_of_no_rows(tmp_path):
+    write(tmp_path / "h.csv", 0)
+    columns = read_columns(tmp_path / "h.csv")
+    assert len(columns) == 0
+    assert columns["newton"].shape == (0,)
 
 
 def test_missing_and_not_finite_values_are_empty_cells(tmp_path):

@@ -246,6 +246,30 @@ def test_thermal_simulation_loads_nothing_it_does_not_ask_for(tmp_path: Path) ->
     assert "LOADED [] GONE []" in done.stdout
 
 
+WHOLE_COMMAND = """
+import sys
+from castfem.cli import execute
+status = execute(["run", *sys.argv[1:]])
+heavy = ("pandas", "gmsh", "pint", "urllib.request", "matplotlib.pyplot")
+print("STATUS", status, "LOADED", [m for m in heavy if m in sys.modules])
+"""
+
+
+def test_a_thermal_run_with_its_figures_loads_nothing_it_does_not_ask_for(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    changes = [w for one in (*COARSE, 'casting.length="60 mm"') for w in ("--set", one)]
+    run(billet('casting.length="60 mm"'), tmp_path / "first")  # the mesh is in the cache
+    done = subprocess.run(
+        [sys.executable, "-c", WHOLE_COMMAND, "billet125/thermal", "-o", str(folder), *changes],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert (folder / "figures" / "shell.png").is_file()
+    assert "thinnest shell" in done.stdout  # read off the history
+    assert "STATUS 0 LOADED []" in done.stdout
+
+
 def test_a_billet_loads_no_rolls_and_a_mould_no_copper(tmp_path: Path) -> None:
     code = (
         "import sys; from importlib.util import find_spec; from castfem.cli import execute; "

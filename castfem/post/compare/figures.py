@@ -206,7 +206,7 @@ def _derive(table: pandas.DataFrame, base: pandas.DataFrame | None) -> None:
         table["gap_max"] = table["gap_max"].where(beside_wall(table))
     if "heat_removed" not in table or units["heat_removed"] != "J/m":
         return
-    removed, position = table["heat_removed"].to_numpy(), table["position"].to_numpy()
+    removed, position = np.asarray(table["heat_removed"]), np.asarray(table["position"])
     if "heat_rate" not in table:
         table["heat_rate"] = rate_of(table)
         units["heat_rate"] = "W/m"

@@ -121,7 +121,7 @@ def _way(
     table = histories[runs.index(base)]
     if table is None:
         return ()
-    end, _ = mould_exit(table["position"].to_numpy(), base.summary)
+    end, _ = mould_exit(np.asarray(table["position"]), base.summary)
     ends = [float(t["position"].iloc[-1]) for t in histories if t is not None]
     beyond = any(last > end * (1 + _SAME) for last in ends)
     start = float(table["position"].iloc[0]) * (1 - _SAME)

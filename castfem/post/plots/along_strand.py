@@ -29,9 +29,10 @@ from castfem.post.plots.style import LIQUIDUS_COLOUR, SOLIDUS_COLOUR, STYLE, Abs
 from castfem.runs.results.labels import STAIR, beside_wall, has_values, unit_of
 
 if TYPE_CHECKING:
-    import pandas
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from castfem.runs.output.history import Columns
 
 _THERMAL, _MECHANICAL, _GREY = "#0072b2", "#d55e00", "#444444"
 _DOTS: dict[str, Any] = {"marker": ".", "linestyle": "none"}
@@ -41,11 +42,11 @@ _PLACES = {"intrados": "#0072b2", "centre": "#7f7f7f", "extrados": "#d55e00"}
 
 
 def draw_surface_temperature(
-    table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None
+    table: Columns, abscissa: Abscissa, steel: Steel | None
 ) -> Figure | None:
     """Surface temperature at the probes, and in the core."""
     lines = [
-        Line(table[name].to_numpy(), label if label == "surface" else f"surface, {label}",
+        Line(np.asarray(table[name]), label if label == "surface" else f"surface, {label}",
              {"color": colour})
         for label, colour, name in curves(table, "surface_temperature")
     ]  # fmt: skip
@@ -62,7 +63,7 @@ def draw_surface_temperature(
     return drawn([Panel(lines, *axis, columns=3)], 3.4, abscissa)
 
 
-def draw_shell(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
+def draw_shell(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
     """Depth of the solidus and of the liquidus below the surface at the probes."""
     between = dict.fromkeys(found[1] for c in table if (found := AT_FRACTION.fullmatch(str(c))))
     fronts = [("shell", "solidus (shell)", "-")]
@@ -74,15 +75,15 @@ def draw_shell(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None)
             axis = axis if axis[0] else (axis_label(table, name), name)
             cell = name.replace("shell_", "solidus_cell_", 1)
             resolved = cell != name and has_values(table, cell)
-            band = STAIR * table[cell].to_numpy() if resolved else None  # by the cells
+            band = STAIR * np.asarray(table[cell]) if resolved else None  # by the cells
             style = {"color": colour, "linestyle": dashes}
-            depth = open_front(table[name].to_numpy())
+            depth = open_front(np.asarray(table[name]))
             lines.append(Line(depth, f"{probe}, {kind}", style, band))
     panel = Panel(lines, *axis, zero=True, columns=2 if len(lines) > 3 else 1)
     return drawn([panel], 3.4, abscissa) if lines else None
 
 
-def draw_heat(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
+def draw_heat(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
     """Heat flux at the probes; heat leaving the strand; all that has left it."""
     panels = []
     if fluxes := at_probes(table, "heat_flux"):
@@ -96,35 +97,36 @@ def draw_heat(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) 
     return drawn(panels, 2.0, abscissa)
 
 
-def heat_totals(table: pandas.DataFrame) -> dict[str, tuple[Array, str]]:
+def heat_totals(table: Columns) -> dict[str, tuple[Array, str]]:
     """Label to values and unit of the heat leaving the strand and of all that has left it.
 
     The former is taken from what left it over each step, unless there is a column of its own.
     """
     found = {}
     if has_values(table, "heat_rate"):
-        rate, unit = table["heat_rate"].to_numpy(), unit_of(table, "heat_rate")
+        rate, unit = np.asarray(table["heat_rate"]), unit_of(table, "heat_rate")
         found["heat leaving the strand"] = rate, unit
     elif has_values(table, "heat_removed") and unit_of(table, "heat_removed") == "J/m":
         found["heat leaving the strand"] = rate_of(table), "W/m"
     if has_values(table, "heat_removed"):
-        removed = table["heat_removed"].to_numpy()
+        removed = np.asarray(table["heat_removed"])
         found["heat removed"] = removed, unit_of(table, "heat_removed")
     return found
 
 
-def rate_of(table: pandas.DataFrame) -> Array:
+def rate_of(table: Columns) -> Array:
     """Heat flow of each step, from the heat removed so far."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        rate = np.diff(table["heat_removed"].to_numpy()) / np.diff(table["time"].to_numpy())
+        rate = np.diff(np.asarray(table["heat_removed"])) / np.diff(np.asarray(table["time"]))
     return np.concatenate([rate[:1], rate])
 
 
-def draw_steps(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
+def draw_steps(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
     """Time step, Newton iterations, errors of energy and forces, penetration of a mould."""
     panels = []
     if has_values(table, "step"):
-        step = table["step"].where(table["step"] > 0.0).to_numpy()  # none at the meniscus
+        step = np.asarray(table["step"])
+        step = np.where(step > 0.0, step, np.nan)  # none at the meniscus
         style = {"color": _THERMAL, "linewidth": 1.2, "drawstyle": "steps-pre"}
         finish = _log_scale(step)
         panels.append(Panel([Line(step, "", style)], *axis_of(table, "step"), finish=finish))
@@ -149,22 +151,20 @@ def draw_steps(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None)
     return drawn(panels, 1.5, abscissa)
 
 
-def _by_colour(
-    table: pandas.DataFrame, named: dict[str, tuple[str, str]], **style: Any
-) -> list[Line]:
+def _by_colour(table: Columns, named: dict[str, tuple[str, str]], **style: Any) -> list[Line]:
     """Lines of columns with their label and colour; one alone needs no label."""
     there = [name for name in named if has_values(table, name)]
     alone = len(there) == 1
     return [
-        Line(table[name].to_numpy(), "" if alone else named[name][0],
+        Line(np.asarray(table[name]), "" if alone else named[name][0],
              {"color": named[name][1], **style})
         for name in there
     ]  # fmt: skip
 
 
-def _is_inexact(table: pandas.DataFrame, name: str) -> bool:
+def _is_inexact(table: Columns, name: str) -> bool:
     """Whether an error is not nothing in every row: only then a logarithmic axis has anything."""
-    return has_values(table, name) and bool((table[name].fillna(0.0) != 0.0).any())
+    return has_values(table, name) and bool(np.nan_to_num(table[name]).any())
 
 
 def _whole_numbers(lines: list[Line]) -> Callable[[Axes], None]:
@@ -220,7 +220,7 @@ def _log_scale(values: Array) -> Callable[[Axes], None]:
     return finish
 
 
-def draw_stress(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
+def draw_stress(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
     """Von Mises stress at the probes, and the largest of the section."""
     lines = at_probes(table, "von_mises", "surface, ")
     lines += column(table, "von_mises_max", "largest in the section", **_WHOLE)
@@ -230,11 +230,11 @@ def draw_stress(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None
     return drawn([Panel(lines, *axis, zero=True)], 3.4, abscissa)
 
 
-def draw_size(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
+def draw_size(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
     """Change of the size of the section since the meniscus; where it has none, the displacement."""
     panels, lines = [], []
     for label, colour, name in curves(table, "size"):
-        values = table[name].to_numpy()
+        values = np.asarray(table[name])
         start = float(values[np.isfinite(values)][0])
         begun = said(start, str(table.attrs["units"][name]), ".2f", name)
         label = f"{label.replace('corner', 'diagonal')}, from {begun}"
@@ -246,30 +246,30 @@ def draw_size(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) 
         (label, colour, name)
         for label, colour, name in curves(table, "displacement")
         if name.replace("displacement", "size", 1) not in table
-        and float(np.ptp(table[name].dropna())) > STYLE.held
+        and np.nanmax(table[name]) - np.nanmin(table[name]) > STYLE.held
     ]
     if others:
-        lines = [Line(table[n].to_numpy(), label, {"color": c}) for label, c, n in others]
+        lines = [Line(np.asarray(table[n]), label, {"color": c}) for label, c, n in others]
         name = others[0][2]
         panels.append(Panel(lines, axis_label(table, name), name, baseline=True))
     return drawn(panels, 3.4 if len(panels) == 1 else 2.6, abscissa)
 
 
-def draw_axial(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
+def draw_axial(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
     """Strain of the slice along the strand, and the force that goes with it."""
     force = column(table, "axial_force", color=_THERMAL)
     loaded = bool(force) and float(np.nanmax(np.abs(force[0].values))) > STYLE.force
     panels = []
     if has_values(table, "axial_strain"):
         label = "free slice, no axial force" if force and not loaded else ""
-        line = Line(100.0 * table["axial_strain"].to_numpy(), label, {"color": _THERMAL})
+        line = Line(100.0 * np.asarray(table["axial_strain"]), label, {"color": _THERMAL})
         panels.append(Panel([line], "axial strain [%]", baseline=True))
     if loaded:
         panels.append(Panel(force, *axis_of(table, "axial_force"), baseline=True))
     return drawn(panels, 3.4 if len(panels) == 1 else 2.4, abscissa)
 
 
-def draw_contact(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
+def draw_contact(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
     """Gap and pressure between strand and mould, how much of the surface touches, friction."""
     # the mean pressure does not hang on the mesh
     mean = has_values(table, _MEAN_PRESSURE)
@@ -291,7 +291,7 @@ def draw_contact(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | Non
     if has_values(table, "contact_share") and table["contact_share"].any():
         label, name = axis_of(table, "contact_share")
         factor = 100.0 if label.endswith("[-]") else 1.0  # older runs have fractions
-        line = Line(factor * table[name].to_numpy(), "", {"color": _THERMAL})
+        line = Line(factor * np.asarray(table[name]), "", {"color": _THERMAL})
         label = label.replace("[-]", "[%]")
         panels.append(Panel([line], label, name, finish=lambda axes: axes.set_ylim(0.0, 105.0)))
     friction = "mould_friction" if has_values(table, "mould_friction") else "friction_force"
@@ -300,9 +300,7 @@ def draw_contact(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | Non
     return drawn(panels, 2.1, abscissa)
 
 
-def draw_extraction(
-    table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None
-) -> Figure | None:
+def draw_extraction(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
     """Resistance of the rolls, pull of the drives, and the effort that is left in the strand."""
     if not has_values(table, "effort") or not has_values(table, "roll_resistance"):
         return None
@@ -317,7 +315,7 @@ def draw_extraction(
     return drawn(panels, 2.6, abscissa)
 
 
-def draw_slice(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
+def draw_slice(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
     """Thickness of the slice at three places ([Pascon2003] Fig. 158), and its neutral axis."""
     if not has_values(table, "slice_thickness_centre"):
         return None
@@ -332,7 +330,7 @@ def draw_slice(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None)
         panels.append(Panel(lines, *axis, finish=_within_faces(table)))
     if found := curves(table, "axial_stress"):
         lines = [
-            Line(table[name].to_numpy(), label,
+            Line(np.asarray(table[name]), label,
                  {"color": c, "linewidth": 1.2, "linestyle": "--" if "extrados" in name else "-"})
             for label, c, name in found
         ]  # fmt: skip
@@ -340,10 +338,10 @@ def draw_slice(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None)
     return drawn(panels, 2.3, abscissa)
 
 
-def _within_faces(table: pandas.DataFrame) -> Callable[[Axes], None]:
+def _within_faces(table: Columns) -> Callable[[Axes], None]:
     """Draws the faces of the strand; beyond them contraction outweighs bending."""
     known = has_values(table, "size_mid_face_intrados")
-    across = float(table["size_mid_face_intrados"].iloc[0]) if known else np.nan
+    across = float(np.asarray(table["size_mid_face_intrados"])[0]) if known else np.nan
     half = 0.5 * across if known else float(np.nanmax(np.abs(table["neutral_axis"])))
 
     def finish(panel: Axes) -> None:
@@ -357,7 +355,7 @@ def _within_faces(table: pandas.DataFrame) -> Callable[[Axes], None]:
     return finish
 
 
-def draw_bulging(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
+def draw_bulging(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
     """Bulge at the middle of the wide faces, largest of each pitch, and what the rolls bear."""
     if not has_values(table, "bulge_pitch"):
         return None
@@ -375,17 +373,17 @@ def draw_bulging(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | Non
     return drawn(panels, 2.6, abscissa)
 
 
-def draw_tensile(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
+def draw_tensile(table: Columns, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
     """Stress over strain; over time if the bar is held for a while."""
     if not {"strain", "stress"} <= set(table.columns):
         return None
     unit = str(table.attrs["units"]["stress"])
-    strain = 100.0 * table["strain"].to_numpy()
+    strain = 100.0 * np.asarray(table["strain"])
     by_time = bool((np.abs(np.diff(strain)) <= 1e-9 * np.ptp(strain)).any())
-    x = table["time"].to_numpy() if by_time else strain
+    x = np.asarray(table["time"]) if by_time else strain
     figure = new_figure(7.2, 4.4)
     axes = figure.add_subplot()
-    if table.get("analytical_stress") is not None and table["analytical_stress"].notna().any():
+    if has_values(table, "analytical_stress"):
         axes.plot(
             x, table["analytical_stress"], color="#e39c37", linewidth=4.0, alpha=0.6,
             label="analytical", solid_capstyle="butt",

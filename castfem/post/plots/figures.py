@@ -29,14 +29,13 @@ from castfem.post.plots.strand import draw_stack
 from castfem.post.plots.style import STYLE, Abscissa, look, save
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.folder import ALL_FIGURES, FIGURES_NAME, MAPS_NAME, ROWS_NAME
-from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.history import HISTORY_NAME, Columns, read_columns
 from castfem.runs.output.summary import Summary, Zone
 from castfem.runs.output.surface_maps import SurfaceMaps
 from castfem.runs.output.xdmf import HDF5_NAME
 from castfem.runs.results.run_case import units_of_run
 
 if TYPE_CHECKING:
-    import pandas
     from matplotlib.figure import Figure as Picture
 
     from castfem.physics.machine.rolls import Rolls
@@ -62,9 +61,9 @@ class RunData:
         return any((self.folder / name).is_file() for name in (MAPS_NAME, ROWS_NAME))
 
     @cached_property
-    def table(self) -> pandas.DataFrame:
+    def table(self) -> Columns:
         """The history."""
-        return read_history(self.folder / HISTORY_NAME)
+        return read_columns(self.folder / HISTORY_NAME)
 
     @cached_property
     def fields(self) -> Fields:
@@ -84,9 +83,9 @@ class RunData:
     @cached_property
     def abscissa(self) -> Abscissa:
         """The way of the slice."""
-        time = self.table["time"].to_numpy()
+        time = self.table["time"]
         known = "position" in self.table
-        position = self.table["position"].to_numpy() if known else np.full(len(time), np.nan)
+        position = self.table["position"] if known else np.full(len(time), np.nan)
         return Abscissa(time, position, self.zones, self.defects)
 
     @cached_property

@@ -20,9 +20,10 @@ from castfem.post.plots.style import Abscissa, dress, new_panels, probe_colours
 from castfem.runs.results.labels import has_values, probes_with, unit_of
 
 if TYPE_CHECKING:
-    import pandas
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from castfem.runs.output.history import Columns
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,20 +89,20 @@ def drawn(panels: Sequence[Panel], height: float, abscissa: Abscissa) -> Figure 
     return figure
 
 
-def column(table: pandas.DataFrame, name: str, label: str = "", **style: Any) -> list[Line]:
+def column(table: Columns, name: str, label: str = "", **style: Any) -> list[Line]:
     """The line of a column; none where it is not there or holds no number."""
-    return [Line(table[name].to_numpy(), label, style)] if has_values(table, name) else []
+    return [Line(np.asarray(table[name]), label, style)] if has_values(table, name) else []
 
 
-def at_probes(table: pandas.DataFrame, prefix: str, where: str = "", **style: Any) -> list[Line]:
+def at_probes(table: Columns, prefix: str, where: str = "", **style: Any) -> list[Line]:
     """The lines of the columns `prefix_PROBE`, their labels behind `where`."""
     return [
-        Line(table[name].to_numpy(), f"{where}{label}", {"color": colour, **style})
+        Line(np.asarray(table[name]), f"{where}{label}", {"color": colour, **style})
         for label, colour, name in curves(table, prefix)
     ]
 
 
-def axis_of(table: pandas.DataFrame, *names: str) -> tuple[str, str]:
+def axis_of(table: Columns, *names: str) -> tuple[str, str]:
     """Label of an axis and name of its column: the first of columns, or of prefixes, there is."""
     for name in names:
         found = (
@@ -112,7 +113,7 @@ def axis_of(table: pandas.DataFrame, *names: str) -> tuple[str, str]:
     raise KeyError(", ".join(names))
 
 
-def curves(table: pandas.DataFrame, prefix: str) -> list[tuple[str, str, str]]:
+def curves(table: Columns, prefix: str) -> list[tuple[str, str, str]]:
     """Label, colour and column of each curve `prefix_PROBE`.
 
     Probes whose curves would hide one another share one; the faces of a square are all "mid-face".
@@ -121,7 +122,7 @@ def curves(table: pandas.DataFrame, prefix: str) -> list[tuple[str, str, str]]:
     colours = probe_colours(list(probes))
     found: dict[str, list[str]] = {}  # column to the probes that share its curve
     for probe, column in probes.items():
-        values = table[column].to_numpy()
+        values = np.asarray(table[column])
         near = 2e-3 * np.ptp(values[np.isfinite(values)])
         for other, together in found.items():
             if np.allclose(table[other], values, rtol=0, atol=near, equal_nan=True):
@@ -173,7 +174,7 @@ def prefix_for(largest: float, unit: str) -> tuple[float, str]:
     return 1.0, unit
 
 
-def axis_label(table: pandas.DataFrame, name: str) -> str:
+def axis_label(table: Columns, name: str) -> str:
     """What a column is and its unit, for the axis of a figure."""
     known = find(name)
     label = name.replace("_", " ") if known is None else known[0].axis_label

@@ -16,14 +16,15 @@ from castfem.runs.output.fields import Fields
 from castfem.runs.output.layout import UNITS
 
 if TYPE_CHECKING:
-    import pandas
     from matplotlib.axes import Axes
+
+    from castfem.runs.output.history import Columns
 
 _COLOURS = {"temperature": "inferno", "gap": "cividis"}
 _SHOWN = {"K": ("°C", 1.0, -ZERO_CELSIUS), "Pa": ("MPa", 1e-6, 0.0), "m": ("mm", 1e3, 0.0)}
 
 
-def plot_columns(table: pandas.DataFrame, names: Sequence[str], axes: Axes | None) -> Axes:
+def plot_columns(table: Columns, names: Sequence[str], axes: Axes | None) -> Axes:
     """Columns of a history over the position below the meniscus."""
     from matplotlib import pyplot
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.legend import Legend
 
 
 def low_legend(figure: Figure, handles: list[Any]) -> None:
@@ -33,17 +34,20 @@ def place_legend(panel: Axes, columns: int = 2) -> None:
     To be called when curves, limits and size of the panel are settled. Where there is no room the
     axis is made longer.
     """
-    sizes = {count: _legend_size(panel, count) for count in range(1, columns + 1)}
-    fitting = [count for count, (width, _) in sizes.items() if width <= 1.0] or [1]
     drawn = _drawn_curves(panel)
-    for count in fitting:
-        width, height = sizes[count]
+    sizes: list[tuple[float, float]] = []
+    for count in range(1, columns + 1):
+        legend = panel.legend(loc="upper left", ncols=count)
+        width, height = _size(panel, legend)
+        if sizes and width > 1.0:
+            break
+        sizes.append((width, height))
         for name, left, low in _spots(width, height):
             under = _heights(drawn, left, left + width)
             if not ((under > low) & (under < low + height)).any():
-                panel.legend(loc=name, ncols=count)
+                legend.set_loc(name)
                 return
-    width, height = sizes[fitting[-1]]
+    width, height = sizes[-1]
     highest = {  # of the curves under each upper corner
         name: float(_heights(drawn, left, left + width).max(initial=0.0))
         for name, left, _ in _spots(width, height)[:2]
@@ -51,7 +55,7 @@ def place_legend(panel: Axes, columns: int = 2) -> None:
     name = min(highest, key=lambda corner: highest[corner])
     low, high = panel.get_ylim()
     panel.set_ylim(low, low + (high - low) * highest[name] / max(1.0 - height, 0.2))
-    panel.legend(loc=name, ncols=fitting[-1])
+    panel.legend(loc=name, ncols=len(sizes))
 
 
 def _spots(width: float, height: float) -> list[tuple[str, float, float]]:
@@ -73,7 +77,7 @@ def _heights(
     return found[np.isfinite(found)]
 
 
-def _legend_size(panel: Axes, columns: int) -> tuple[float, float]:
+def _size(panel: Axes, legend: Legend) -> tuple[float, float]:
     """Width and height of a legend with the room around it, of those of the panel."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
@@ -81,7 +85,6 @@ def _legend_size(panel: Axes, columns: int) -> tuple[float, float]:
     assert figure is not None
     canvas = figure.canvas
     assert isinstance(canvas, FigureCanvasAgg)
-    legend = panel.legend(loc="upper left", ncols=columns)
     box = legend.get_window_extent(canvas.get_renderer())  # type: ignore[no-untyped-call]
     around, room = panel.get_window_extent(), 0.2 * figure.dpi  # inches in all
     return float((box.width + room) / around.width), float((box.height + room) / around.height)

@@ -13,11 +13,11 @@ from castfem.post.plots.history import axis_label, curves
 from castfem.post.plots.style import Abscissa, new_figure
 
 if TYPE_CHECKING:
-    import pandas
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from castfem.model import Case
+    from castfem.runs.output.history import Columns
 
 _COLOURS = dict(zip(KINDS, ("#404040", "#f3dfb8", "#2f9bd8", "#a9d6f2"), strict=True))
 _NAMES = {
@@ -27,7 +27,7 @@ _NAMES = {
 }
 
 
-def draw_roll_to_roll(table: pandas.DataFrame, abscissa: Abscissa, case: Case) -> Figure | None:
+def draw_roll_to_roll(table: Columns, abscissa: Abscissa, case: Case) -> Figure | None:
     """Draw the surface temperatures of a case with [secondary], all of the way and close by.
 
     Returns:
@@ -99,7 +99,7 @@ def close_by(rolls: Rolls, start: float, end: float) -> tuple[float, float]:
 
 def _temperatures(
     axes: Axes,
-    table: pandas.DataFrame,
+    table: Columns,
     abscissa: Abscissa,
     lines: list[tuple[str, str, str]],
     ends: tuple[float, float],
@@ -108,7 +108,7 @@ def _temperatures(
     within = (abscissa.position >= ends[0]) & (abscissa.position <= ends[1])
     shown = []
     for name, colour, column in lines:
-        values = table[column].to_numpy()
+        values = np.asarray(table[column])
         axes.plot(abscissa.position, values, color=colour, linewidth=1.1, label=name)
         shown.append(values[within])
     found = np.concatenate(shown)

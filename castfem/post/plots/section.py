@@ -165,6 +165,7 @@ def draw_isotherms(
 ) -> list[Any]:
     """Draws solidus and liquidus into a field in degC and returns their legend."""
     from matplotlib.lines import Line2D
+    from matplotlib.patheffects import withStroke
 
     if steel is None:
         return []
@@ -174,8 +175,8 @@ def draw_isotherms(
         ("liquidus", steel.liquidus - ZERO_CELSIUS, LIQUIDUS_COLOUR),
     ):
         if values.min() < level < values.max():
-            axes.tricontour(mesh, values, levels=[level], colors=["white"], linewidths=[2.4])
-            axes.tricontour(mesh, values, levels=[level], colors=[colour], linewidths=[1.2])
+            line = axes.tricontour(mesh, values, levels=[level], colors=[colour], linewidths=[1.2])
+            line.set_path_effects([withStroke(linewidth=2.4, foreground="white")])
         words = f"{name} {said(level, 'degC', '.1f', name)}"
         handles.append(Line2D([], [], color=colour, label=words))
     return handles

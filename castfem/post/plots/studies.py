@@ -17,7 +17,7 @@ from castfem.base.shown_units import Scale, label_shown, plain_unit, scale_of
 from castfem.base.types import Array
 from castfem.model.optimise import bound
 from castfem.post.plots.style import STYLE, head, look, new_figure, save
-from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.history import HISTORY_NAME, read_columns
 from castfem.studies.optimisation.optimum import (
     Front,
     Optimum,
@@ -143,14 +143,14 @@ def indices_figure(spread: Spread, scales: Sequence[Scale] = ()) -> Figure:
 @look()
 def mould_figure(head: Sequence[str], rows: Sequence[Sequence[float]], run: Path) -> Figure:
     """Return a panel for a mould, and one for each group of columns that a run's history has."""
-    history = read_history(run / HISTORY_NAME)
+    history = read_columns(run / HISTORY_NAME)
     panels = {
         label: {name: words for name, words in columns.items() if name in history}
         for label, columns in _MOULD_PANELS.items()
     }
     panels = {label: columns for label, columns in panels.items() if columns}
     length, end, colours = scale_of("mm"), rows[-1][0], (_BLUE, _ORANGE, _GREEN)
-    position = 1e3 * history["position"].to_numpy()
+    position = 1e3 * history["position"]
     inside = position <= end * (1.0 + 1e-9)
     count = 1 + len(panels)
     figure = new_figure(5.2, 0.5 + 1.5 * count)
@@ -164,7 +164,7 @@ def mould_figure(head: Sequence[str], rows: Sequence[Sequence[float]], run: Path
     for axes, ((label, unit), columns) in zip(every[1:], panels.items(), strict=True):
         scale = scale_of(unit, next(iter(columns)))
         for (name, words), colour in zip(columns.items(), colours, strict=False):
-            values = scale(history[name].to_numpy()[inside])
+            values = scale(history[name][inside])
             axes.plot(length(position[inside]), values, color=colour, label=words, lw=1.2)
         axes.set_ylabel(f"{label} [{unit_name(scale.unit)}]", fontsize=8)
         axes.set_ylim(bottom=-0.04 * axes.get_ylim()[1])  # a curve along 0 is seen

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from castfem.runs.output.summary import Zone
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.backends.backend_agg import RendererAgg
     from matplotlib.figure import Figure
     from PIL import Image
 
@@ -115,6 +117,7 @@ def look() -> Iterator[None]:
         "axes.grid": True,
         "axes.axisbelow": True,
         "axes.linewidth": 0.8,
+        "axes.titley": 1.0,  # where it lies without ticks above, found without measuring them
         "grid.color": "#d9d9d9",
         "grid.linewidth": 0.6,
         "lines.linewidth": 1.7,
@@ -184,7 +187,9 @@ def save(figure: Figure, path: Path, *, shaded: bool = False) -> Path:
     image = render(figure)
     image = image if shaded else _indexed(image)
     with replacing(path, durable=False) as temporary:
-        image.save(temporary, format="PNG", dpi=(STYLE.dpi, STYLE.dpi))
+        image.save(
+            temporary, format="PNG", dpi=(STYLE.dpi, STYLE.dpi), compress_type=zlib.Z_RLE
+        )  # a third of the time, 5 % larger where colours run smoothly
     return path
 
 
@@ -204,20 +209,22 @@ def render(figure: Figure) -> Image.Image:
         layout.execute(figure)
         figure.set_layout_engine("none")
     canvas = FigureCanvasAgg(figure)
+    if layout is None:
+        _widen(figure, canvas.get_renderer())
     canvas.draw()
-    if layout is None and _widen(figure):
-        canvas.draw()
-    return Image.fromarray(np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3]))
+    return Image.frombuffer("RGBA", canvas.get_width_height(), canvas.buffer_rgba()).convert("RGB")
 
 
-def _widen(figure: Figure) -> bool:
-    """Moves axes with fixed margins that have long numbers away from the edge; was it needed?"""
-    cut = min((axes.yaxis.label.get_window_extent().x0 for axes in figure.axes), default=0.0)
-    if cut >= 0.0:
-        return False
-    wider = (STYLE.edge * figure.dpi - cut) / figure.bbox.width
-    figure.subplots_adjust(left=figure.subplotpars.left + wider)
-    return True
+def _widen(figure: Figure, renderer: RendererAgg) -> None:
+    """Moves axes with fixed margins that have long numbers away from the edge."""
+    cut = 0.0
+    for axes in figure.axes:
+        axes.apply_aspect()
+        axes.yaxis.get_tightbbox(renderer)  # puts the label beside the numbers
+        cut = min(cut, axes.yaxis.label.get_window_extent(renderer).x0)
+    if cut < 0.0:
+        wider = (STYLE.edge * figure.dpi - cut) / figure.bbox.width
+        figure.subplots_adjust(left=figure.subplotpars.left + wider)
 
 
 def _indexed(image: Image.Image) -> Image.Image:

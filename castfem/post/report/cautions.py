@@ -30,15 +30,13 @@ from castfem.post.report.remarks import (
     remarks,
 )
 from castfem.runs.output.fields import Fields
-from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.history import HISTORY_NAME, Columns, read_columns
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.derived import OPEN, Spell, spells
 from castfem.runs.results.labels import has_values, probes_with, unit_of
 from castfem.runs.results.run_case import case_with
 
 if TYPE_CHECKING:
-    import pandas
-
     from castfem.model import Case
 
 SURFACE, WALL = 1200.0 + ZERO_CELSIUS, 150.0 + ZERO_CELSIUS  # K
@@ -49,7 +47,7 @@ def cautions(folder: Path, summary: Summary) -> list[str]:
     return _of_run(folder, summary, _history(folder))
 
 
-def _of_run(folder: Path, summary: Summary, table: pandas.DataFrame | None) -> list[str]:
+def _of_run(folder: Path, summary: Summary, table: Columns | None) -> list[str]:
     bare = (_line(one) for one in _unsteady(table, summary) if NO_SHELL in one.where)
     found = (
         *summary.warnings,
@@ -90,37 +88,37 @@ def _line(one: Remark) -> str:
     return f"{one.what}, {said(one.value, one.unit, '.2g', one.name)}: {one.where}"
 
 
-def _history(folder: Path) -> pandas.DataFrame | None:
+def _history(folder: Path) -> Columns | None:
     """The history of a run; None of one that has none, or no row with a position."""
     try:
-        table = read_history(folder / HISTORY_NAME)
+        table = read_columns(folder / HISTORY_NAME)
     except InputError:
         return None
     return table if has_values(table, "position") else None
 
 
-def _unsteady(table: pandas.DataFrame | None, summary: Summary | None) -> list[Remark]:
+def _unsteady(table: Columns | None, summary: Summary | None) -> list[Remark]:
     """What a run says of a shell that melted again and of windows; none without a history."""
     found = [] if table is None else remarks(table, summary)
     return [one for one in found if one.what in (REMELTED, NOT_CONVERGED)]
 
 
-def _flickering(table: pandas.DataFrame | None) -> Iterator[str]:
+def _flickering(table: Columns | None) -> Iterator[str]:
     """Places that lose contact again and again; none without a history."""
     if table is None:
         return
-    position = table["position"].to_numpy()
+    position = np.asarray(table["position"])
     for label, _, column in curves(table, "gap"):
-        lost = len(spells(table[column].to_numpy(), position, OPEN))
+        lost = len(spells(np.asarray(table[column]), position, OPEN))
         if lost >= LIMITS.flickers:
             yield f"contact lost {lost} times, {label}"
 
 
-def _off_the_mould(folder: Path, table: pandas.DataFrame | None) -> Iterator[str]:
+def _off_the_mould(folder: Path, table: Columns | None) -> Iterator[str]:
     """Where nothing touches the mould, and by how much places then differ that should be alike."""
     if table is None:
         return
-    position = table["position"].to_numpy()
+    position = np.asarray(table["position"])
     yield lost_all_round(contact_share(table), position)
     if (case := case_with(folder, "[mould")) is not None:
         whole = isinstance(case.section, Round)
@@ -190,7 +188,7 @@ def equal_places(case: Case, places: Iterable[str]) -> list[list[str]]:
 
 
 def _unequal(
-    table: pandas.DataFrame, position: Array, places: list[str], surface: tuple[float, float]
+    table: Columns, position: Array, places: list[str], surface: tuple[float, float]
 ) -> str:
     """Say by how much places differ that are the same by symmetry; "" where they hardly do.
 
@@ -203,7 +201,7 @@ def _unequal(
     apart = {}
     for prefix in ("surface_temperature", "gap"):
         names = [f"{prefix}_{place}" for place in places if f"{prefix}_{place}" in table]
-        spread = np.ptp(table[names].to_numpy(), axis=1) if names else np.full(len(table), np.nan)
+        spread = np.ptp([table[n] for n in names], axis=0) if names else np.full(len(table), np.nan)
         if np.isfinite(spread).any():
             row = int(np.nanargmax(spread))
             apart[prefix] = float(spread[row]), float(position[row])

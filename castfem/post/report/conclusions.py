@@ -14,7 +14,7 @@ from castfem.base.shown_units import said
 from castfem.post.plots.history import curves
 from castfem.post.report.cracks import CrackPlaces, crack_places
 from castfem.post.report.remarks import REMELTED, THINNEST, Remark, remarks_of
-from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.history import HISTORY_NAME, read_columns
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.numbers import cells, finely
 from castfem.runs.results.run_case import case_with
@@ -64,14 +64,14 @@ def _unbending(folder: Path) -> Iterator[tuple[str, str]]:
     case = case_with(folder, "[machine")
     rolls = None if case is None or case.machine is None else case.machine.pairs()
     try:
-        table = read_history(folder / HISTORY_NAME)
+        table = read_columns(folder / HISTORY_NAME)
     except InputError:
         return
     if case is None or rolls is None or len(table) < 2:
         return
     from castfem.physics.machine.phases import phases
 
-    position = table["position"].to_numpy()
+    position = table["position"]
     band = None if case.quality is None else case.quality.band
     for phase in phases(rolls):
         start, end = (rolls.pairs[i].position for i in (phase.first, phase.last))
@@ -81,7 +81,7 @@ def _unbending(folder: Path) -> Iterator[tuple[str, str]]:
         parts = []
         for label, _, column in curves(table, "surface_temperature"):
             ends = np.interp([start, end], position, table[column])
-            values = np.r_[ends, table[column].to_numpy()[rows]]
+            values = np.r_[ends, table[column][rows]]
             low, high = float(values.min()), float(values.max())
             critical = band is not None and low < band[1] - ZERO_CELSIUS and (
                 high > band[0] - ZERO_CELSIUS

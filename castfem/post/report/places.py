@@ -12,7 +12,7 @@ from castfem.base.result_registry import AT_FRACTION
 from castfem.base.shown_quantity import Quantity
 from castfem.base.shown_units import Scale, place_said, scale_of
 from castfem.base.table import Table
-from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.history import HISTORY_NAME, read_columns
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.headline import AT_PROBES, HEADLINE, at_places, repeats
 from castfem.runs.results.numbers import resolution_in, unit_shown, value_cells
@@ -89,8 +89,8 @@ def _same(one: float, other: float) -> bool:
 
 def table_at(folder: Path, positions: Sequence[float]) -> Table:
     """The table of all results at some positions, m."""
-    table = read_history(folder / HISTORY_NAME)
-    if table.empty:
+    table = read_columns(folder / HISTORY_NAME)
+    if not len(table):
         raise InputError(f"{folder}: no step has been taken yet")
     summary = Summary.load(folder)
     runs = [quantities_at(table, position, folder, summary) for position in positions]
@@ -101,12 +101,12 @@ def table_at(folder: Path, positions: Sequence[float]) -> Table:
 def table_along(folder: Path, summary: Summary | None) -> Table | None:
     """What there is at the ends of zones, bending and straightening; None where there are none."""
     try:
-        table = read_history(folder / HISTORY_NAME)
+        table = read_columns(folder / HISTORY_NAME)
     except InputError:
         return None
     if len(table) < 2 or "position" not in table:
         return None
-    start, end = (float(table["position"].iloc[i]) for i in (0, -1))
+    start, end = (float(table["position"][i]) for i in (0, -1))
     places = [place for place in places_of(folder, summary, end) if place.position >= start]
     if len(places) < 2:
         return None

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,14 +21,11 @@ from castfem.post.plots.section import Steel
 from castfem.post.report.hot_spots import HotSpot, hottest, thinnest
 from castfem.runs.output.field_files import HDF5_NAME
 from castfem.runs.output.fields import Fields
-from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.history import HISTORY_NAME, Columns, read_columns
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.derived import OPEN, mould_exit, spells
 from castfem.runs.results.labels import STAIR, beside_wall, has_values, unit_of
 from castfem.runs.results.roll_load import BULGE, RollLoads
-
-if TYPE_CHECKING:
-    import pandas
 
 NOT_CONVERGED = "coupling windows not converged"
 THINNEST, _HOTTEST = "thinnest shell", "hottest surface"
@@ -74,7 +70,7 @@ def in_mm(position: float) -> str:
     return place_said(position, near=".0f", far=".2f")
 
 
-def at_place(position: float, table: pandas.DataFrame) -> str:
+def at_place(position: float, table: Columns) -> str:
     """A position and the time when the slice is there."""
     time = float(np.interp(position, table["position"], table["time"]))
     digits = ".3g" if time < 1e3 else ".0f"  # 1100 s, not 1.1e+03 s
@@ -87,7 +83,7 @@ def remarks_of(folder: Path, summary: Summary | None) -> list[Remark]:
     Nothing without a history, or of a damaged one: that is told of where its figures are drawn.
     """
     try:
-        table, loads = read_history(folder / HISTORY_NAME), RollLoads.of(folder)
+        table, loads = read_columns(folder / HISTORY_NAME), RollLoads.of(folder)
         bulge = [] if loads is None else list(_between_rolls(loads))
         if not (folder / HDF5_NAME).is_file():
             return [*remarks(table, summary), *bulge]
@@ -97,13 +93,11 @@ def remarks_of(folder: Path, summary: Summary | None) -> list[Remark]:
         return []
 
 
-def remarks(
-    table: pandas.DataFrame, summary: Summary | None, fields: Fields | None = None
-) -> list[Remark]:
+def remarks(table: Columns, summary: Summary | None, fields: Fields | None = None) -> list[Remark]:
     """What is worth a look in a run."""
     if len(table) < 2 or not has_values(table, "position"):
         return []
-    position = table["position"].to_numpy()
+    position = np.asarray(table["position"])
     if (np.diff(position) < 0).any() or position[-1] <= position[0]:
         return []
     at, name = mould_exit(position, summary)
@@ -129,9 +123,9 @@ def remarks(
     ]
 
 
-def _contact(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+def _contact(table: Columns, position: Array) -> Iterator[Remark]:
     for label, _, column in curves(table, "gap"):
-        gap, unit = table[column].to_numpy(), unit_of(table, column)
+        gap, unit = np.asarray(table[column]), unit_of(table, column)
         stretches = spells(gap, position, OPEN)
         if not stretches:
             continue
@@ -154,15 +148,15 @@ def _contact(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
         yield from _largest(table, position, "contact_pressure", what)
 
 
-def contact_share(table: pandas.DataFrame) -> Array:
+def contact_share(table: Columns) -> Array:
     """Share of the surface that touches the mould, %; NaN below it and in a run without."""
     if not has_values(table, "contact_share"):
         return np.full(len(table), np.nan)
     scale = 1.0 if unit_of(table, "contact_share") == "%" else 100.0  # older runs have fractions
-    return np.where(beside_wall(table), scale * table["contact_share"].to_numpy(), np.nan)
+    return np.where(beside_wall(table), scale * np.asarray(table["contact_share"]), np.nan)
 
 
-def _share(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+def _share(table: Columns, position: Array) -> Iterator[Remark]:
     """The least part of the surface that touches, unless all of it always does."""
     share = contact_share(table)
     if np.isnan(share).all():
@@ -175,14 +169,14 @@ def _share(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
         yield Remark("least contact", float(share[row]), "%", where)
 
 
-def _stairs(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+def _stairs(table: Columns, position: Array) -> Iterator[Remark]:
     """The shell where its cells resolve it worst, if one would see it."""
     worst: tuple[float, str, int, str] | None = None
     for label, _, column in curves(table, "shell"):
         name = column.replace("shell_", "solidus_cell_", 1)
         if not has_values(table, name):
             continue
-        off = _finite(STAIR * table[name].to_numpy())
+        off = _finite(STAIR * np.asarray(table[name]))
         row = int(np.nanargmax(off))
         if worst is None or off[row] > worst[0]:
             worst = float(off[row]), label, row, name
@@ -192,17 +186,18 @@ def _stairs(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
     where = (
         f"{label}, at {at_place(float(position[row]), table)}: the curve has steps, as the solidus"
     )
-    where += f" lies in cells of {said(float(table[name].iloc[row]), 'mm', '.2g', name)} there"
+    cell = float(np.asarray(table[name])[row])
+    where += f" lies in cells of {said(cell, 'mm', '.2g', name)} there"
     yield Remark("resolution of the shell, ±", off_, unit_of(table, name), where, name)
 
 
-def _bulging(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+def _bulging(table: Columns, position: Array) -> Iterator[Remark]:
     """A face that the liquid has pushed out further than any caster would let it."""
     for label, _, column in curves(table, "displacement"):
         size = column.replace("displacement", "size", 1)
         if not has_values(table, size):
             continue
-        moved, across = table[column].to_numpy(), table[size].to_numpy()
+        moved, across = np.asarray(table[column]), np.asarray(table[size])
         row = int(np.nanargmax(moved))
         if moved[row] > LIMITS.bulged * across[0]:
             where = (
@@ -222,7 +217,7 @@ def _between_rolls(loads: RollLoads) -> Iterator[Remark]:
 
 
 def _largest_way_back(
-    table: pandas.DataFrame, prefix: str, sign: float
+    table: Columns, prefix: str, sign: float
 ) -> tuple[float, str, int, int, str] | None:
     """By how much a quantity falls most (sign 1) or rises (-1) on its way at any probe.
 
@@ -231,7 +226,7 @@ def _largest_way_back(
     """
     best: tuple[float, str, int, int, str] | None = None
     for label, _, column in curves(table, prefix):
-        values = sign * table[column].to_numpy()
+        values = sign * np.asarray(table[column])
         lost = np.fmax.accumulate(values) - values
         if not np.isfinite(lost).any():
             continue
@@ -242,7 +237,7 @@ def _largest_way_back(
     return best
 
 
-def _remelting(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+def _remelting(table: Columns, position: Array) -> Iterator[Remark]:
     """Where the shell has become thinner on the way down, by the most at any probe.
 
     A shell that is gone again lets the steel out: what follows is a strand without a breakout.
@@ -251,17 +246,17 @@ def _remelting(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
     if best is None or best[0] < LIMITS.melted:
         return
     value, label, start, end, column = best
-    rest, unit = float(table[column].iloc[end]), unit_of(table, column)
+    rest, unit = float(np.asarray(table[column])[end]), unit_of(table, column)
     left = f"where {said(rest, unit, '.2g', column)} are left"
     if rest <= 0.0:
-        solid = np.flatnonzero(table[column].to_numpy()[end:] > 0.0)
+        solid = np.flatnonzero(np.asarray(table[column])[end:] > 0.0)
         until = f"to {in_mm(position[end + solid[0]])}" if len(solid) else "on"
         left = f"{NO_SHELL} from {in_mm(position[end])} {until}: a sign of a breakout"
     where = f"{label}, from {in_mm(position[start])} to {in_mm(position[end])}, {left}"
     yield Remark(REMELTED, value, unit, where, column)
 
 
-def _reheating(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+def _reheating(table: Columns, position: Array) -> Iterator[Remark]:
     """The largest rise of a surface temperature on the way down."""
     best = _largest_way_back(table, "surface_temperature", -1.0)
     if best is None or best[0] < LIMITS.reheated:
@@ -282,7 +277,7 @@ def _coupling(summary: Summary | None) -> Iterator[Remark]:
 
 
 def _largest(
-    table: pandas.DataFrame,
+    table: Columns,
     position: Array,
     prefix: str,
     what: str,
@@ -296,14 +291,14 @@ def _largest(
     whole = f"{of or prefix}_max"
     probes = [(label, column) for label, _, column in curves(table, prefix)]
     columns = [whole] if has_values(table, whole) else [column for _, column in probes]
-    finite = {column: _finite(table[column].to_numpy()) for column in columns}
+    finite = {column: _finite(np.asarray(table[column])) for column in columns}
     peaks = [(float(np.nanmax(v)), column) for column, v in finite.items() if not np.isnan(v).all()]
     if not peaks or max(peaks)[0] <= least:
         return
     value, column = max(peaks)
     row = int(np.nanargmax(finite[column]))
     where = f"at {at_place(float(position[row]), table)}"
-    there = [(float(table[column].iloc[row]), label) for label, column in probes]
+    there = [(float(np.asarray(table[column])[row]), label) for label, column in probes]
     there = [entry for entry in there if np.isfinite(entry[0])]
     unit = unit_of(table, column)
     if there and max(there)[0] > least:
@@ -316,12 +311,12 @@ def _largest(
     yield Remark(what, value, unit, where, column)
 
 
-def _at_exit(table: pandas.DataFrame, position: Array, at: float, where: str) -> dict[str, Remark]:
+def _at_exit(table: Columns, position: Array, at: float, where: str) -> dict[str, Remark]:
     """The thinnest shell and the hottest place of the surface among the probes at the exit."""
     found = {}
     for prefix, what, pick in (("shell", THINNEST, min), ("surface_temperature", _HOTTEST, max)):
         values = {
-            label: (float(np.interp(at, position, table[column].to_numpy())), column)
+            label: (float(np.interp(at, position, np.asarray(table[column]))), column)
             for label, _, column in curves(table, prefix)
         }
         values = {label: entry for label, entry in values.items() if np.isfinite(entry[0])}
@@ -331,7 +326,7 @@ def _at_exit(table: pandas.DataFrame, position: Array, at: float, where: str) ->
             unit, cell = unit_of(table, column), column.replace("shell_", "solidus_cell_", 1)
             off = None
             if cell != column and has_values(table, cell):
-                size = float(np.interp(at, position, table[cell].to_numpy()))
+                size = float(np.interp(at, position, np.asarray(table[cell])))
                 off = STAIR * size if np.isfinite(size) else None  # without a shell, in no cell
             found[what] = Remark(what, value, unit, f"{label}, {where}", column, off)
     return found

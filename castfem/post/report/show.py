@@ -16,7 +16,7 @@ from castfem.post.report.places import table_along, table_at
 from castfem.post.report.remarks import remarks_of
 from castfem.post.report.results_table import balance_tables, result_tables
 from castfem.runs.output.folder import LOG_NAME, OutputFolder
-from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.history import HISTORY_NAME, read_columns
 from castfem.runs.output.run_record import RunRecord
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.labels import last_quantities
@@ -145,13 +145,13 @@ def _liquid_left(summary: Summary) -> Iterator[str]:
 def _last_state(path: Path, record: RunRecord) -> Iterator[Table | str]:
     """The last row of the history and the last checkpoint of a run that has not finished."""
     try:
-        table = read_history(path / HISTORY_NAME)
+        table = read_columns(path / HISTORY_NAME)
     except InputError:
         table = None
-    if table is None or table.empty:
+    if table is None or not len(table):
         yield "no step has been taken yet"
         return
-    row = {str(name): float(value) for name, value in table.iloc[-1].items()}
+    row = {name: float(table[name][-1]) for name in table}
     last = Summary("", record.status, last_quantities(row, table.attrs["units"]))
     yield from result_tables(last, f"Last of {len(table)} steps")
     if "time" in record.reached:

@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from castfem.base.atomic_files import AppendedFile, Closing, write_text
 from castfem.base.constants import same_or_before
 from castfem.base.errors import InputError
+from castfem.base.types import Array
 
 if TYPE_CHECKING:
     import pandas
@@ -131,14 +134,40 @@ class History(Closing):
         self._file.close()
 
 
-def read_history(path: Path | str) -> pandas.DataFrame:
-    """A history as a table of floats, one column a quantity under its bare name.
+class Columns:
+    """A history as an array a column, read and used as a table of pandas but without loading it.
 
-    The units are in `table.attrs["units"]`, a dict of name to unit. A last row cut off by a kill is
-    left out.
+    Attributes:
+        columns: Names, without units.
+        attrs: Name to unit in `attrs["units"]`.
     """
-    import pandas
 
+    def __init__(self, values: Mapping[str, Array], units: Mapping[str, str]) -> None:
+        """Columns of the same length, and their units."""
+        self._values = dict(values)
+        self.columns = tuple(self._values)
+        self.attrs = {"units": dict(units)}
+
+    def __getitem__(self, name: str) -> Array:
+        """(rows,) of one column."""
+        return self._values[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._values
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns)
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return len(next(iter(self._values.values())))
+
+
+def read_columns(path: Path | str) -> Columns:
+    """A history as arrays of floats under the bare names of its columns.
+
+    A last row cut off by a kill is left out.
+    """
     path = Path(path)
     header, rows = _complete_lines(path)
     columns = _columns(path, header)
@@ -148,8 +177,17 @@ def read_history(path: Path | str) -> pandas.DataFrame:
     for before, this in pairwise(row[0] for row in values):
         if not this >= before:  # nor where one is missing
             raise InputError(f"{path}: its times do not increase ({this:g} s after {before:g} s)")
-    table = pandas.DataFrame(values, columns=[name for name, _ in columns], dtype=float)
-    table.attrs["units"] = dict(columns)
+    across = np.array(values, dtype=np.float64).reshape(len(rows), len(columns)).T.copy()
+    return Columns(dict(zip((name for name, _ in columns), across, strict=True)), dict(columns))
+
+
+def read_history(path: Path | str) -> pandas.DataFrame:
+    """As `read_columns`, as a table of pandas; the units are in `table.attrs["units"]`."""
+    import pandas
+
+    found = read_columns(path)
+    table = pandas.DataFrame({name: found[name] for name in found}, dtype=float)
+    table.attrs.update(found.attrs)
     return table
 
 

@@ -16,9 +16,9 @@ step: it may be opened at any moment, during the run and after a kill.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -260,7 +260,7 @@ class FieldWriter(Closing):
             shape = (rows,) if width == 1 else (rows, width)
             values = _item(step.file, f"/{step.group}/{field}", shape, self._dtype)
             grid.append(
-                f'<Attribute Name={quoteattr(field)} AttributeType="{_KINDS[width]}" '
+                f'<Attribute Name="{escape(field)}" AttributeType="{_KINDS[width]}" '
                 f'Center="{_CENTRES[centre]}">{values}</Attribute>\n'
             )
         grid.append("</Grid>\n")

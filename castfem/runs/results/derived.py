@@ -11,7 +11,7 @@ from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError
 from castfem.base.shown_quantity import Quantity
 from castfem.base.types import Array
-from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.history import HISTORY_NAME, read_columns
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.labels import last_quantities, probes_with
 from castfem.runs.results.roll_load import RollLoads
@@ -28,12 +28,12 @@ def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
     is not. Bulge and force of rolls are the largest on the way.
     """
     try:
-        table = read_history(folder / HISTORY_NAME)
+        table = read_columns(folder / HISTORY_NAME)
     except InputError:
         return {}
     if len(table) < 2 or "position" not in table:
         return {}
-    position, units = table["position"].to_numpy(), table.attrs["units"]
+    position, units = table["position"], table.attrs["units"]
     loads = RollLoads.of(folder)
     found = {} if loads is None else loads.quantities()
     at, name = mould_exit(position, summary)
@@ -46,7 +46,7 @@ def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
             depths[thinnest], label=f"thinnest shell of the probes, {name}", shown_unit="mm",
             error=summary.errors_near(at).get(thinnest),
         )  # fmt: skip
-    gaps = [table[c].to_numpy() for c in probes_with(table, "gap").values()]
+    gaps = [table[c] for c in probes_with(table, "gap").values()]
     lost = [spell for gap in gaps for spell in spells(gap, position, OPEN)]
     if gaps:
         first = min((spell.start for spell in lost), default=np.nan)

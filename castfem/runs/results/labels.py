@@ -16,7 +16,7 @@ from castfem.base.shown_units import plain_unit
 from castfem.base.types import Flags
 
 if TYPE_CHECKING:
-    import pandas
+    from castfem.runs.output.history import Columns
 
 
 STAIR = 1.0 / 6.0
@@ -62,7 +62,7 @@ def last_quantities(row: Mapping[str, float], units: Mapping[str, str]) -> dict[
     return resolved(results, cell)
 
 
-def probes_with(table: pandas.DataFrame, prefix: str) -> dict[str, str]:
+def probes_with(table: Columns, prefix: str) -> dict[str, str]:
     """Probe to column, of the columns `prefix_PROBE` that hold any number.
 
     A column of the whole slice that begins so is none of them.
@@ -73,21 +73,21 @@ def probes_with(table: pandas.DataFrame, prefix: str) -> dict[str, str]:
         if name.startswith(f"{prefix}_")
         and name[len(prefix) + 1 :] not in _NO_PROBES
         and ((known := find(name)) is None or known[1])
-        and table[name].notna().any()
+        and has_values(table, name)
     }
 
 
-def has_values(table: pandas.DataFrame, name: str) -> bool:
+def has_values(table: Columns, name: str) -> bool:
     """Whether a column is there and holds any number."""
-    return name in table and bool(table[name].notna().any())
+    return name in table and not np.isnan(table[name]).all()
 
 
-def beside_wall(table: pandas.DataFrame) -> Flags:
+def beside_wall(table: Columns) -> Flags:
     """Rows (n,) in which a probe has a wall beside it: those in the mould; all without a probe."""
-    known = [table[column].notna().to_numpy() for column in probes_with(table, "gap").values()]
+    known = [~np.isnan(table[column]) for column in probes_with(table, "gap").values()]
     return np.any(known, axis=0) if known else np.ones(len(table), dtype=bool)
 
 
-def unit_of(table: pandas.DataFrame, name: str) -> str:
+def unit_of(table: Columns, name: str) -> str:
     """The unit of a column as figures write it."""
     return plain_unit(str(table.attrs["units"][name]))

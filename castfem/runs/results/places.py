@@ -19,7 +19,7 @@ from castfem.runs.output.summary import Summary
 from castfem.runs.results.labels import last_quantities
 
 if TYPE_CHECKING:
-    import pandas
+    from castfem.runs.output.history import Columns
 
 
 def read_positions(given: Sequence[str]) -> list[float]:
@@ -54,7 +54,7 @@ def read_number(name: str, given: float | str | None, unit: str) -> float | None
 
 
 def quantities_at(
-    table: pandas.DataFrame,
+    table: Columns,
     position: float,
     folder: Path | str,
     summary: Summary | None = None,
@@ -64,7 +64,8 @@ def quantities_at(
     Raises:
         InputError: The run has not been there.
     """
-    places = table["position"].to_numpy()
+    columns = {str(name): np.asarray(table[name]) for name in table}
+    places = columns["position"]
     start, end = float(places[0]), float(places[-1])
     slack = ROUNDING * max(end, 1e-3)
     if not start - slack <= position <= end + slack:
@@ -76,14 +77,12 @@ def quantities_at(
     # Where the strand stands the slice is at a place more than once: the first time counts.
     after = min(int(np.searchsorted(places, position - slack)), len(places) - 1)
     if abs(places[after] - position) <= slack or after == 0:
-        row = table.iloc[after]
-        values = {str(name): float(value) for name, value in row.items()}
+        values = {name: float(column[after]) for name, column in columns.items()}
     else:
         share = (position - places[after - 1]) / (places[after] - places[after - 1])
-        before, behind = table.iloc[after - 1], table.iloc[after]
         values = {
-            str(name): float(one + share * (other - one))
-            for name, one, other in zip(table.columns, before, behind, strict=True)
+            name: float(column[after - 1] + share * (column[after] - column[after - 1]))
+            for name, column in columns.items()
         }
     found = last_quantities(values, table.attrs["units"])
     errors = {} if summary is None else summary.errors_near(position)

@@ -15,7 +15,7 @@ from castfem.base.shown_quantity import Quantity, to_si
 from castfem.base.shown_units import documented, said
 from castfem.model.machine import thickness_of
 from castfem.physics.machine.stations import Stations
-from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.history import HISTORY_NAME, read_columns
 from castfem.runs.results.labels import has_values, unit_of
 from castfem.runs.results.run_case import case_with
 
@@ -57,18 +57,18 @@ class RollLoads:
         if stations.rolls is None:
             return None
         try:
-            table = read_history(folder / HISTORY_NAME)
+            table = read_columns(folder / HISTORY_NAME)
         except InputError:  # told where its figures are drawn
             return None
         having = [name for name in (_FORCE, BULGE) if has_values(table, name)]
         if not having:
             return None
-        position, places = table["position"].to_numpy(), [p.position for p in stations.rolls.pairs]
+        position, places = table["position"], [p.position for p in stations.rolls.pairs]
         values: dict[str, dict[int, float]] = {name: {} for name in having}
         for number, (start, end) in enumerate(pairwise([*places, np.inf]), start=1):
             rows = (position > start + ROUNDING) & (position <= end + ROUNDING)
             for name in having:
-                part = table[name].to_numpy()[rows]
+                part = table[name][rows]
                 if np.isfinite(part).any():
                     values[name][number] = float(np.nanmax(part))
         return cls(stations, values, {name: unit_of(table, name) for name in having})

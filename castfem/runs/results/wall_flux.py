@@ -12,7 +12,7 @@ from castfem.model.build_mould import nominal_mould
 from castfem.physics.mould.hot.flux import FluxMap, WallPlaces
 from castfem.physics.mould.perimeter import sides_of
 from castfem.runs.output.folder import WALL_FLUX_NAME
-from castfem.runs.output.history import read_history
+from castfem.runs.output.history import read_columns
 from castfem.runs.output.surface_line import SurfaceLine
 
 if TYPE_CHECKING:
@@ -68,8 +68,10 @@ def read_wall_flux(folder: Path, length: float) -> FluxMap:
     Raises:
         InputError: The run has written none.
     """
-    table = read_history(folder / WALL_FLUX_NAME)
+    table = read_columns(folder / WALL_FLUX_NAME)
     names = [name for name in table.columns if str(name).startswith(_HEAD)]
-    inside = table["position"].to_numpy() <= length * (1.0 + 1e-9)
+    inside = table["position"] <= length * (1.0 + 1e-9)
     ways = 1e-3 * np.array([float(str(name).removeprefix(_HEAD)) for name in names])
-    return FluxMap(table["position"].to_numpy()[inside], ways, table[names].to_numpy()[inside])
+    return FluxMap(
+        table["position"][inside], ways, np.column_stack([table[name][inside] for name in names])
+    )

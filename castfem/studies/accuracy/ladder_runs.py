@@ -9,7 +9,7 @@ from pathlib import Path
 from castfem.base.constants import ROUNDING
 from castfem.base.errors import RunFailure
 from castfem.base.shown_quantity import Quantity
-from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.history import HISTORY_NAME, read_columns
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.places import quantities_at
 from castfem.studies.accuracy.ladder import Level
@@ -67,11 +67,11 @@ class Ladder:
         if not places:
             return {}
         folders = {name: self.record.folder / name for name in results}
-        tables = {name: read_history(path / HISTORY_NAME) for name, path in folders.items()}
+        tables = {name: read_columns(path / HISTORY_NAME) for name, path in folders.items()}
         return {
             at: {name: quantities_at(table, at, folders[name]) for name, table in tables.items()}
             for at in sorted(places)
-            if at >= float(tables[base.name]["position"].iloc[0])
+            if at >= float(tables[base.name]["position"][0])
         }
 
 

@@ -23,7 +23,7 @@ from castfem.base.errors import InputError, RunFailure
 from castfem.base.shown_quantity import Quantity, from_si, unit_of_difference
 from castfem.base.types import Array
 from castfem.model.load import value_of
-from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.history import HISTORY_NAME, read_columns
 from castfem.runs.results.places import quantities_at
 from castfem.studies.calibration.measured import (
     Measured,
@@ -262,8 +262,13 @@ def followed(case: Case, measured: Sequence[Measured]) -> Case:
 
 
 def computed(case: Case, folder: Path, measured: Sequence[Measured]) -> list[Quantity]:
-    """Return what the run of a case gives where there are data."""
-    table, found = read_history(folder / HISTORY_NAME), []
+    """Return what the run of a case gives where there are data.
+
+    Raises:
+        InputError: It has no such result there.
+        RunFailure: The copper of the mould has no temperature.
+    """
+    table, found = read_columns(folder / HISTORY_NAME), []
     copper, in_copper = CopperTemperatures(case, folder), thermocouples(case)
     for data in measured:
         if (row := data.name.partition(".")[0]) in in_copper:

@@ -24,7 +24,7 @@ from castfem.base.units import nearest, parse_any
 from castfem.model import Case
 from castfem.model.mould import CopperThermocouples
 from castfem.runs.output.folder import PROBES_NAME
-from castfem.runs.output.history import read_history
+from castfem.runs.output.history import read_columns
 from castfem.runs.results.probes import HEAT, MECHANICS, PHASES
 
 _ERROR = " error"  # ends the name of a column of errors
@@ -220,10 +220,10 @@ def thermocouples(case: Case) -> dict[str, CopperThermocouples]:
 def value_at(folder: Path, name: str, position: float) -> Quantity:
     """Return what a run has at a probe where the slice came to a position (m)."""
     probe, _, column = name.rpartition(_DOT)
-    table = read_history(folder / PROBES_NAME / f"{probe}.csv")
-    places = table["position"].to_numpy()
+    table = read_columns(folder / PROBES_NAME / f"{probe}.csv")
+    places = table["position"]
     if column not in table or not len(places) or not places[0] <= position <= places[-1] * 1.000001:
         raise InputError(f"{folder}: probe {probe} has no {column} at {1e3 * position:g} mm")
     unit = str(table.attrs["units"][column])
-    value = float(np.interp(position, places, table[column].to_numpy()))
+    value = float(np.interp(position, places, table[column]))
     return Quantity(to_si(value, unit), unit, f"{column.replace('_', ' ')} at {probe}")

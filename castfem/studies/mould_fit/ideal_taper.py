@@ -16,11 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.base.types import Array
-from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.history import HISTORY_NAME, Columns, read_columns
 
 if TYPE_CHECKING:
-    from pandas import DataFrame
-
     from castfem.physics.mould.mould import Mould
 
 _SIZES = {
@@ -42,8 +40,8 @@ def fitted_tapers(
     """
     from scipy.optimize import lsq_linear
 
-    history = read_history(folder / HISTORY_NAME)
-    position = history["position"].to_numpy()
+    history = read_columns(folder / HISTORY_NAME)
+    position = np.asarray(history["position"])
     length = mould_of(start).length
     places = np.linspace(0.0, min(length, position[-1]), 25)
 
@@ -88,7 +86,7 @@ def _fitted_to(sizes: list[str], keys: list[str]) -> list[str]:
     return [name for name in sizes if (name == "diagonal") != alone]
 
 
-def strand_sizes(history: DataFrame, places: Array, cavity: dict[str, float]) -> dict[str, Array]:
+def strand_sizes(history: Columns, places: Array, cavity: dict[str, float]) -> dict[str, Array]:
     """Sizes of the strand at places along the mould, m, of those that the cavity has there.
 
     The diagonal of a rectangle that is no square goes by what its corner moves, outwards at 45
@@ -96,8 +94,8 @@ def strand_sizes(history: DataFrame, places: Array, cavity: dict[str, float]) ->
     """
 
     def along(column: str) -> Array:
-        values = 1e-3 * history[column].to_numpy()
-        return np.asarray(np.interp(places, history["position"].to_numpy(), values))
+        values = 1e-3 * np.asarray(history[column])
+        return np.asarray(np.interp(places, np.asarray(history["position"]), values))
 
     columns = {name: _SIZES[name] for name in cavity if _SIZES.get(name) in history}
     found = {name: along(column) for name, column in columns.items()}

@@ -11,7 +11,7 @@ from castfem.base import units
 from castfem.base.errors import CastfemError
 from castfem.base.shown_quantity import Quantity
 from castfem.base.table import Table
-from castfem.runs.output.history import HISTORY_NAME, read_history
+from castfem.runs.output.history import HISTORY_NAME, read_columns
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.derived import derived
 from castfem.runs.results.places import quantities_at
@@ -63,7 +63,7 @@ def _results_at(folder: Path, at: Sequence[float]) -> dict[str, Quantity]:
     """Results of a run at some positions, m, by name and position."""
     if not at:
         return {}
-    table = read_history(folder / HISTORY_NAME)
+    table = read_columns(folder / HISTORY_NAME)
     found = {}
     for position in at:
         place = f"at {1e3 * position:.6g} mm"
