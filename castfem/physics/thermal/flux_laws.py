@@ -16,7 +16,7 @@ import numpy as np
 
 from castfem.base.constants import STEFAN_BOLTZMANN
 from castfem.base.types import Array
-from castfem.physics.thermal.mould_flux import Curve, slope_of
+from castfem.physics.thermal.mould_flux import Curve, with_slope
 from castfem.physics.thermal.sprays import Correlation
 
 
@@ -61,8 +61,8 @@ class Convection(SurfaceLaw):
         excess = temperature - self.ambient
         if not callable(self.coefficient):
             return self.coefficient * excess, np.full_like(temperature, self.coefficient)
-        h = self.coefficient(temperature)
-        return h * excess, h + slope_of(self.coefficient, temperature) * excess
+        h, slope = with_slope(self.coefficient, temperature)
+        return h * excess, h + slope * excess
 
     def least_rise(self, temperatures: Array, time: float) -> float:
         """See `SurfaceLaw.least_rise`."""
@@ -230,14 +230,14 @@ class Radiation(SurfaceLaw):
 
     def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
         """See `SurfaceLaw.flux`."""
-        gamma = self.factor(temperature)
         # Odd below absolute zero, where an iterate may stray: the flux stays monotone.
         cube = np.abs(temperature) ** 3
         excess = temperature * cube - self.ambient**4
-        slope = gamma * 4.0 * cube
-        if callable(self.emissivity):
-            slope = slope + slope_of(self.factor, temperature) * excess
-        return gamma * excess, slope
+        if not callable(self.emissivity):
+            gamma = self.factor(temperature)
+            return gamma * excess, gamma * 4.0 * cube
+        gamma, rise = with_slope(self.factor, temperature)
+        return gamma * excess, gamma * 4.0 * cube + rise * excess
 
     def least_rise(self, temperatures: Array, time: float) -> float:
         """See `SurfaceLaw.least_rise`, without a gap, in which a flux that falls does so most."""

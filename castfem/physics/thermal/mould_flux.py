@@ -26,10 +26,18 @@ WATER = 4.17e6
 """J/(m3 K): heat capacity of water at 25 to 40 degC (4.18 kJ/(kg K), 997 to 992 kg/m3)."""
 
 
-def slope_of(function: Callable[[Array], Array], temperature: Array) -> Array:
-    """Derivative of tabulated values by the temperature (n,), K, as a difference quotient."""
+def with_slope(function: Callable[[Array], Array], temperature: Array) -> tuple[Array, Array]:
+    """Tabulated values at temperatures (...), K, and their derivative, a difference quotient.
+
+    Args:
+        function: Asked once for all temperatures (3, ...), since calls cost more than values.
+        temperature: The temperatures.
+    """
     half = 1e-3  # K
-    return np.asarray((function(temperature + half) - function(temperature - half)) / (2 * half))
+    here, above, below = function(
+        np.stack([temperature, temperature + half, temperature - half])
+    )
+    return here, (above - below) / (2 * half)
 
 
 Value = float | Callable[[float], float]
@@ -143,7 +151,7 @@ def _value(curve: Curve, temperature: Array, time: float) -> tuple[Array, Array]
     """What a curve has at surface temperatures (n,) and its derivative with them."""
     of_surface = curve.over_temperature
     if of_surface is not None:
-        return of_surface(temperature), slope_of(of_surface, temperature)
+        return with_slope(of_surface, temperature)
     value = curve.value(time) if callable(curve.value) else curve.value
     return np.full_like(temperature, value), np.zeros_like(temperature)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from castfem.base.types import Array, Indices
 from castfem.physics.thermal.flux_laws import SurfaceLaw
-from castfem.physics.thermal.mould_flux import slope_of
+from castfem.physics.thermal.mould_flux import with_slope
 from castfem.physics.thermal.sprays import Correlation
 
 Coefficient = Callable[[Array, Array], Array]
@@ -43,12 +43,12 @@ class CoefficientTable:
         for name, axis in (("temperatures", self.temperatures), ("water", self.water)):
             if len(axis) < 2 or any(not b > a for a, b in itertools.pairwise(axis)):
                 raise ValueError(f"{name} must be at least two and increase")
-        if self._grid.shape != (len(self.temperatures), len(self.water)):
+        if self._arrays[2].shape != (len(self.temperatures), len(self.water)):
             raise ValueError("a coefficient is needed for each temperature and flow")
 
     @cached_property
-    def _grid(self) -> Array:
-        return np.array(self.values, float)
+    def _arrays(self) -> tuple[Array, Array, Array]:
+        return np.array(self.temperatures), np.array(self.water), np.array(self.values, float)
 
     @property
     def most(self) -> float:
@@ -57,9 +57,9 @@ class CoefficientTable:
 
     def __call__(self, water: Array, surface: Array) -> Array:
         """See `Coefficient`."""
-        i, right = _place(np.asarray(self.temperatures), surface)
-        j, up = _place(np.asarray(self.water), water)
-        grid = self._grid
+        temperatures, flows, grid = self._arrays
+        i, right = _place(temperatures, surface)
+        j, up = _place(flows, water)
         corner, beside = grid[i, j], grid[i + 1, j]
         low = corner + up * (grid[i, j + 1] - corner)
         high = beside + up * (grid[i + 1, j + 1] - beside)
@@ -68,8 +68,9 @@ class CoefficientTable:
 
 def _place(knots: Array, at: Array) -> tuple[Indices, Array]:
     """Interval of each value, and the share of it that lies below; the ends hold beyond."""
-    i = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(knots) - 2)
-    return i, np.clip((at - knots[i]) / (knots[i + 1] - knots[i]), 0.0, 1.0)
+    i = knots[1:-1].searchsorted(at, side="right")
+    share = (at - knots[i]) / (knots[i + 1] - knots[i])
+    return i, np.minimum(np.maximum(share, 0.0), 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,9 +154,9 @@ class SprayWater(SurfaceLaw):
     def heat_transfer(self, flows: Sequence[Array], surface: Array) -> Array:
         """H at the water of each row, kg/(m2 s), and surface temperatures, K, W/m2K."""
         total = np.sum(flows, axis=0)
-        models = list(dict.fromkeys(row.coefficient for row in self.rows))
-        if len(models) == 1:
-            return models[0](total, surface)
+        first = self.rows[0].coefficient
+        if all(row.coefficient == first for row in self.rows):
+            return first(total, surface)
         found = np.zeros_like(surface)
         for flow, row in zip(flows, self.rows, strict=True):
             weight = np.divide(flow, total, out=np.zeros_like(total), where=total > 0.0)
@@ -167,8 +168,7 @@ class SprayWater(SurfaceLaw):
         return self._flux(self.flows(time), temperature)
 
     def _flux(self, flows: Sequence[Array], temperature: Array) -> tuple[Array, Array]:
-        h = self.heat_transfer(flows, temperature)
-        slope = slope_of(lambda surface: self.heat_transfer(flows, surface), temperature)
+        h, slope = with_slope(lambda surface: self.heat_transfer(flows, surface), temperature)
         excess = temperature - self.water_temperature
         return h * excess, h + slope * excess
 
