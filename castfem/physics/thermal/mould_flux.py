@@ -34,7 +34,7 @@ def with_slope(function: Callable[[Array], Array], temperature: Array) -> tuple[
         temperature: The temperatures.
     """
     half = 1e-3  # K
-    here, above, below = function(np.stack([temperature, temperature + half, temperature - half]))
+    here, above, below = function(np.add.outer([0.0, half, -half], temperature))
     return here, (above - below) / (2 * half)
 
 

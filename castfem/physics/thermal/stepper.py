@@ -188,8 +188,9 @@ class ThermalStepper:
         dt = time - old.time
         newton = self.problem.iterations
         bounds = self._bounds(old, time)
+        within = self._enthalpies(bounds)
         second_order = self.scheme == "sdirk2"
-        tried = stages = (self._sdirk2 if second_order else self._euler)(old, dt, bounds)
+        tried = stages = (self._sdirk2 if second_order else self._euler)(old, dt, within)
         limited, next_rate, error = False, None, 0.0
         if self.estimate and tried[-1].result.converged:
             error = self._error(old, tried, dt)
@@ -197,9 +198,9 @@ class ThermalStepper:
             coldest, hottest = self._extremes(tried[-1].point)
             limited = coldest < bounds[0] - RANGE.slack or hottest > bounds[1] + RANGE.slack
             if not limited and (error > DAMPING.controlled or not self.estimate):
-                limited, next_rate = self._look_ahead(old, tried, dt, bounds)
+                limited, next_rate = self._look_ahead(old, tried, dt, within)
             if limited:
-                stages, next_rate = self._euler(old, dt, bounds, DAMPING.parts), None
+                stages, next_rate = self._euler(old, dt, within, DAMPING.parts), None
         newton = self.problem.iterations - newton
         reason = stages[-1].result.reason
         if not stages[-1].result.converged:
@@ -212,7 +213,7 @@ class ThermalStepper:
         return StepResult(True, state, error, newton, limited, reason, balance, tuple(stages))
 
     def _look_ahead(
-        self, old: ThermalState, stages: list[Stage], dt: float, bounds: tuple[float, float]
+        self, old: ThermalState, stages: list[Stage], dt: float, within: tuple[float, float]
     ) -> tuple[bool, Array | None]:
         """Whether vertices would come back after a second-order step; the rate they go on with.
 
@@ -229,7 +230,7 @@ class ThermalStepper:
         turning = (moved * last.rate < 0.0) & (most > DAMPING.rebound)
         if not reductions.any_of(self.comm, bool(turning.any())):
             return False, None
-        guess = self._guess(last.enthalpy, last.rate, tau, bounds)
+        guess = self._guess(last.enthalpy, last.rate, tau, within)
         after = self.problem.solve_stage(last.enthalpy, guess, tau, old.time + dt + tau)
         if not after.result.converged:
             return False, None
@@ -297,11 +298,16 @@ class ThermalStepper:
         low, high = min(low, so_far[0]), max(high, so_far[1])
         return low, high + RANGE.warmer * self.problem.warming * (time - old.time)
 
-    def _guess(self, old: Array, rate: Array, tau: float, bounds: tuple[float, float]) -> Array:
-        """Enthalpy extrapolated by its rate, within the bounds: where Newton's method starts."""
+    def _enthalpies(self, bounds: tuple[float, float]) -> tuple[float, float]:
+        """The enthalpies that temperatures within the bounds, K, may have, J/m3."""
         curve = self.problem.curve
-        low, high = (np.clip(b, curve.knots[0], curve.knots[-1]) for b in bounds)
-        return np.clip(old + tau * rate, curve.enthalpy(low, "left"), curve.enthalpy(high))
+        low, high = np.clip(bounds, curve.knots[0], curve.knots[-1])
+        return float(curve.enthalpy(low, "left")), float(curve.enthalpy(high))
+
+    @staticmethod
+    def _guess(old: Array, rate: Array, tau: float, within: tuple[float, float]) -> Array:
+        """Enthalpy extrapolated by its rate, within a range: where Newton's method starts."""
+        return np.clip(old + tau * rate, *within)
 
     def _commit(
         self, old: ThermalState, stages: list[Stage], time: float, next_rate: Array | None
@@ -330,12 +336,12 @@ class ThermalStepper:
         return state, balance
 
     def _euler(
-        self, old: ThermalState, dt: float, bounds: tuple[float, float], parts: int = 1
+        self, old: ThermalState, dt: float, within: tuple[float, float], parts: int = 1
     ) -> list[Stage]:
         stages: list[Stage] = []
         enthalpy, rate, tau = old.enthalpy, old.next_rate, dt / parts
         for part in range(1, parts + 1):
-            guess = self._guess(enthalpy, rate, tau, bounds)
+            guess = self._guess(enthalpy, rate, tau, within)
             stage = self.problem.solve_stage(enthalpy, guess, tau, old.time + part * tau)
             stages.append(stage)
             if not stage.result.converged:
@@ -343,14 +349,14 @@ class ThermalStepper:
             enthalpy, rate = stage.enthalpy, stage.rate
         return stages
 
-    def _sdirk2(self, old: ThermalState, dt: float, bounds: tuple[float, float]) -> list[Stage]:
+    def _sdirk2(self, old: ThermalState, dt: float, within: tuple[float, float]) -> list[Stage]:
         tau = GAMMA * dt
-        guess = self._guess(old.enthalpy, old.next_rate, tau, bounds)
+        guess = self._guess(old.enthalpy, old.next_rate, tau, within)
         first = self.problem.solve_stage(old.enthalpy, guess, tau, old.time + tau)
         if not first.result.converged:
             return [first]
         base = old.enthalpy + (1 - GAMMA) * dt * first.rate
-        guess = self._guess(base, first.rate, tau, bounds)
+        guess = self._guess(base, first.rate, tau, within)
         return [first, self.problem.solve_stage(base, guess, tau, old.time + dt)]
 
     def _error(self, old: ThermalState, stages: list[Stage], dt: float) -> float:
