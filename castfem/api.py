@@ -79,7 +79,7 @@ def run(
     target = Path(made or folder or ".")
     bar = Progress(0 if progress else -1) if comm.rank == 0 else None
     try:
-        if made is None:
+        if folder is not None:
             on_root(comm, lambda: _may_run_in(target, sound, resume, overwrite))
         summary = loop.run(sound, target, comm=comm, resume=resume, progress=bar)
     except BaseException:

@@ -13,6 +13,7 @@ import pandas
 import pytest
 from ranks import needs_mpirun, python_on
 
+import castfem
 from castfem.model import load_case
 from castfem.runs import loop
 from castfem.runs.output.checkpoint import load_checkpoint
@@ -110,3 +111,12 @@ def test_a_closed_form_is_held_against_a_run_on_ranks(shared_folder: Path) -> No
         for name, comm in ((f"{MPI.COMM_WORLD.rank}", MPI.COMM_SELF), ("many", MPI.COMM_WORLD))
     )
     assert one > 0.0 and many == pytest.approx(one, rel=1e-6)
+
+
+@pytest.mark.mpi
+def test_a_run_of_a_script_without_a_folder_ends_on_all_ranks() -> None:
+    """Rank 0 alone makes the temporary folder; the others waited for it to look into one."""
+    short = ("casting.length=3 mm", "output.figures=false")
+    with castfem.run(load_case(CASES.parent / "verification" / "neumann.toml", short)) as result:
+        heats = MPI.COMM_WORLD.allgather(result.summary.quantities["heat_removed"].value)
+    assert len(set(heats)) == 1 and heats[0] > 0.0
