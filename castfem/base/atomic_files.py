@@ -307,8 +307,10 @@ def taken(lock: FileLock) -> bool:
     while True:
         try:
             lock.acquire(timeout=0)
-        except NotImplementedError:  # filelock's answer where the file system knows no locks
-            logger.debug("%s: the file system knows no locks", lock.lock_file)
+        except NotImplementedError as error:
+            # Reason: filelock raises it where flock() answers ENOSYS, as some network mounts do;
+            # a run must write its results there, too (see above).
+            logger.debug("%s: no lock: %s", lock.lock_file, error)
             return False
         except Timeout:
             if not _has_locks(Path(lock.lock_file)):

@@ -101,7 +101,7 @@ class NortonHoff(Hardening):
     p1: Curve  #: softening, over temperature; any sign
     p3: Curve  #: exponent of the rate, over temperature, at least 0.001
     p4: Curve  #: exponent of the strain, over temperature
-    yield_limit: Curve | None = None  #: none to find it automatically, or over temperature, Pa
+    yield_limit: Curve | None = None  #: None to find it automatically, or over temperature, Pa
     largest_strain: float = 2.0  #: beyond it e no longer changes the curve
 
     name: ClassVar[str] = "norton_hoff"
