@@ -130,13 +130,19 @@ def test_schema(castfem):
     assert castfem("schema", "--markdown").out == markdown_page()
 
 
+def test_a_steel_without_its_composition_is_told_the_option(castfem):
+    outcome = castfem("material", "plain_carbon")
+    assert outcome.status == 1 and outcome.err.rstrip().endswith(
+        "such as C = 0.2, here by -c C=0.2"
+    )
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         (("check", "billet125/idealized"), "billet125/idealised?"),
         (("init", "nowhere/x"), "cannot be written"),
         (("show", "nowhere"), "nowhere: no such folder"),
-        (("material", "plain_carbon"), "such as C = 0.2, here by -c C=0.2\n"),
         (("material", "carbon_042", "-c", "C:0.2"), "C=0.42"),
     ],
 )
