@@ -45,6 +45,7 @@ STUDIES = {
     "sensitivity": ("sensitivity", "sensitivity.md"),
     "sensitivity_errors": ("sensitivity_errors", "sensitivity.md"),
     "systems": ("systems", "environment.md"),
+    "diagrams": ("diagrams", "materials.md"),
 }
 """Name -> module and page with its tables, in the order in which they run.
 

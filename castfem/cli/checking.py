@@ -99,7 +99,7 @@ def _steel(reading: Reading) -> Steel | None:
         table.name,
         Path.cwd(),
         composition=table.composition,
-        overrides=table.overrides,
+        overrides=table.changes,
         origin=reading.steel,
         where=lambda keys: f"{reading.origin(('steel', *keys))}: steel",
     )

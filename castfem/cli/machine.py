@@ -93,7 +93,7 @@ def circuit_table(case: Case, table: Secondary, rolls: Rolls, thickness: float) 
 
     steel = load_steel(
         case.steel.name, Path.cwd(), composition=case.steel.composition,
-        overrides=case.steel.overrides,
+        overrides=case.steel.changes,
     )  # fmt: skip
     mass = steel_per_length(build_mesh(case), steel)
     supply = Supply(mass, case.casting.travel, case.water, case.casting.clock)

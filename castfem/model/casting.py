@@ -136,6 +136,15 @@ class Steel(TableModel):
     that is not, it makes plain_carbon"""
     overrides: dict[str, Any] = Field(default_factory=dict)
     """keys of the property set to change for this case, written as in its file"""
+    diagram: Literal["assessed", "pascon"] | None = None
+    """iron-carbon diagram of a steel with a composition: curves fitted to an assessed database, or
+    the straight lines of the thesis; by default that of the set, which is assessed unless its file
+    has `diagram`"""
+
+    @property
+    def changes(self) -> dict[str, Any]:
+        """What is changed of the set, written as in its file."""
+        return self.overrides | ({} if self.diagram is None else {"diagram": self.diagram})
 
 
 def _whole_percent(fraction: float | None) -> float | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,9 +25,24 @@ carbons = st.one_of(
     st.sampled_from([0.0, 0.05, 0.10, 0.18, 0.51, 2.11, 1e-6, 0.1000001, 0.5099999]),
 )
 temperatures = st.one_of(
-    st.floats(900.0, 1900.0), st.sampled_from([PERITECTIC, 1811.15, 1667.15, 1421.15])
+    st.floats(900.0, 1900.0),
+    st.sampled_from([PERITECTIC, 1811.15, 1667.15, 1421.15, 1767.75, 1810.95, 1667.55, 1408.9]),
 )
 sides = st.sampled_from(["above", "below"])
+alloys = st.fixed_dictionaries(
+    {},
+    optional={
+        "Mn": st.floats(0.0, 2.0), "Si": st.floats(0.0, 0.6), "P": st.floats(0.0, 0.04),
+        "Cr": st.floats(0.0, 2.0),
+    },
+)  # fmt: skip
+steels = st.one_of(
+    st.builds(IronCarbon, carbons),
+    st.builds(
+        lambda carbon, others, diagram: alloyed({"C": carbon, **others}, diagram),
+        carbons, alloys, st.sampled_from(["assessed", "pascon"]),
+    ),
+)  # fmt: skip
 
 
 def fractions(steel: IronCarbon, celsius: float, side: str = "above") -> tuple[float, ...]:
@@ -105,9 +121,8 @@ def test_pure_iron_melts_and_transforms_at_a_point():
     assert fractions(iron, 1450.0) == (0.0, 1.0, 0.0)
 
 
-@given(carbons, temperatures, sides)
-def test_fractions_sum_to_one_and_keep_the_carbon(carbon, temperature, side):
-    steel = IronCarbon(carbon)
+@given(steels, temperatures, sides)
+def test_fractions_sum_to_one_and_keep_the_carbon(steel, temperature, side):
     p = steel.phases(temperature, side)
     parts = np.array([p.liquid, p.delta, p.gamma])
     assert np.all((parts >= 0.0) & (parts <= 1.0))
@@ -117,17 +132,15 @@ def test_fractions_sum_to_one_and_keep_the_carbon(carbon, temperature, side):
     assert np.nansum(parts * held) == pytest.approx(steel.carbon, abs=1e-14)
 
 
-@given(carbons, sides)
-def test_liquid_fraction_never_falls_on_heating(carbon, side):
-    steel = IronCarbon(carbon)
+@given(steels, sides)
+def test_liquid_fraction_never_falls_on_heating(steel, side):
     t = np.union1d(np.linspace(1390.0, 1850.0, 2000), steel.kinks)
     assert np.all(np.diff(steel.phases(t, side).liquid) >= -1e-15)
 
 
-@given(carbons, st.floats(0.0, 1.0))
-def test_continuous_away_from_the_reactions(carbon, share):
+@given(steels, st.floats(0.0, 1.0))
+def test_continuous_away_from_the_reactions(steel, share):
     """A step of 1e-9 of the interval between two kinks moves no fraction by more than 1e-6."""
-    steel = IronCarbon(carbon)
     limits = [1300.0, *steel.kinks, 1900.0]
     for low, high in itertools.pairwise(limits):
         if high - low < 1e-6:
@@ -140,18 +153,16 @@ def test_continuous_away_from_the_reactions(carbon, share):
             assert abs(getattr(before, name) - getattr(after, name)) < 1e-6
 
 
-@given(carbons)
-def test_both_sides_agree_at_kinks_that_are_no_reactions(carbon):
-    steel = IronCarbon(carbon)
+@given(steels)
+def test_both_sides_agree_at_kinks_that_are_no_reactions(steel):
     calm = [t for t in steel.kinks if t not in steel.reactions]
     above, below = steel.phases(calm, "above"), steel.phases(calm, "below")
     assert np.array_equal(above.liquid, below.liquid)
     assert np.array_equal(above.gamma, below.gamma)
 
 
-@given(carbons)
-def test_limits_are_where_phases_begin_and_end(carbon):
-    steel = IronCarbon(carbon)
+@given(steels)
+def test_limits_are_where_phases_begin_and_end(steel):
     assert steel.solidus <= steel.liquidus
     assert float(steel.phases(steel.liquidus).liquid) == pytest.approx(1.0, abs=1e-8)
     assert float(steel.phases(steel.solidus, "below").liquid) == pytest.approx(0.0, abs=1e-8)
@@ -160,14 +171,96 @@ def test_limits_are_where_phases_begin_and_end(carbon):
         assert float(steel.phases(steel.gamma_end - 1e-6).delta) == 0.0
 
 
+# C, Mn, Si (wt%); liquidus and solidus, degC; solid fraction by mass at a quarter, a half and three
+# quarters of the way from the solidus to the liquidus, at equilibrium of liquid, delta ferrite and
+# austenite by [PovodenKaradeniz2016] (docs/references.md), computed by pycalphad 0.11.2.
+EQUILIBRIA = [
+    (0.03, 0, 0, 1535.5, 1524.6, 0.946, 0.853, 0.659),
+    (0.03, 0.6, 0.2, 1530.4, 1516.3, 0.94, 0.833, 0.608),
+    (0.03, 1.5, 0.3, 1524.5, 1505.9, 0.934, 0.813, 0.565),
+    (0.03, 2, 0.6, 1518.1, 1492.8, 0.926, 0.791, 0.531),
+    (0.1, 0, 0, 1530.1, 1494.6, 0.929, 0.835, 0.641),
+    (0.1, 0.6, 0.2, 1525.0, 1489.5, 0.901, 0.799, 0.592),
+    (0.1, 1.5, 0.3, 1519.1, 1486.8, 0.84, 0.723, 0.504),
+    (0.1, 2, 0.6, 1512.7, 1482.2, 0.768, 0.637, 0.416),
+    (0.12, 0, 0, 1528.6, 1494.6, 0.875, 0.772, 0.571),
+    (0.12, 0.6, 0.2, 1523.4, 1489.4, 0.847, 0.737, 0.527),
+    (0.12, 1.5, 0.3, 1517.5, 1486.8, 0.782, 0.66, 0.446),
+    (0.12, 2, 0.6, 1511.1, 1477.9, 0.753, 0.624, 0.407),
+    (0.17, 0, 0, 1524.6, 1494.6, 0.747, 0.63, 0.429),
+    (0.17, 0.6, 0.2, 1519.4, 1486.6, 0.744, 0.625, 0.421),
+    (0.17, 1.5, 0.3, 1513.5, 1478.2, 0.872, 0.61, 0.404),
+    (0.17, 2, 0.6, 1507.1, 1467.3, 0.874, 0.598, 0.39),
+    (0.3, 0, 0, 1514.0, 1471.0, 0.876, 0.688, 0.363),
+    (0.3, 0.6, 0.2, 1508.8, 1461.7, 0.879, 0.698, 0.366),
+    (0.3, 1.5, 0.3, 1502.9, 1452.7, 0.882, 0.708, 0.359),
+    (0.3, 2, 0.6, 1496.3, 1441.1, 0.882, 0.71, 0.427),
+    (0.45, 0, 0, 1501.4, 1444.2, 0.882, 0.714, 0.445),
+    (0.45, 0.6, 0.2, 1496.1, 1434.0, 0.883, 0.717, 0.454),
+    (0.45, 1.5, 0.3, 1490.1, 1424.5, 0.884, 0.723, 0.47),
+    (0.45, 2, 0.6, 1483.9, 1412.4, 0.881, 0.717, 0.465),
+    (0.05, 0, 0, 1534.0, 1515.4, 0.946, 0.854, 0.661),
+    (0.53, 0, 0, 1494.5, 1430.0, 0.883, 0.72, 0.469),
+    (0.6, 0, 0, 1489.8, 1417.8, 0.881, 0.716, 0.463),
+    (0.8, 0, 0, 1476.2, 1382.7, 0.875, 0.705, 0.451),
+    (1.0, 0, 0, 1462.0, 1347.6, 0.871, 0.697, 0.441),
+    (1.2, 0, 0, 1447.4, 1311.9, 0.868, 0.691, 0.434),
+]
+
+
+STEELS = {
+    "0 to 1.2 %C alone": lambda manganese: manganese == 0.0,
+    "to 0.45 %C, 0.6 %Mn, 0.2 %Si": lambda manganese: manganese == 0.6,
+    "to 0.45 %C, 2 %Mn, 0.6 %Si": lambda manganese: manganese > 0.0,
+}
+
+
+@pytest.mark.parametrize("steels", STEELS)
+@pytest.mark.parametrize("diagram", ["assessed", "pascon"])
+def test_diagrams_are_as_near_to_the_database_as_the_page_says(diagram, steels):
+    """Largest differences of liquidus, solidus and solid fraction, in the digits of the page."""
+    apart = []
+    for carbon, manganese, silicon, liquidus, solidus, *solid in EQUILIBRIA:
+        if not STEELS[steels](manganese):
+            continue
+        steel = alloyed({"C": carbon, "Mn": manganese, "Si": silicon}, diagram)
+        at = solidus + ZERO + np.array([0.25, 0.5, 0.75]) * (liquidus - solidus)
+        fractions = 1.0 - steel.phases(at).liquid - solid
+        limits = (steel.liquidus - ZERO - liquidus, steel.solidus - ZERO - solidus)
+        apart.append([*map(abs, limits), np.abs(fractions).max()])
+    page = (Path(__file__).parents[2] / "docs" / "materials.md").read_text(encoding="utf-8")
+    row = next(r for r in page.splitlines() if r.startswith(f"| `{diagram}` | {steels} |"))
+    largest = np.max(apart, axis=0)
+    assert row.split(" | ", 2)[2] == "{:.1f} | {:.1f} | {:.3f} |".format(*largest)
+    if diagram == "assessed":
+        assert largest[0] < 1.5 and largest[1] < 4.0
+
+
+def test_alloying_shifts_the_lines_of_the_assessed_diagram_each_by_itself():
+    plain, steel = alloyed({"C": 0.05}), alloyed({"C": 0.05, "Mn": 1.0})
+    assert plain.liquidus - steel.liquidus == pytest.approx(5.2, abs=1e-9)
+    assert plain.solidus - steel.solidus == pytest.approx(8.7, abs=1e-9)
+    plain, steel = alloyed({"C": 0.7}), alloyed({"C": 0.7, "Si": 0.5})
+    assert plain.liquidus - steel.liquidus == pytest.approx(6.8, abs=1e-9)
+    assert plain.solidus - steel.solidus == pytest.approx(13.3, abs=1e-9)
+
+
+def test_pure_iron_of_the_assessed_diagram_melts_at_a_point_and_alloyed_iron_does_not():
+    iron, alloy = alloyed({"C": 0.0}), alloyed({"C": 0.0, "Mn": 1.0})
+    assert iron.reactions == (1667.55, 1810.95) and iron.solidus == iron.liquidus == 1810.95
+    assert alloy.reactions == (alloy.transformation,)
+    assert alloy.liquidus - alloy.solidus == pytest.approx(8.7 - 5.2, abs=1e-9)
+
+
 @pytest.mark.parametrize("carbon", [-0.01, 2.2, float("nan")])
 def test_carbon_out_of_range_is_refused(carbon):
     with pytest.raises(ValueError, match="carbon"):
         IronCarbon(carbon)
 
 
-def test_alloying_lowers_the_whole_diagram():
-    plain, steel = alloyed({"C": 0.15}), alloyed({"C": 0.15, "Si": 0.2, "Mn": 0.8, "P": 0.02})
+def test_alloying_lowers_the_whole_diagram_of_straight_lines():
+    contents = {"C": 0.15, "Si": 0.2, "Mn": 0.8, "P": 0.02}
+    plain, steel = alloyed({"C": 0.15}, "pascon"), alloyed(contents, "pascon")
     drop = 0.2 * 7.5 + 0.8 * 4.9 + 0.02 * 34.4
     for name in ("liquidus", "solidus", "peritectic", "melting", "eutectic"):
         assert getattr(plain, name) - getattr(steel, name) == pytest.approx(drop, abs=1e-9)
@@ -175,8 +268,9 @@ def test_alloying_lowers_the_whole_diagram():
     assert steel.transformation - plain.transformation == pytest.approx(rise, abs=1e-9)
 
 
-def test_alloyed_diagram_keeps_the_carbon():
-    p = alloyed({"C": 0.12, "Mn": 1.5}).phases(np.linspace(1600.0, 1850.0, 400))
+@pytest.mark.parametrize("diagram", ["assessed", "pascon"])
+def test_alloyed_diagram_keeps_the_carbon(diagram):
+    p = alloyed({"C": 0.12, "Mn": 1.5}, diagram).phases(np.linspace(1600.0, 1850.0, 400))
     held = [np.nan_to_num(c) for c in (p.carbon_liquid, p.carbon_delta, p.carbon_gamma)]
     assert p.liquid * held[0] + p.delta * held[1] + p.gamma * held[2] == pytest.approx(0.12)
 

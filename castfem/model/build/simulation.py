@@ -225,7 +225,7 @@ def case_steel(case: Case) -> Steel:
     return load_steel(
         given.name,
         composition=given.composition or None,
-        overrides=given.overrides or None,
+        overrides=given.changes,
         origin=f"{case.title}: steel",
     )
 

@@ -118,7 +118,7 @@ class Workshop:
         if "C" not in self.composition:
             return
         try:
-            self.diagram = iron_carbon.alloyed(self.composition)
+            self.diagram = iron_carbon.alloyed(self.composition, self.given.diagram)
         except ValueError as error:
             self.fail("composition", text=str(error))
 

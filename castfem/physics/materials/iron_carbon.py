@@ -1,6 +1,11 @@
 """Iron-carbon equilibrium by the lever rule (thesis II.1.4, II.1.5) and what alloying does to it.
 
-All lines of the diagram are straight between these points (degC, wt% C):
+Two diagrams are here. `assessed` has curves, fitted to tie lines of the assessed database
+[PovodenKaradeniz2016]: each line of the diagram is a cubic between two points, within 0.5 K (0.1 K
+for C < 0.5 %) of the tie lines from 0 to 2 % C. Pure iron melts at 1537.8 degC and turns from delta
+to gamma at 1394.4, the peritectic is L(0.528) + delta(0.093) -> gamma(0.172) at 1494.6.
+
+`pascon` is that of the thesis, with straight lines between these points (degC, wt% C):
 
     pure iron melts at 1538; delta turns to gamma at 1394
     peritectic  L(0.51) + delta(0.10) -> gamma(0.18) at 1495
@@ -19,8 +24,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -29,11 +34,9 @@ import numpy.typing as npt
 from castfem.base.types import Array
 
 Side = Literal["above", "below"]
+DiagramName = Literal["assessed", "pascon"]
 
-# Carbon contents at the peritectic and the eutectic, wt%.
-PERITECTIC_DELTA, PERITECTIC_GAMMA, PERITECTIC_LIQUID = 0.10, 0.18, 0.51
-EUTECTIC_GAMMA, EUTECTIC_LIQUID = 2.11, 4.30
-MAX_CARBON = EUTECTIC_GAMMA
+MAX_CARBON = 2.11  # wt%, the most that austenite dissolves
 TRACE = 1e-6  # wt% C: less is pure iron, its freezing range would be lost in rounding
 MAX_ALLOYING = 5.0  # wt% of one element: beyond it linear corrections mean nothing
 
@@ -52,6 +55,97 @@ ELEMENTS = tuple(LIQUIDUS_DROP)
 
 
 @dataclass(frozen=True, slots=True)
+class Line:
+    """Carbon of one phase in equilibrium with another over the temperature, a cubic.
+
+    With s from 0 at the first to 1 at the last point it is
+    c0 + (c1 - c0) s + s (1 - s) (b0 + b1 s), and so beyond the points.
+    """
+
+    first: tuple[float, float]  #: temperature, K, and carbon, wt%, at one point
+    last: tuple[float, float]  #: the same at the other
+    bend: tuple[float, float] = (0.0, 0.0)  #: b0 and b1, wt%
+
+    def carbon(self, temperature: npt.ArrayLike) -> Array:
+        """Carbon at temperatures in K (any shape), wt%."""
+        (t0, c0), (t1, c1) = self.first, self.last
+        s = (t0 - np.asarray(temperature, float)) / (t0 - t1)
+        return np.asarray(c0 + (c1 - c0) * s + s * (1.0 - s) * (self.bend[0] + self.bend[1] * s))
+
+    def temperature(self, carbon: float) -> float:
+        """Temperature at which a line has so much carbon, wt%, in K.
+
+        Alloying moves the peritectic along the lines: it may lie beyond their points.
+        """
+        (t0, c0), (t1, c1) = self.first, self.last
+        if carbon == c0 or not any(self.bend):
+            return t0 + (carbon - c0) / (c1 - c0) * (t1 - t0)
+        beyond = 0.2 * (t1 - t0)
+        return _root(lambda t: float(self.carbon(t)) > carbon, t0 - beyond, t1 + beyond)
+
+    def lowered(self, drop: float) -> Line:
+        """The line of a steel whose alloying lowers it by `drop`, K."""
+        first, last = ((t - drop, carbon) for t, carbon in (self.first, self.last))
+        return replace(self, first=first, last=last)
+
+
+def _root(beyond: Callable[[float], bool], start: float, end: float) -> float:
+    """Where a condition that does not hold at the start begins to hold, by halving to rounding."""
+    while start != (middle := 0.5 * (start + end)) != end:
+        start, end = (start, middle) if beyond(middle) else (middle, end)
+    return middle
+
+
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """The lines at which iron and carbon freeze, and their transformation of pure iron."""
+
+    liquid_delta: Line  #: liquid in equilibrium with delta ferrite, from the melting point
+    delta: Line  #: delta ferrite in equilibrium with liquid, likewise
+    liquid_gamma: Line  #: liquid in equilibrium with austenite, from the peritectic
+    gamma: Line  #: austenite in equilibrium with liquid, likewise
+    transformation: float  #: delta -> gamma of pure iron, K
+    #: bends of the lines from there to the peritectic, of delta ferrite and austenite, wt%
+    bends: tuple[tuple[float, float], tuple[float, float]] = ((0.0, 0.0), (0.0, 0.0))
+
+
+PASCON = Lines(
+    Line((1811.15, 0.0), (1768.15, 0.51)),
+    Line((1811.15, 0.0), (1768.15, 0.10)),
+    Line((1768.15, 0.51), (1421.15, 4.30)),
+    Line((1768.15, 0.18), (1421.15, 2.11)),
+    transformation=1667.15,
+)
+ASSESSED = Lines(
+    Line((1810.95, 0.0), (1767.75, 0.5277), (0.0433, -0.0064)),
+    Line((1810.95, 0.0), (1767.75, 0.0929), (0.0074, 0.0006)),
+    Line((1767.75, 0.5277), (1408.9, 4.495), (1.3555, -0.5261)),
+    Line((1767.75, 0.1717), (1408.9, 2.11), (0.0306, 0.2564)),
+    transformation=1667.55,
+    bends=((-0.0393, -0.0144), (-0.0407, -0.0133)),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Shift:
+    """What one weight per cent of an element does to the diagram, K."""
+
+    liquid_delta: float  #: how much it lowers each line
+    delta: float
+    liquid_gamma: float
+    gamma: float
+    transformation: float  #: how much it raises delta -> gamma
+
+
+# Fitted to liquidus, solidus and delta -> gamma of 54 steels by [PovodenKaradeniz2016]: C to 0.5,
+# Mn to 2, Si to 0.6 %. Of the other elements the regression of the liquidus is known.
+FITTED = {
+    "Mn": Shift(5.2, 8.7, 4.3, 6.7, 22.0),
+    "Si": Shift(11.1, 20.3, 13.6, 26.6, -38.0),
+}
+
+
+@dataclass(frozen=True, slots=True)
 class Phases:
     """Mass fractions of the phases and the carbon in each; all arrays of one shape."""
 
@@ -67,22 +161,22 @@ class Phases:
 class IronCarbon:
     """Equilibrium of a steel on cooling from the melt, by the lever rule (5)-(11).
 
+    Alloying shifts the lines, each by itself. The peritectic is where the two lines of the liquid
+    meet; what they freeze to there is on the lines of the solids. In truth alloying spreads the
+    peritectic over a few kelvin.
+
     Args:
         carbon: Carbon content, wt%, from 0 to 2.11; a trace below 1e-6 counts as none.
-        melting: Melting point without carbon, K.
+        lines: Of the diagram; by default the straight ones of the thesis.
         peritectic: Temperature of the peritectic reaction, K.
-        transformation: Temperature of delta -> gamma without carbon, K.
-        eutectic: Temperature of the eutectic, K.
 
     Raises:
-        ValueError: If the carbon content is out of range or the temperatures are out of order.
+        ValueError: If the carbon content is out of range or the points are out of order.
     """
 
     carbon: float
-    melting: float = 1811.15
-    peritectic: float = 1768.15
-    transformation: float = 1667.15
-    eutectic: float = 1421.15
+    lines: Lines = PASCON
+    peritectic: float = PASCON.liquid_delta.last[0]
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.carbon <= MAX_CARBON:
@@ -90,62 +184,84 @@ class IronCarbon:
         if self.carbon < TRACE:
             object.__setattr__(self, "carbon", 0.0)
         levels = (self.eutectic, self.transformation, self.peritectic, self.melting)
-        if not all(a < b for a, b in itertools.pairwise(levels)):
+        if not all(a < b for a, b in itertools.pairwise((0.0, *self.at_peritectic))) or not all(
+            a < b for a, b in itertools.pairwise(levels)
+        ):
             raise ValueError(
                 "the alloying elements put the iron-carbon diagram out of order: eutectic, "
                 f"delta-gamma, peritectic and melting at {', '.join(f'{t:.1f} K' for t in levels)}"
             )
 
     @property
+    def melting(self) -> float:
+        """Temperature at which steel without carbon begins to freeze, K."""
+        return self.lines.liquid_delta.first[0]
+
+    @property
+    def transformation(self) -> float:
+        """Temperature of delta -> gamma without carbon, K."""
+        return self.lines.transformation
+
+    @property
+    def eutectic(self) -> float:
+        """Temperature at which austenite holds the most carbon, K."""
+        return self.lines.gamma.last[0]
+
+    @property
+    def at_peritectic(self) -> tuple[float, float, float]:
+        """Carbon of delta ferrite, austenite and liquid at the peritectic, wt%."""
+        lines = (self.lines.delta, self.lines.gamma, self.lines.liquid_delta)
+        delta, gamma, liquid = (float(line.carbon(self.peritectic)) for line in lines)
+        return delta, gamma, liquid
+
+    @property
     def liquidus(self) -> float:
         """Temperature at which the last solid melts on heating, K."""
-        if self.carbon < PERITECTIC_LIQUID:
-            share = self.carbon / PERITECTIC_LIQUID
-            return self.melting + share * (self.peritectic - self.melting)
-        return self._below_peritectic(PERITECTIC_LIQUID, EUTECTIC_LIQUID)
+        lines = self.lines
+        before = self.carbon < self.at_peritectic[2]
+        return (lines.liquid_delta if before else lines.liquid_gamma).temperature(self.carbon)
 
     @property
     def solidus(self) -> float:
         """Temperature below which no liquid is left, K."""
-        if self.carbon < PERITECTIC_DELTA:
-            share = self.carbon / PERITECTIC_DELTA
-            return self.melting + share * (self.peritectic - self.melting)
-        if self.carbon <= PERITECTIC_GAMMA:
+        delta, gamma, _ = self.at_peritectic
+        if delta <= self.carbon <= gamma:
             return self.peritectic
-        return self._below_peritectic(PERITECTIC_GAMMA, EUTECTIC_GAMMA)
+        line = self.lines.delta if self.carbon < delta else self.lines.gamma
+        return line.temperature(self.carbon)
 
-    def _below_peritectic(self, start: float, end: float) -> float:
-        """Height of the line from `start` at the peritectic to `end` at the eutectic, K."""
-        share = (self.carbon - start) / (end - start)
-        return self.peritectic + share * (self.eutectic - self.peritectic)
+    def _solid_lines(self) -> tuple[Line, Line]:
+        """Delta ferrite and austenite in equilibrium, from pure iron to the peritectic."""
+        delta, gamma, _ = self.at_peritectic
+        bends = self.lines.bends
+        start, end = (self.transformation, 0.0), self.peritectic
+        return Line(start, (end, delta), bends[0]), Line(start, (end, gamma), bends[1])
 
     @property
     def gamma_start(self) -> float | None:
         """Temperature at which delta begins to turn to gamma on cooling, K; None without delta."""
-        if self.carbon >= PERITECTIC_LIQUID:
-            return None
-        return self._above_transformation(PERITECTIC_DELTA)
+        return self._above_transformation(0)
 
     @property
     def gamma_end(self) -> float | None:
         """Temperature below which no delta is left, K; None if there never was any."""
-        if self.carbon >= PERITECTIC_LIQUID:
-            return None
-        return self._above_transformation(PERITECTIC_GAMMA)
+        return self._above_transformation(1)
 
-    def _above_transformation(self, end: float) -> float:
-        """Height of the line from pure iron to `end` at the peritectic, K."""
-        if self.carbon >= end:
+    def _above_transformation(self, solid: int) -> float | None:
+        """Temperature at which a solid (0: delta, 1: gamma) has the carbon of the steel, K."""
+        if self.carbon >= self.at_peritectic[2]:
+            return None
+        if self.carbon >= self.at_peritectic[solid]:
             return self.peritectic
-        share = self.carbon / end
-        return self.transformation + share * (self.peritectic - self.transformation)
+        return self._solid_lines()[solid].temperature(self.carbon)
 
     @property
     def reactions(self) -> tuple[float, ...]:
         """Temperatures at which the fractions jump, K: peritectic, or the points of pure iron."""
         if self.carbon == 0.0:
-            return (self.transformation, self.melting)
-        if PERITECTIC_DELTA < self.carbon < PERITECTIC_LIQUID:
+            melts_at_once = self.solidus == self.liquidus
+            return (self.transformation, *((self.melting,) if melts_at_once else ()))
+        if self.at_peritectic[0] < self.carbon < self.at_peritectic[2]:
             return (self.peritectic,)
         return ()
 
@@ -191,24 +307,28 @@ class IronCarbon:
         return np.where(fraction >= 1.0, self.carbon, np.where(fraction > 0.0, equilibrium, np.nan))
 
     def _melting_delta(self, t: Array, beyond: np.ufunc) -> tuple[Array, Array, Array]:
-        """Liquid fraction in L + delta with the carbon in both, at or above the peritectic."""
-        share = np.clip((self.melting - t) / (self.melting - self.peritectic), 0.0, 1.0)
-        in_liquid, in_delta = share * PERITECTIC_LIQUID, share * PERITECTIC_DELTA
+        """Liquid fraction in L + delta with the carbon in both, at or above the peritectic.
+
+        Alloyed delta ferrite begins to freeze where its line, without carbon, has not begun: the
+        line goes on to a carbon below 0, which is what the alloying elements stand for there.
+        """
+        in_liquid = np.maximum(self.lines.liquid_delta.carbon(t), 0.0)
+        in_delta = self.lines.delta.carbon(t)
         molten = np.asarray(beyond(t, self.melting) | (self.carbon > 0.0), float)
         return _lever(self.carbon, in_delta, in_liquid, molten), in_liquid, in_delta
 
     def _melting_gamma(self, t: Array) -> tuple[Array, Array, Array]:
         """Liquid fraction in L + gamma with the carbon in both, below the peritectic."""
-        share = np.clip((self.peritectic - t) / (self.peritectic - self.eutectic), 0.0, 1.0)
-        in_liquid = PERITECTIC_LIQUID + share * (EUTECTIC_LIQUID - PERITECTIC_LIQUID)
-        in_gamma = PERITECTIC_GAMMA + share * (EUTECTIC_GAMMA - PERITECTIC_GAMMA)
+        in_liquid, in_gamma = (
+            line.carbon(np.maximum(t, line.last[0]))
+            for line in (self.lines.liquid_gamma, self.lines.gamma)
+        )
         return _lever(self.carbon, in_gamma, in_liquid, np.zeros_like(t)), in_liquid, in_gamma
 
     def _transforming(self, t: Array, beyond: np.ufunc) -> tuple[Array, Array, Array]:
         """Delta fraction in delta + gamma with the carbon in both, below the peritectic."""
-        height = self.peritectic - self.transformation
-        share = np.clip((t - self.transformation) / height, 0.0, 1.0)
-        in_delta, in_gamma = share * PERITECTIC_DELTA, share * PERITECTIC_GAMMA
+        within = np.clip(t, self.transformation, self.peritectic)
+        in_delta, in_gamma = (line.carbon(within) for line in self._solid_lines())
         ferritic = np.asarray(beyond(t, self.transformation) & (self.carbon == 0.0), float)
         return 1.0 - _lever(self.carbon, in_delta, in_gamma, 1.0 - ferritic), in_delta, in_gamma
 
@@ -232,17 +352,19 @@ def check_composition(composition: Mapping[str, float]) -> list[str]:
     return problems
 
 
-def alloyed(composition: Mapping[str, float]) -> IronCarbon:
+def alloyed(composition: Mapping[str, float], diagram: DiagramName = "assessed") -> IronCarbon:
     """Iron-carbon diagram shifted by the alloying elements.
 
-    Our choice: melting point, peritectic and eutectic drop together, by the slopes of the liquidus
+    Of the assessed diagram manganese and silicon shift each line by itself (`FITTED`). For all else
+    our choice: melting point, peritectic and eutectic drop together, by the slopes of the liquidus
     regression without its carbon term, so that the lines still meet and the lever rule still
-    conserves carbon; the delta-gamma point moves by Won and Thomas' slopes.  The carbon contents of
-    the peritectic stay where they are.  Segregation of P and S, which lowers the true solidus
-    further, is not in an equilibrium diagram: see `regression_solidus`.
+    conserves carbon; the delta-gamma point moves by Won and Thomas' slopes.  Segregation of P and
+    S, which lowers the true solidus further, is not in an equilibrium diagram: see
+    `regression_solidus`.
 
     Args:
         composition: wt% by element symbol; elements left out count as 0.
+        diagram: Curves fitted to an assessed database, or the straight lines of the thesis.
 
     Raises:
         ValueError: If an element is out of range or the shifted diagram is out of order.
@@ -250,16 +372,35 @@ def alloyed(composition: Mapping[str, float]) -> IronCarbon:
     problems = check_composition(composition)
     if problems:
         raise ValueError("; ".join(problems))
-    others = {e: w for e, w in composition.items() if e != "C"}
-    drop = sum(LIQUIDUS_DROP[e] * w for e, w in others.items())
-    rise = sum(TRANSFORMATION_RISE.get(e, 0.0) * w for e, w in others.items())
-    pure = IronCarbon(0.0)
-    return IronCarbon(
-        composition.get("C", 0.0),
-        melting=pure.melting - drop,
-        peritectic=pure.peritectic - drop,
-        transformation=pure.transformation + rise,
-        eutectic=pure.eutectic - drop,
+    fitted = FITTED if diagram == "assessed" else {}
+    shifts = [(fitted.get(e) or _alike(e), w) for e, w in composition.items() if e != "C"]
+    plain = PASCON if diagram == "pascon" else ASSESSED
+    lines = Lines(
+        plain.liquid_delta.lowered(sum(one.liquid_delta * w for one, w in shifts)),
+        plain.delta.lowered(sum(one.delta * w for one, w in shifts)),
+        plain.liquid_gamma.lowered(sum(one.liquid_gamma * w for one, w in shifts)),
+        plain.gamma.lowered(sum(one.gamma * w for one, w in shifts)),
+        plain.transformation + sum(one.transformation * w for one, w in shifts),
+        plain.bends,
+    )
+    return IronCarbon(composition.get("C", 0.0), lines, _peritectic(lines))
+
+
+def _alike(element: str) -> Shift:
+    """What an element does of which only the liquidus is known: it lowers all lines together."""
+    drop = LIQUIDUS_DROP[element]
+    return Shift(drop, drop, drop, drop, TRANSFORMATION_RISE.get(element, 0.0))
+
+
+def _peritectic(lines: Lines) -> float:
+    """Temperature at which the liquid is in equilibrium with both solids, K."""
+    one, other = lines.liquid_delta, lines.liquid_gamma
+    near, apart = other.first[0], abs(other.first[0] - one.last[0])
+    if apart == 0.0:
+        return near
+    # The slopes of the two differ by a quarter: they meet within four times the distance.
+    return _root(
+        lambda t: bool(one.carbon(t) > other.carbon(t)), near - 5.0 * apart, near + 5.0 * apart
     )
 
 

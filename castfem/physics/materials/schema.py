@@ -89,6 +89,7 @@ class MaterialFile(BaseModel):
     description: str = ""
     from_composition: tuple[str, ...] = ()
     composition: dict[str, Any] = {}
+    diagram: Literal["assessed", "pascon"] = "assessed"
     solidus: Entry | None = None
     liquidus: Entry | None = None
     latent_heat: Entry | None = None
@@ -150,9 +151,11 @@ def _text(details: Any, path: Keys) -> str:
         keys = list(model.model_fields)
         return f"unknown key{value}; allowed: {choices(keys)}{nearest(name, keys)}"
     if kind == "literal_error":
-        names = {"status": ("F", "M", "C", "U"), "outside": ("constant", "refuse")}.get(
-            name, ("mean", "differential")
-        )
+        names = {
+            "status": ("F", "M", "C", "U"),
+            "outside": ("constant", "refuse"),
+            "diagram": ("assessed", "pascon"),
+        }.get(name, ("mean", "differential"))
         return (
             f"not possible{value}; one of {choices(names)}{nearest(str(details['input']), names)}"
         )

@@ -75,7 +75,7 @@ class UncertainInput:
                 return {f"mechanics.{key}": self._file(name, self.key.removeprefix(prefix), value)}
         name = self.key.removeprefix(_STEEL)
         if self.key.startswith(_STEEL) and "." not in name:
-            tables = {**given_steel(case.steel.name), **case.steel.overrides}
+            tables = {**given_steel(case.steel.name), **case.steel.changes}
             return {f"steel.overrides.{name}": self._scaled(tables.get(name), value)}
         try:
             return {self.key: self._scaled(value_of(case, self.key), value)}

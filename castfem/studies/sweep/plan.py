@@ -137,7 +137,7 @@ def _steel_problems(variants: Iterable[Variant]) -> list[str]:
             load_steel(
                 steel.name,
                 composition=steel.composition or None,
-                overrides=steel.overrides or None,
+                overrides=steel.changes,
                 origin=f"{_LABEL}: steel",
             )
         except InputError as error:
