@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from castfem.physics.materials.iron_carbon import (
-    IronCarbon,
+from castfem.physics.materials.alloying import (
     alloyed,
     regression_liquidus,
     regression_solidus,
 )
+from castfem.physics.materials.iron_carbon import IronCarbon
 
 ZERO = 273.15
 PERITECTIC = 1768.15

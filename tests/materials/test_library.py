@@ -6,6 +6,7 @@ import math
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from castfem.base.errors import InputError
@@ -70,10 +71,12 @@ def changed(old: str, new: str) -> str:
 def test_every_shipped_number_has_source_and_status(path):
     data = tomllib.loads(path.read_text("utf-8"))
     assert data["description"]
+    amounts = dict.fromkeys(data.get("from_composition", ()), 0.2)
+    origins = load_steel(path.stem, composition=amounts or None).origins
     for key in KINDS:
         if key in data:
-            assert data[key]["source"], key
-            assert data[key]["status"] in ("F", "M", "C"), key
+            assert origins[key].source, key
+            assert origins[key].status in ("F", "M", "C"), key
 
 
 @pytest.mark.parametrize("name", sorted(available_steels()))
@@ -95,6 +98,29 @@ def test_plain_carbon_takes_alloying_elements():
     ]
     assert straight[0].liquidus - straight[1].liquidus == pytest.approx(0.3 * 7.5 + 4.9)
     assert steel.composition == {"C": 0.2, "Si": 0.3, "Mn": 1.0}
+
+
+@pytest.mark.parametrize("carbon", [0.0, 0.002, 0.01, 0.09, 0.17, 0.53, 1.0, 1.5])
+@pytest.mark.parametrize("others", [{}, {"Mn": 2.0, "Si": 0.6}, {"Si": 3.0}, {"Cr": 5.0, "P": 0.1}])
+def test_steels_of_any_composition_have_finite_properties(carbon, others):
+    steel = load_steel("plain_carbon", composition={"C": carbon, **others})
+    assert steel.solidus <= steel.liquidus
+    t = np.union1d(np.linspace(900.0, 1900.0, 400), steel.diagram.kinks)
+    for key in ("density", "specific_heat", "conductivity", "solid_fraction", "thermal_strain"):
+        for side in ("above", "below"):
+            value = getattr(steel, key)(t, *([] if key == "thermal_strain" else [side]))
+            assert np.all(np.isfinite(value)), key
+    enthalpy = steel.thermal_curve(900.0, 1900.0).enthalpy(np.linspace(901.0, 1899.0, 500))
+    assert np.all(np.diff(enthalpy) > 0.0)
+
+
+def test_where_solidus_and_liquidus_are_from_is_said_by_the_diagram():
+    for diagram, source, status in (("assessed", "Povoden", "C"), ("pascon", "Pascon", "F")):
+        change = {"diagram": diagram}
+        for name in ("plain_carbon", "plain_carbon_linear"):
+            steel = load_steel(name, composition={"C": 0.2}, overrides=change)
+            key = "solid_fraction" if name == "plain_carbon" else "solidus"
+            assert source in steel.origins[key].source and steel.origins[key].status == status
 
 
 def test_plain_carbon_linear_has_the_limits_of_the_diagram():

@@ -17,7 +17,7 @@ from castfem.base.table_notation import Curve
 from castfem.base.tables import Constant, Table
 from castfem.base.units import format as write
 from castfem.base.units import nearest
-from castfem.physics.materials import iron_carbon, knots
+from castfem.physics.materials import alloying, iron_carbon, knots
 from castfem.physics.materials.enthalpy_table import EnthalpyTable
 from castfem.physics.materials.expansion import (
     ChandraExpansion,
@@ -50,6 +50,7 @@ from castfem.physics.materials.steel import Origin, Steel
 CURVES = ("density", "specific_heat", "enthalpy", "conductivity", "emissivity", "youngs_modulus",
           "poisson_ratio")  # fmt: skip
 NEEDED = ("density", "specific_heat", "conductivity")
+BY_DIAGRAM = ("lever_rule", "iron_carbon")  # formulas that are the iron-carbon diagram
 
 
 class Faulty(Exception):
@@ -118,7 +119,7 @@ class Workshop:
         if "C" not in self.composition:
             return
         try:
-            self.diagram = iron_carbon.alloyed(self.composition, self.given.diagram)
+            self.diagram = alloying.alloyed(self.composition, self.given.diagram)
         except ValueError as error:
             self.fail("composition", text=str(error))
 
@@ -264,8 +265,8 @@ class Workshop:
         if name == "iron_carbon":
             return diagram.solidus if key == "solidus" else diagram.liquidus
         if key == "solidus":
-            return iron_carbon.regression_solidus(self.composition)
-        return iron_carbon.regression_liquidus(self.composition)
+            return alloying.regression_solidus(self.composition)
+        return alloying.regression_liquidus(self.composition)
 
     def _fraction(self) -> SolidFraction:
         entry = self.given.solid_fraction or Entry(formula="linear")
@@ -366,6 +367,9 @@ class Workshop:
             if entry.forms == ("value",):
                 law = str(entry.value)
             formula = FORMULAS.get(entry.formula or "")
+            if entry.formula in BY_DIAGRAM and not entry.source:
+                origins[key] = Origin(law, *iron_carbon.SOURCES[self.given.diagram])
+                continue
             source = entry.source or (formula.source if formula else "")
             status = entry.status if entry.source or not formula else formula.status
             origins[key] = Origin(law, source, status)

@@ -128,11 +128,16 @@ class ThermalCurve:
         )
 
     def _tabulate(self) -> None:
-        """What `at` looks up: the pieces, and on an even grid which of them begins where."""
+        """What `at` looks up: the pieces, and on an even grid which of them begins where.
+
+        And T, theta, k and its slope where the pieces begin that are not isothermal.
+        """
         c = self._c
         self._pieces = (
             self._t, self._h, self._theta, self._k, c, c * c, 2.0 * self._dc, self._dk,
         )  # fmt: skip
+        kept = np.isfinite(c)
+        self._ordinary = self._t[kept], self._theta[kept], self._k[kept], self._dk[kept]
         self._starts = np.concatenate([[-np.inf], self._h[1:]])
         self._ends = np.append(self._h[1:], np.inf)
         cells = CELLS * len(self._h)
@@ -189,7 +194,7 @@ class ThermalCurve:
     def conductivity(self, temperature: Array | float) -> Array:
         """K at `temperature` (K), W/mK; at a jump the hotter side's value."""
         t = np.asarray(temperature, float)
-        tt, _, k, dk = self._ordinary()
+        tt, _, k, dk = self._ordinary
         i = np.clip(np.searchsorted(tt, t, side="right") - 1, 0, len(tt) - 1)
         return np.asarray(k[i] + dk[i] * (t - tt[i]))
 
@@ -202,7 +207,7 @@ class ThermalCurve:
     def conduction(self, temperature: Array | float) -> Array:
         """Theta at `temperature` (K), W/m."""
         t = np.asarray(temperature, float)
-        tt, theta, k, dk = self._ordinary()
+        tt, theta, k, dk = self._ordinary
         i = np.clip(np.searchsorted(tt, t, side="right") - 1, 0, len(tt) - 1)
         s = t - tt[i]
         return np.asarray(theta[i] + s * (k[i] + 0.5 * dk[i] * s))
@@ -210,16 +215,11 @@ class ThermalCurve:
     def temperature(self, conduction: Array | float) -> Array:
         """The temperature, K, of theta `conduction`, W/m: what `conduction` is of."""
         given = np.asarray(conduction, float)
-        tt, theta, k, dk = self._ordinary()
+        tt, theta, k, dk = self._ordinary
         i = np.clip(np.searchsorted(theta, given, side="right") - 1, 0, len(tt) - 1)
         more = given - theta[i]
         root = np.sqrt(np.maximum(k[i] ** 2 + 2.0 * dk[i] * more, 0.0))
         return np.asarray(tt[i] + 2.0 * more / (k[i] + root))
-
-    def _ordinary(self) -> tuple[Array, Array, Array, Array]:
-        """T, theta, k and its slope where the pieces begin that are not isothermal."""
-        kept = np.isfinite(self._c)
-        return self._t[kept], self._theta[kept], self._k[kept], self._dk[kept]
 
 
 def _resample(new: Array, old: Array, left: Array, right: Array) -> tuple[Array, Array]:

@@ -23,7 +23,6 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -35,23 +34,14 @@ from castfem.base.types import Array
 
 Side = Literal["above", "below"]
 DiagramName = Literal["assessed", "pascon"]
+# Where each diagram comes from, and the status of that.
+SOURCES: Mapping[DiagramName, tuple[str, str]] = {
+    "assessed": ("Fe-C diagram fitted to Povoden-Karadeniz (2016), shifted by the alloying", "C"),
+    "pascon": ("Fe-C diagram of Pascon (2003), II.1.5, shifted by the alloying", "F"),
+}
 
 MAX_CARBON = 2.11  # wt%, the most that austenite dissolves
 TRACE = 1e-6  # wt% C: less is pure iron, its freezing range would be lost in rounding
-MAX_ALLOYING = 5.0  # wt% of one element: beyond it linear corrections mean nothing
-
-# Drop of the liquidus and the solidus, K per wt%; used by the public PyCasting model [F].
-LIQUIDUS_DROP = {
-    "C": 78.0, "Si": 7.5, "Mn": 4.9, "P": 34.4, "S": 38.0,
-    "Cr": 1.3, "Ni": 3.1, "Cu": 4.7, "Al": 3.6,
-}  # fmt: skip
-SOLIDUS_DROP = {
-    "C": 200.0, "Si": 16.0, "Mn": 6.0, "P": 93.0, "S": 1100.0, "Cr": 1.7, "Ni": 3.9,
-}  # fmt: skip
-REGRESSION_START = 1809.15  # K (1536 degC), pure iron in both regressions
-# Rise of the delta -> gamma temperature, K per wt%; meant to be Won and Thomas (2001) [M].
-TRANSFORMATION_RISE = {"Si": -60.0, "Mn": 12.0, "P": -140.0, "S": -160.0}
-ELEMENTS = tuple(LIQUIDUS_DROP)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +71,7 @@ class Line:
         if carbon == c0 or not any(self.bend):
             return t0 + (carbon - c0) / (c1 - c0) * (t1 - t0)
         beyond = 0.2 * (t1 - t0)
-        return _root(lambda t: float(self.carbon(t)) > carbon, t0 - beyond, t1 + beyond)
+        return root(lambda t: float(self.carbon(t)) > carbon, t0 - beyond, t1 + beyond)
 
     def lowered(self, drop: float) -> Line:
         """The line of a steel whose alloying lowers it by `drop`, K."""
@@ -89,7 +79,7 @@ class Line:
         return replace(self, first=first, last=last)
 
 
-def _root(beyond: Callable[[float], bool], start: float, end: float) -> float:
+def root(beyond: Callable[[float], bool], start: float, end: float) -> float:
     """Where a condition that does not hold at the start begins to hold, by halving to rounding."""
     while start != (middle := 0.5 * (start + end)) != end:
         start, end = (start, middle) if beyond(middle) else (middle, end)
@@ -124,25 +114,6 @@ ASSESSED = Lines(
     transformation=1667.55,
     bends=((-0.0393, -0.0144), (-0.0407, -0.0133)),
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Shift:
-    """What one weight per cent of an element does to the diagram, K."""
-
-    liquid_delta: float  #: how much it lowers each line
-    delta: float
-    liquid_gamma: float
-    gamma: float
-    transformation: float  #: how much it raises delta -> gamma
-
-
-# Fitted to liquidus, solidus and delta -> gamma of 54 steels by [PovodenKaradeniz2016]: C to 0.5,
-# Mn to 2, Si to 0.6 %. Of the other elements the regression of the liquidus is known.
-FITTED = {
-    "Mn": Shift(5.2, 8.7, 4.3, 6.7, 22.0),
-    "Si": Shift(11.1, 20.3, 13.6, 26.6, -38.0),
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -310,12 +281,16 @@ class IronCarbon:
         """Liquid fraction in L + delta with the carbon in both, at or above the peritectic.
 
         Alloyed delta ferrite begins to freeze where its line, without carbon, has not begun: the
-        line goes on to a carbon below 0, which is what the alloying elements stand for there.
+        line goes on to a carbon below 0, by which the other elements part; all carbon is in the
+        liquid there.
         """
         in_liquid = np.maximum(self.lines.liquid_delta.carbon(t), 0.0)
         in_delta = self.lines.delta.carbon(t)
         molten = np.asarray(beyond(t, self.melting) | (self.carbon > 0.0), float)
-        return _lever(self.carbon, in_delta, in_liquid, molten), in_liquid, in_delta
+        liquid = _lever(self.carbon, in_delta, in_liquid, molten)
+        alone = (in_delta < 0.0) & (liquid > 0.0)
+        in_liquid = np.where(alone, self.carbon / np.where(alone, liquid, 1.0), in_liquid)
+        return liquid, in_liquid, np.maximum(in_delta, 0.0)
 
     def _melting_gamma(self, t: Array) -> tuple[Array, Array, Array]:
         """Liquid fraction in L + gamma with the carbon in both, below the peritectic."""
@@ -340,79 +315,3 @@ def _lever(carbon: float, poor: Array, rich: Array, limit: Array) -> Array:
     fraction = (carbon - poor) / np.where(two_phases, span, 1.0)
     fraction = np.where(two_phases, fraction, limit)
     return np.asarray(np.clip(fraction, 0.0, 1.0))
-
-
-def check_composition(composition: Mapping[str, float]) -> list[str]:
-    """Return what is wrong with a composition in wt%, one text per element ("Mn: ...")."""
-    problems = []
-    for element, content in composition.items():
-        most = MAX_CARBON if element == "C" else MAX_ALLOYING
-        if not math.isfinite(content) or not 0.0 <= content <= most:
-            problems.append(f"{element}: {content:g} wt% is out of range; 0 ... {most:g} wt%")
-    return problems
-
-
-def alloyed(composition: Mapping[str, float], diagram: DiagramName = "assessed") -> IronCarbon:
-    """Iron-carbon diagram shifted by the alloying elements.
-
-    Of the assessed diagram manganese and silicon shift each line by itself (`FITTED`). For all else
-    our choice: melting point, peritectic and eutectic drop together, by the slopes of the liquidus
-    regression without its carbon term, so that the lines still meet and the lever rule still
-    conserves carbon; the delta-gamma point moves by Won and Thomas' slopes.  Segregation of P and
-    S, which lowers the true solidus further, is not in an equilibrium diagram: see
-    `regression_solidus`.
-
-    Args:
-        composition: wt% by element symbol; elements left out count as 0.
-        diagram: Curves fitted to an assessed database, or the straight lines of the thesis.
-
-    Raises:
-        ValueError: If an element is out of range or the shifted diagram is out of order.
-    """
-    problems = check_composition(composition)
-    if problems:
-        raise ValueError("; ".join(problems))
-    fitted = FITTED if diagram == "assessed" else {}
-    shifts = [(fitted.get(e) or _alike(e), w) for e, w in composition.items() if e != "C"]
-    plain = PASCON if diagram == "pascon" else ASSESSED
-    lines = Lines(
-        plain.liquid_delta.lowered(sum(one.liquid_delta * w for one, w in shifts)),
-        plain.delta.lowered(sum(one.delta * w for one, w in shifts)),
-        plain.liquid_gamma.lowered(sum(one.liquid_gamma * w for one, w in shifts)),
-        plain.gamma.lowered(sum(one.gamma * w for one, w in shifts)),
-        plain.transformation + sum(one.transformation * w for one, w in shifts),
-        plain.bends,
-    )
-    return IronCarbon(composition.get("C", 0.0), lines, _peritectic(lines))
-
-
-def _alike(element: str) -> Shift:
-    """What an element does of which only the liquidus is known: it lowers all lines together."""
-    drop = LIQUIDUS_DROP[element]
-    return Shift(drop, drop, drop, drop, TRANSFORMATION_RISE.get(element, 0.0))
-
-
-def _peritectic(lines: Lines) -> float:
-    """Temperature at which the liquid is in equilibrium with both solids, K."""
-    one, other = lines.liquid_delta, lines.liquid_gamma
-    near, apart = other.first[0], abs(other.first[0] - one.last[0])
-    if apart == 0.0:
-        return near
-    # The slopes of the two differ by a quarter: they meet within four times the distance.
-    return _root(
-        lambda t: bool(one.carbon(t) > other.carbon(t)), near - 5.0 * apart, near + 5.0 * apart
-    )
-
-
-def regression_liquidus(composition: Mapping[str, float]) -> float:
-    """Liquidus in K from a linear regression over the composition in wt%; PyCasting's set [F]."""
-    return REGRESSION_START - sum(LIQUIDUS_DROP.get(e, 0.0) * w for e, w in composition.items())
-
-
-def regression_solidus(composition: Mapping[str, float]) -> float:
-    """Solidus in K from a linear regression over the composition in wt%; PyCasting's set [F].
-
-    Meant for C below about 0.17 wt%; unlike the equilibrium diagram it knows what segregated P and
-    S do.  Cu and Al have no coefficient.
-    """
-    return REGRESSION_START - sum(SOLIDUS_DROP.get(e, 0.0) * w for e, w in composition.items())

@@ -12,8 +12,9 @@ from typing import Any
 from castfem.base.errors import InputError, choices, dotted, shown
 from castfem.base.units import nearest
 from castfem.physics.materials import schema
+from castfem.physics.materials.alloying import ELEMENTS, MAX_ALLOYING
 from castfem.physics.materials.build import Workshop
-from castfem.physics.materials.iron_carbon import ELEMENTS, MAX_ALLOYING, MAX_CARBON
+from castfem.physics.materials.iron_carbon import MAX_CARBON
 from castfem.physics.materials.schema import Keys, MaterialFile, Problem
 from castfem.physics.materials.steel import Steel
 

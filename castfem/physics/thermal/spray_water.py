@@ -153,9 +153,9 @@ class SprayWater(SurfaceLaw):
 
     def heat_transfer(self, flows: Sequence[Array], surface: Array) -> Array:
         """H at the water of each row, kg/(m2 s), and surface temperatures, K, W/m2K."""
-        total = np.sum(flows, axis=0)
+        total = sum(flows[1:], start=flows[0])
         first = self.rows[0].coefficient
-        if all(row.coefficient == first for row in self.rows):
+        if all(row.coefficient == first for row in self.rows[1:]):
             return first(total, surface)
         found = np.zeros_like(surface)
         for flow, row in zip(flows, self.rows, strict=True):

@@ -1,0 +1,143 @@
+"""What alloying does to the iron-carbon diagram: the diagram of a composition, and regressions.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import astuple, dataclass
+
+from castfem.physics.materials.iron_carbon import (
+    ASSESSED,
+    MAX_CARBON,
+    PASCON,
+    DiagramName,
+    IronCarbon,
+    Lines,
+    root,
+)
+
+MAX_ALLOYING = 5.0  # wt% of one element: beyond it linear corrections mean nothing
+
+# Drop of the liquidus and the solidus, K per wt%; used by the public PyCasting model [F].
+LIQUIDUS_DROP = {
+    "C": 78.0, "Si": 7.5, "Mn": 4.9, "P": 34.4, "S": 38.0,
+    "Cr": 1.3, "Ni": 3.1, "Cu": 4.7, "Al": 3.6,
+}  # fmt: skip
+SOLIDUS_DROP = {
+    "C": 200.0, "Si": 16.0, "Mn": 6.0, "P": 93.0, "S": 1100.0, "Cr": 1.7, "Ni": 3.9,
+}  # fmt: skip
+REGRESSION_START = 1809.15  # K (1536 degC), pure iron in both regressions
+# Rise of the delta -> gamma temperature, K per wt%; meant to be Won and Thomas (2001) [M].
+TRANSFORMATION_RISE = {"Si": -60.0, "Mn": 12.0, "P": -140.0, "S": -160.0}
+ELEMENTS = tuple(LIQUIDUS_DROP)
+
+
+@dataclass(frozen=True, slots=True)
+class Shift:
+    """What one weight per cent of an element does to the diagram, K."""
+
+    liquid_delta: float  #: how much it lowers each line
+    delta: float
+    liquid_gamma: float
+    gamma: float
+    transformation: float  #: how much it raises delta -> gamma
+
+    def times(self, content: float) -> Shift:
+        """The same of a content, wt%."""
+        return Shift(*(content * one for one in astuple(self)))
+
+    def __add__(self, other: Shift) -> Shift:
+        """Both together."""
+        return Shift(*map(sum, zip(astuple(self), astuple(other), strict=True)))
+
+
+# Fitted to liquidus, solidus and delta -> gamma of 54 steels by [PovodenKaradeniz2016] with C to
+# 0.5 %; up to which content, wt%. Beyond it, and of the other elements, the regression of the
+# liquidus is known.
+FITTED = {
+    "Mn": (Shift(5.2, 8.7, 4.3, 6.7, 22.0), 2.0),
+    "Si": (Shift(11.1, 20.3, 13.6, 26.6, -38.0), 0.6),
+}
+
+
+def check_composition(composition: Mapping[str, float]) -> list[str]:
+    """Return what is wrong with a composition in wt%, one text per element ("Mn: ...")."""
+    problems = []
+    for element, content in composition.items():
+        most = MAX_CARBON if element == "C" else MAX_ALLOYING
+        if not math.isfinite(content) or not 0.0 <= content <= most:
+            problems.append(f"{element}: {content:g} wt% is out of range; 0 ... {most:g} wt%")
+    return problems
+
+
+def alloyed(composition: Mapping[str, float], diagram: DiagramName = "assessed") -> IronCarbon:
+    """Iron-carbon diagram shifted by the alloying elements.
+
+    Of the assessed diagram manganese and silicon shift each line by itself (`FITTED`). For all else
+    our choice: melting point, peritectic and eutectic drop together, by the slopes of the liquidus
+    regression without its carbon term, so that the lines still meet and the lever rule still
+    conserves carbon; the delta-gamma point moves by Won and Thomas' slopes.  Segregation of P and
+    S, which lowers the true solidus further, is not in an equilibrium diagram: see
+    `regression_solidus`.
+
+    Args:
+        composition: wt% by element symbol; elements left out count as 0.
+        diagram: Curves fitted to an assessed database, or the straight lines of the thesis.
+
+    Raises:
+        ValueError: If an element is out of range or the shifted diagram is out of order.
+    """
+    problems = check_composition(composition)
+    if problems:
+        raise ValueError("; ".join(problems))
+    shift = Shift(0.0, 0.0, 0.0, 0.0, 0.0)
+    for element, content in composition.items():
+        if element == "C":
+            continue
+        within = 0.0
+        if diagram == "assessed" and element in FITTED:
+            fitted, most = FITTED[element]
+            within = min(content, most)
+            shift += fitted.times(within)
+        drop = LIQUIDUS_DROP[element]
+        rise = TRANSFORMATION_RISE.get(element, 0.0)
+        shift += Shift(drop, drop, drop, drop, rise).times(content - within)
+    plain = PASCON if diagram == "pascon" else ASSESSED
+    lines = Lines(
+        plain.liquid_delta.lowered(shift.liquid_delta),
+        plain.delta.lowered(shift.delta),
+        plain.liquid_gamma.lowered(shift.liquid_gamma),
+        plain.gamma.lowered(shift.gamma),
+        plain.transformation + shift.transformation,
+        plain.bends,
+    )
+    return IronCarbon(composition.get("C", 0.0), lines, _peritectic(lines))
+
+
+def _peritectic(lines: Lines) -> float:
+    """Temperature at which the liquid is in equilibrium with both solids, K."""
+    one, other = lines.liquid_delta, lines.liquid_gamma
+    near, apart = other.first[0], abs(other.first[0] - one.last[0])
+    if apart == 0.0:
+        return near
+    # The slopes of the two differ by a quarter: they meet within four times the distance.
+    return root(
+        lambda t: bool(one.carbon(t) > other.carbon(t)), near - 5.0 * apart, near + 5.0 * apart
+    )
+
+
+def regression_liquidus(composition: Mapping[str, float]) -> float:
+    """Liquidus in K from a linear regression over the composition in wt%; PyCasting's set [F]."""
+    return REGRESSION_START - sum(LIQUIDUS_DROP.get(e, 0.0) * w for e, w in composition.items())
+
+
+def regression_solidus(composition: Mapping[str, float]) -> float:
+    """Solidus in K from a linear regression over the composition in wt%; PyCasting's set [F].
+
+    Meant for C below about 0.17 wt%; unlike the equilibrium diagram it knows what segregated P and
+    S do.  Cu and Al have no coefficient.
+    """
+    return REGRESSION_START - sum(SOLIDUS_DROP.get(e, 0.0) * w for e, w in composition.items())
