@@ -224,10 +224,9 @@ class Radiation(SurfaceLaw):
         if self.absorption and self.gap is not None:
             gap = np.maximum(self.gap, 0.0)
             resistance = resistance + 0.75 * self.absorption * gap
-        gamma: Array = self.refractive_index**2 * STEFAN_BOLTZMANN / resistance
-        return (
-            gamma if gamma.shape == temperature.shape else np.broadcast_to(gamma, temperature.shape)
-        )
+        gamma = np.asarray(self.refractive_index**2 * STEFAN_BOLTZMANN / resistance)
+        same = gamma.shape == temperature.shape
+        return gamma if same else np.broadcast_to(gamma, temperature.shape)
 
     def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
         """See `SurfaceLaw.flux`."""
