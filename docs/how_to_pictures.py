@@ -226,8 +226,8 @@ def error(there: Path) -> Figure:
         axes.set_xlabel(text)
         axes.set_xticks([0.5, 1.0, 2.0], ["0.5", "1", "2"])
         axes.minorticks_off()
-        axes.set_ylim(8.75, 9.15)
         axes.set_ylabel("shell, mid-face [mm]")
+    panels[1].sharey(panels[0])
     panels[0].legend(frameon=False)
     return figure
 
