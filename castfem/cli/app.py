@@ -284,6 +284,7 @@ def app() -> None:
 
 for one in (
     run, studies.sweep, studies.error, studies.optimise, studies.calibrate, studies.sensitivity,
+    studies.caster,
     check, cases, init, show, watch, compare, report, pictures.mesh, pictures.mould,
     pictures.section, pictures.machine, pictures.strand, pictures.material, pictures.identify,
     schema, completion,

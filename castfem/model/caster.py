@@ -249,11 +249,15 @@ def cast_of(case: Case) -> Cast:
     assert case.caster is not None
     plant = case.caster.plant
     early = max(plant.times[0] - case.caster.window[0], 0.0)
-    return Cast(plant, 1.01 * case.casting.length / plant.values["speed"][0] + early + 1.0)
+    # One slice more than is inside, which tells where the liquid ends above it.
+    return Cast(plant, 2.01 * case.casting.length / plant.values["speed"][0] + early + 1.0)
 
 
 def starts_of(case: Case) -> list[float]:
-    """When each slice leaves the meniscus, by the clock, s: the oldest first."""
+    """When each slice leaves the meniscus, by the clock, s: the oldest first.
+
+    That one has just left the machine when it is looked at first.
+    """
     caster = case.caster
     assert caster is not None
     cast, instants, spacing = cast_of(case), caster.instants, caster.spacing
@@ -263,11 +267,11 @@ def starts_of(case: Case) -> list[float]:
     if isinstance(spacing, Way):
         count = math.floor(case.casting.length / spacing.length * (1.0 - ROUNDING))
         more = math.floor((cast.length(last) - here) / spacing.length * (1.0 + ROUNDING))
-        found = [cast.when(here + k * spacing.length) for k in range(-count, more + 1)]
+        found = [cast.when(here + k * spacing.length) for k in range(-count - 1, more + 1)]
     else:
         before = math.floor((first - oldest) / spacing * (1.0 - ROUNDING))
         after = math.floor((last - first) / spacing * (1.0 + ROUNDING))
-        found = [first + k * spacing for k in range(-before, after + 1)]
+        found = [first + k * spacing for k in range(-before - 1, after + 1)]
         found = [start for start in found if speed(start) > 0.0]
     return [round(start, _DIGITS) for start in found]
 

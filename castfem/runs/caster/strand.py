@@ -8,11 +8,12 @@ its case writes states at the instants of the clock (`output.by_clock`), so that
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from typing import TYPE_CHECKING
 from weakref import WeakValueDictionary
 
 from castfem.base.constants import EXACT
+from castfem.base.errors import RunFailure
 from castfem.model.build.simulation import CurveEnds, Simulation, build, build_beside
 from castfem.model.caster import by_plant, cast_of, slice_of, starts_of
 from castfem.runs.loop import TimeLoop
@@ -122,6 +123,15 @@ class Strand:
         """The simulation of the first slice, which has what all share."""
         return self._first
 
+    @property
+    def work(self) -> list[float]:
+        """How long each slice is followed, s."""
+        last, length, cast = self.instants[-1], self.base.casting.length, self.cast
+        ends = [cast.when(cast.length(start) + length) for start in self.starts]
+        return [
+            max(min(last, end) - start, 0.0) for start, end in zip(self.starts, ends, strict=True)
+        ]
+
     def enter(self, number: int) -> Slice:
         """Let a slice, by number, leave the meniscus."""
         start = self.starts[number - 1]
@@ -136,8 +146,18 @@ class Strand:
         i = min(number - 1, len(self.starts) - 2)
         return self.cast.length(self.starts[i + 1]) - self.cast.length(self.starts[i])
 
-    def advance(self, clock: float, interrupt: Interrupt | None = None) -> Iterator[Slice]:
+    def advance(
+        self,
+        clock: float,
+        interrupt: Interrupt | None = None,
+        passed: Container[int] = (),
+    ) -> Iterator[Slice]:
         """Take all slices to an instant of the clock, s; yields each that has come there.
+
+        Args:
+            clock: The instant.
+            interrupt: Asked after each step whether to stop there.
+            passed: Numbers of those that are there already.
 
         Raises:
             RunFailure: At the smallest step of one of them.
@@ -145,11 +165,16 @@ class Strand:
         while self.begun < len(self.starts) and self.starts[self.begun] <= clock:
             self.enter(self.begun + 1)
         for one in self.inside:
-            one.advance(clock)
+            if one.number in passed:
+                continue
+            one.loop.interrupt = interrupt
+            try:
+                one.advance(clock)
+            except RunFailure as error:
+                start = f"the slice that left the meniscus at {one.start:g} s"
+                raise RunFailure(f"{start}: {error}") from None
             self.closed[one.number] = one.closed
             yield one
-            if interrupt is not None:
-                interrupt.check()
 
     def release(self) -> None:
         """Let go of the slices that have left the machine."""
