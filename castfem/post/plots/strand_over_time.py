@@ -48,7 +48,7 @@ def strand_figure(folder: Path, title: str, length: float) -> Figure:
     """Return the speed above maps of shell and surface temperature, with the end of the pool."""
     caster, _, words = read_table(folder / CASTER_NAME)
     strand, _, _ = read_table(folder / STRAND_ROWS_NAME)
-    minutes: Array = caster["time"] / 60.0
+    minutes = [float(time) / 60.0 for time in caster["time"]]
     figure, axes = new_panels(1 + len(_MAPS), 2.4)
     figure.subplots_adjust(right=_RIGHT)
     head(figure, title)
@@ -56,7 +56,7 @@ def strand_figure(folder: Path, title: str, length: float) -> Figure:
     axes[0].plot(minutes, speed(caster["speed"]), color="0.2")
     axes[0].set_ylabel(f"casting speed [{plain_unit(speed.unit)}]")
     axes[0].set_ylim(bottom=0.0)
-    for at, event in zip(minutes.tolist(), words.get("event", ()), strict=False):
+    for at, event in zip(minutes, words.get("event", ()), strict=False):
         if event:
             axes[0].axvline(at, color=_LINE, lw=0.8, ls=":")
             axes[0].annotate(
@@ -86,7 +86,7 @@ def _draw_map(
     found, probe = definition(name)
     scale = scale_of(found.unit, name)
     shades = panel.pcolormesh(
-        edges(np.asarray(clock / 60.0)), edges(places), np.ma.masked_invalid(scale(values)).T,
+        edges(np.divide(clock, 60.0)), edges(places), np.ma.masked_invalid(scale(values)).T,
         cmap=colours, shading="flat", rasterized=True,
     )  # fmt: skip
     box = panel.get_position()

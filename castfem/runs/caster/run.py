@@ -54,7 +54,7 @@ HEADING = [
 """Columns of caster.csv, a row an instant; the time is that of the clock."""
 SAVED_EVERY = 30.0
 """s of the wall clock between two checkpoints, at least."""
-_BYTES, _EACH = 130.0, 1.5e6  # of a slice: a vertex, and besides
+_BYTES, _EACH, _BASE = 130.0, 1.5e6, 1.5e8  # of a vertex, of a slice besides, of the process
 
 
 @dataclass(slots=True)
@@ -310,7 +310,7 @@ def check_runs(case: Case, ranks: int) -> list[str]:
     starts = starts_of(case)
     return [
         f"{len(starts)} slices, {inside} at once, {len(case.caster.instants)} instants; "
-        f"about {1e-6 * (memory + 4e8):.0f} MB"
+        f"about {1e-6 * (memory + _BASE):.0f} MB"
     ]
 
 

@@ -196,7 +196,9 @@ class Strand:
             return math.nan
         position = self.cast.length(clock) - self.cast.length(clock - age)
         below = next((one for one in self.inside if one.number == liquid.number - 1), None)
-        end = self.base.casting.length if below is None else below.run_state.position
+        if below is None and position > self.base.casting.length:
+            return math.nan
+        end = math.inf if below is None else below.run_state.position
         return min(max(position, liquid.run_state.position), end)
 
     def destroy(self) -> None:
