@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import gc
+from pathlib import Path
 
 from castfem.base import log
 from castfem.base.progress import Progress
 from castfem.base.shown_units import shown_in
 from castfem.cli import parallel
 from castfem.cli.options import Request, chosen, read_from
-from castfem.model import shipped_cases
+from castfem.model import load_case, shipped_cases
+from castfem.model.shipped_cases import CASE_NAME
 from castfem.model.shown_units import units_of
 from castfem.runs import existing_run
 from castfem.runs.output.folder import CASTER_NAME, SLICES_NAME, STRAND_ROWS_NAME
@@ -34,16 +36,24 @@ def caster_of_case(options: Request) -> None:
         progress.stop()
         log.close()
         gc.collect()
-    with chosen(options.units), shown_in(units_of(case)):
+    show_caster(target, options.units, figures=options.figures, quiet=options.quiet)
+
+
+def show_caster(
+    folder: Path, units: tuple[str, ...] = (), *, figures: bool = True, quiet: bool = False
+) -> None:
+    """Print what the files of a caster tell, and draw them."""
+    case = load_case(folder / CASE_NAME)
+    with chosen(units), shown_in(units_of(case)):
         written = [CASTER_NAME, STRAND_ROWS_NAME, SLICES_NAME]
-        if options.figures:
+        if figures:
             from castfem.post.plots.strand_over_time import draw_strand
 
-            drawn = draw_strand(target, case.title, case.casting.length)
-            written.append(str(drawn.relative_to(target)))
-        if not options.quiet:
+            drawn = draw_strand(folder, case.title, case.casting.length)
+            written.append(str(drawn.relative_to(folder)))
+        if not quiet:
             from castfem.base.table import say
             from castfem.post.report.caster import answers
 
-            say(parallel.console(), case.title, "", *answers(target, case.casting.length))
-            print(f"{', '.join(written)} in {target}")
+            say(parallel.console(), case.title, "", *answers(folder, case.casting.length))
+            print(f"{', '.join(written)} in {folder}")

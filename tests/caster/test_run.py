@@ -18,8 +18,9 @@ import castfem
 from castfem.base.errors import InputError
 from castfem.base.progress import Progress
 from castfem.model.caster import cast_of
+from castfem.runs.caster.demand import demand
 from castfem.runs.caster.files import read_table
-from castfem.runs.caster.run import check_runs, run_caster
+from castfem.runs.caster.run import run_caster
 from castfem.runs.output.run_record import RunRecord
 
 FILES = "caster.csv", "strand.csv", "slices.csv"
@@ -202,14 +203,14 @@ def test_what_is_refused(
 
 def test_what_a_run_of_it_cannot_do() -> None:
     with pytest.raises(InputError, match=r"has no table \[caster\]"):
-        check_runs(caster().model_copy(update={"caster": None}), 1)
+        demand(caster().model_copy(update={"caster": None}), 100)
     with pytest.raises(InputError, match="runs on one rank"):
-        check_runs(caster(), 2)
+        demand(caster(), 100, 2)
     with pytest.raises(
         InputError, match=r"caster.spacing: 2000001 slices at once take about .* GB"
     ):
-        check_runs(caster({"caster.spacing": "0.1 um", "caster.every": "9 s"}), 1)
-    (line,) = check_runs(caster({"caster.spacing": "1 mm", "caster.every": "9 s"}), 1)
+        demand(caster({"caster.spacing": "0.1 um", "caster.every": "9 s"}), 100)
+    line = demand(caster({"caster.spacing": "1 mm", "caster.every": "9 s"}), 100)
     found = re.fullmatch(r"(\d+) slices, 201 at once, 2 instants; about (\d+) MB", line)
     assert found is not None and int(found[1]) == 587 and int(found[2]) > 300
 

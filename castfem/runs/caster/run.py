@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import os
 import time
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -17,17 +16,14 @@ from mpi4py import MPI
 import numpy as np
 
 from castfem.base import log
-from castfem.base.constants import ROUNDING
-from castfem.base.errors import InputError
 from castfem.base.process import one_at_a_time
 from castfem.base.progress import Progress, clock
 from castfem.base.stopwatch import peak_memory
 from castfem.base.types import Array
 from castfem.model.build.simulation import build_mesh
-from castfem.model.caster import by_plant, cast_of, starts_of
 from castfem.model.load import portable
-from castfem.model.mechanics import Way
 from castfem.runs import restart
+from castfem.runs.caster.demand import demand
 from castfem.runs.caster.files import GrowingTable, definition
 from castfem.runs.caster.strand import Slice, Strand
 from castfem.runs.interrupt import Interrupt
@@ -54,7 +50,6 @@ HEADING = [
 """Columns of caster.csv, a row an instant; the time is that of the clock."""
 SAVED_EVERY = 30.0
 """s of the wall clock between two checkpoints, at least."""
-_BYTES, _EACH, _BASE = 130.0, 1.5e6, 1.5e8  # of a vertex, of a slice besides, of the process
 
 
 @dataclass(slots=True)
@@ -285,46 +280,6 @@ def _physics(case: Case) -> dict[str, Any]:
     return {"physics": hashlib.sha256(text.encode()).hexdigest()[:16], "case": tables}
 
 
-def check_runs(case: Case, ranks: int) -> list[str]:
-    """Refuse what a caster cannot do; return what it will take, a line each.
-
-    Raises:
-        InputError: It has no [caster], or asks for more than there is.
-    """
-    if case.caster is None:
-        fix = "[caster] with plant, spacing and every (docs/caster.md)"
-        raise InputError(f"{case.title}: has no table [caster]; add {fix}")
-    if case.mechanics is not None:
-        raise InputError("mechanics: a caster is of the temperature alone; leave out [mechanics]")
-    if ranks > 1:
-        raise InputError("a caster runs on one rank: start castfem caster without mpirun")
-    inside = _most_inside(case)
-    each = _EACH + _BYTES * len(build_mesh(case).points)
-    memory, there = inside * each, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    if memory > 0.8 * there:
-        raise InputError(
-            f"caster.spacing: {inside} slices at once take about {1e-9 * memory:.3g} GB, and this "
-            f"machine has {1e-9 * there:.3g} GB; give a larger spacing"
-        )
-    by_plant(case)
-    starts = starts_of(case)
-    return [
-        f"{len(starts)} slices, {inside} at once, {len(case.caster.instants)} instants; "
-        f"about {1e-6 * (memory + _BASE):.0f} MB"
-    ]
-
-
-def _most_inside(case: Case) -> int:
-    """How many slices are inside at once, at most."""
-    caster, length = case.caster, case.casting.length
-    assert caster is not None
-    if isinstance(caster.spacing, Way):
-        return 1 + math.floor(length / caster.spacing.length * (1.0 + ROUNDING))
-    cast = cast_of(case)
-    stays = [at - cast.when(cast.length(at) - length) for at in caster.instants]
-    return 1 + math.floor(max(stays) / caster.spacing * (1.0 + ROUNDING))
-
-
 @one_at_a_time()
 def run_caster(
     case: Case,
@@ -350,7 +305,7 @@ def run_caster(
         RunFailure: A slice cannot go on; the last checkpoint is on disk.
     """
     comm = MPI.COMM_WORLD if comm is None else comm
-    lines = check_runs(case, comm.size)
+    line = demand(case, len(build_mesh(case).points), comm.size)
     output = OutputFolder(folder)
     text, files = portable(case, PROPERTIES_NAME)
     goes_on = output.begin(text, files=files, resume=resume)
@@ -358,8 +313,7 @@ def run_caster(
         log.to_file(output / "run.log", append=goes_on)
         if resume and not goes_on:
             log.logger.warning("%s: no checkpoint to go on from; the run begins anew", folder)
-        for line in lines:
-            log.logger.info("%s", line)
+        log.logger.info("%s", line)
         begun = time.monotonic()
         caster = CasterRun(case, output, goes_on, save_every)
         closed.callback(caster.close)
