@@ -117,6 +117,7 @@ class Strand:
         self.inside: list[Slice] = []
         self.closed: dict[int, float] = {}
         self.begun = 0
+        self._warned: set[tuple[int, bool]] = set()  # of sprays: once for all slices
 
     @property
     def model(self) -> Simulation:
@@ -137,6 +138,9 @@ class Strand:
         start = self.starts[number - 1]
         simulation = build_beside(slice_of(self.base, start), self._first, self._problems)
         made = Slice(number, start, self.length_of(number), simulation)
+        sprays = made.run_state.sampler.sprays
+        if sprays is not None:
+            sprays.warned = self._warned
         self.inside.append(made)
         self.begun = number
         return made
