@@ -59,8 +59,14 @@ class Plant:
     events: tuple[str, ...]
 
     def table(self, name: str) -> Table:
-        """A column over the clock."""
-        return Table("time", self.times, self.values[name])
+        """A column over the clock, without rows in the midst of a time in which it is constant.
+
+        A step of each slice ends at each row.
+        """
+        values = self.values[name]
+        last = len(values) - 1
+        kept = [i for i in range(last + 1) if i in (0, last) or len({*values[i - 1 : i + 2]}) > 1]
+        return Table("time", tuple(self.times[i] for i in kept), tuple(values[i] for i in kept))
 
     @property
     def water(self) -> list[str]:
@@ -213,7 +219,6 @@ class Caster(TableModel):
         return [i * every for i in range(first, math.floor(end / every * (1.0 + ROUNDING)) + 1)]
 
 
-@dataclass(frozen=True, slots=True)
 class Cast:
     """What has been cast by the clock of the plant, before whose first row its values held.
 
@@ -222,26 +227,18 @@ class Cast:
         before: How long before the first row it shall be known, s.
     """
 
-    plant: Plant
-    before: float
-
-    @property
-    def origin(self) -> float:
-        """From when on it is counted, s."""
-        return self.plant.times[0] - self.before
-
-    @property
-    def _travel(self) -> Changing:
-        speeds = self.plant.values["speed"]
-        return Changing([t - self.origin for t in self.plant.times], speeds)
+    def __init__(self, plant: Plant, before: float) -> None:
+        speed = plant.table("speed")
+        self._origin = plant.times[0] - before
+        self._travel = Changing([t - self._origin for t in speed.arguments], speed.values)
 
     def length(self, clock: float) -> float:
         """What has been cast until then, m."""
-        return self._travel.position(clock - self.origin)
+        return self._travel.position(clock - self._origin)
 
     def when(self, length: float) -> float:
         """When so much (m) has been cast, s."""
-        return self._travel.time_at(length) + self.origin
+        return self._travel.time_at(length) + self._origin
 
 
 def cast_of(case: Case) -> Cast:

@@ -21,6 +21,7 @@ from castfem.model.caster import cast_of
 from castfem.runs.caster.demand import demand
 from castfem.runs.caster.files import read_table
 from castfem.runs.caster.run import run_caster
+from castfem.runs.interrupt import Stopped
 from castfem.runs.output.run_record import RunRecord
 
 FILES = "caster.csv", "strand.csv", "slices.csv"
@@ -125,7 +126,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt])
+@pytest.mark.parametrize("error", [RuntimeError, Stopped])
 @pytest.mark.parametrize("after", [3, 8, 40])
 def test_what_was_cut_short_goes_on_to_the_same_files(
     after: int, error: type[BaseException], whole: Path, tmp_path: Path
@@ -135,7 +136,7 @@ def test_what_was_cut_short_goes_on_to_the_same_files(
             caster(), tmp_path / "cut", progress=Halted(after, error),
             save_every=0.0 if error is RuntimeError else 1e9,
         )  # fmt: skip
-    if error is KeyboardInterrupt:  # saved as it was left, in the midst of an instant
+    if error is Stopped:  # saved as it was left, in the midst of an instant
         assert RunRecord.load(tmp_path / "cut").status == "interrupted"
         assert (tmp_path / "cut" / "checkpoint.h5").is_file()
     run_caster(caster(), tmp_path / "cut", resume=True)
@@ -223,6 +224,8 @@ def test_a_history_in_a_file(tmp_path: Path) -> None:
     assert read is not None and read.plant.times == (0.0, 9.0)
     assert read.plant.values["speed"] == pytest.approx((0.06, 0.06))
     assert read.plant.events == ("", "new, ladle")
+    even = caster(plant={"speed": ["3 m/min"] * 4}).caster
+    assert even is not None and even.plant.table("speed").arguments == (0.0, 9.0)
     case = caster({"caster.plant": columns})
     again = castfem.load(_written(case, tmp_path))
     assert again.caster == case.caster  # without the file

@@ -16,6 +16,7 @@ from mpi4py import MPI
 import numpy as np
 
 from castfem.base import log
+from castfem.base.errors import RunFailure
 from castfem.base.process import one_at_a_time
 from castfem.base.progress import Progress, clock
 from castfem.base.stopwatch import peak_memory
@@ -26,7 +27,7 @@ from castfem.runs import restart
 from castfem.runs.caster.demand import demand
 from castfem.runs.caster.files import GrowingTable, definition
 from castfem.runs.caster.strand import Slice, Strand
-from castfem.runs.interrupt import Interrupt
+from castfem.runs.interrupt import Interrupt, Stopped
 from castfem.runs.output.checkpoint import CHECKPOINT_NAME, load_checkpoint, save_checkpoint
 from castfem.runs.output.folder import (
     CASTER_NAME,
@@ -89,7 +90,8 @@ class CasterRun:
         self._physics = _physics(case)
         self.strand = Strand(case, MPI.COMM_SELF)
         self._columns = _Rows(self.strand.model)
-        self._index, self._rows = 0, {}  # type: ignore[var-annotated]
+        self._index = 0
+        self._rows: dict[int, dict[str, float]] = {}
         self._left, self._before = Heat(), math.nan
         meta: dict[str, Any] = {}
         if goes_on:
@@ -134,7 +136,7 @@ class CasterRun:
                         self.save()
                 self._write(now)
                 self._index += 1
-        except KeyboardInterrupt:
+        except (Stopped, RunFailure):  # within a slice, between two of its steps
             self.save()
             raise
         self.save()
