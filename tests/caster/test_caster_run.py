@@ -17,6 +17,7 @@ from small_caster import caster
 import castfem
 from castfem.base.errors import InputError
 from castfem.base.progress import Progress
+from castfem.cli import execute
 from castfem.model.caster import cast_of
 from castfem.runs.caster.demand import demand
 from castfem.runs.caster.files import read_table
@@ -238,6 +239,23 @@ def _written(case: Any, folder: Path) -> Path:
     path = folder / "case.toml"
     path.write_text(case.resolved_toml())
     return path
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, folder = _written(caster(), tmp_path), tmp_path / "out"
+    assert execute(["caster", str(path), "-o", str(folder), "--units", "si"]) == 0
+    told = capsys.readouterr()
+    assert "15 slices, 6 at once, 19 instants; about 1" in told.err
+    assert "leaves the machine (0.2 m) with liquid at 19 of 19 instants" in told.out
+    assert "4 s: ladle change" in told.out and f"in {folder}" in told.out
+    assert (folder / "figures" / "strand_over_time.png").read_bytes().startswith(b"\x89PNG")
+    assert execute(["show", str(folder)]) == 0 and "200 mm" in capsys.readouterr().out
+    assert execute(["check", str(path)]) == 0 and "caster: 15 slices" in capsys.readouterr().out
+    path.write_text(
+        path.read_text().replace("[caster]", "[mechanics]\nlaw = 'norton_hoff'\n[caster]")
+    )
+    assert execute(["caster", str(path), "-o", str(folder), "-q", "--overwrite"]) == 1
+    assert "leave out [mechanics]" in capsys.readouterr().err
 
 
 def test_a_single_run_does_not_look_at_it(tmp_path: Path) -> None:
