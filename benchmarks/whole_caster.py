@@ -34,7 +34,8 @@ CASE, SEPARATE = "slab1200/ladle_change", (30, 50, 70)
 def coarse() -> Case:
     """The case at `--accuracy coarse`."""
     path = shipped_cases.find(CASE)
-    return load_case(path, assignments(load_case(path), "coarse"))
+    own = load_case(path)
+    return load_case(path, [*assignments(own, "coarse"), f"title={own.title}"])
 
 
 def castfem(*words: str) -> tuple[float, float]:

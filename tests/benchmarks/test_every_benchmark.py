@@ -40,6 +40,7 @@ SLOW = {
     "systems": "systems from nothing, over a network; `make test-pip` sets one up",
     "throughput": "a sweep of 32 billets, several times",
     "verification": "tests/closed_forms runs what it runs",
+    "whole_caster": "a caster and separate runs in processes; tests/caster runs small ones",
 }
 """Imported alone, and why; `python -m benchmarks NAME --quick` runs them."""
 

@@ -14,7 +14,7 @@ from castfem.model.mechanics import Way
 if TYPE_CHECKING:
     from castfem.model import Case
 
-_VERTEX, _SLICE, _PROCESS = 130.0, 1.5e6, 1.5e8
+_VERTEX, _SLICE, _PROCESS = 130.0, 3.6e6, 1.5e8
 """Bytes of a vertex of a slice, of the slice besides, of the process; measured."""
 _MOST = 0.8
 """Share of the machine's memory that a caster may take."""
