@@ -3,6 +3,7 @@
 For scripts (docs/scripting.md); imported at first use, so that `import castfem` costs nothing:
 
     load, run, Result, Snapshot     a case, a run of it, what it gives
+    caster                          a whole strand while speed and water change
     sensitivities                   a run with the derivatives of its results
     comparison                      finished runs side by side
     sweep                           a case with several values of its keys
@@ -36,7 +37,7 @@ from typing import TYPE_CHECKING, Any
 from castfem.base import libraries
 
 if TYPE_CHECKING:
-    from castfem.api import Result, Snapshot, run, sensitivities
+    from castfem.api import Result, Snapshot, caster, run, sensitivities
     from castfem.base.errors import CastfemError, InputError, RunFailure
     from castfem.base.result_registry import quantity
     from castfem.model.shipped_cases import load
@@ -56,6 +57,7 @@ __all__ = [
     "Result",
     "RunFailure",
     "Snapshot",
+    "caster",
     "comparison",
     "error_table",
     "find_section",

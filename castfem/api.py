@@ -30,9 +30,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from castfem.model import Case
+    from castfem.runs.caster.files import CasterResult
     from castfem.studies.sensitivity.result import Sensitivity
 
-__all__ = ["Result", "Snapshot", "load", "run", "sensitivities"]
+__all__ = ["Result", "Snapshot", "caster", "load", "run", "sensitivities"]
 
 
 @one_at_a_time()
@@ -93,6 +94,51 @@ def run(
         # Meshes and communicators stand in cycles: large, and to be freed by all ranks at once.
         gc.collect()
     return Result(target, summary, temporary=made is not None)
+
+
+def caster(
+    case: Case | str | Path,
+    folder: Path | str | None = None,
+    *,
+    resume: bool = False,
+    overwrite: bool = False,
+    progress: bool = False,
+) -> CasterResult:
+    """Follow a whole strand through changes of speed, superheat and water (docs/caster.md).
+
+    Args:
+        case: A case with a table [caster], or what `load` takes.
+        folder: Where the files go. None takes a temporary folder, which is removed when the result
+            is no longer used.
+        resume: Go on from the checkpoint in `folder`.
+        overwrite: Replace a run of another case, too.
+        progress: Draw a bar, or write lines where there is no terminal.
+
+    Returns:
+        The strand at each instant, as tables.
+
+    Raises:
+        InputError: Case, folder or checkpoint cannot be used.
+        RunFailure: A slice cannot go on; its last good state is in `folder`.
+    """
+    from castfem.base import log
+    from castfem.base.progress import Progress
+    from castfem.runs.caster.files import CasterResult
+    from castfem.runs.caster.run import run_caster
+
+    sound, made = as_case(case, "castfem.caster"), folder is None
+    target = Path(tempfile.mkdtemp() if folder is None else folder)
+    if not made:
+        _may_run_in(target, sound, resume, overwrite)
+    bar = Progress(0 if progress else -1, unit="s of slices")
+    found = CasterResult(target, temporary=made)
+    try:
+        run_caster(sound, target, resume=resume, progress=bar)
+    finally:
+        bar.stop()
+        log.end_file()
+        gc.collect()
+    return found
 
 
 @one_at_a_time()

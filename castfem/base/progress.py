@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rich.progress import TaskID
 
 _SHARE = 0.05  # of the way, between two plain lines
-_LINE = re.compile(r" *\d+ %  [\d.]+ of [\d.]+ m  .* elapsed [\d:]+  left ([\d:]+)")
+_LINE = re.compile(r" *\d+ %  [\d.]+ of [\d.]+ [a-z ]+?  .* elapsed [\d:]+  left ([\d:]+)")
 _logger = logging.getLogger("castfem.base.progress")
 
 
@@ -29,9 +29,11 @@ class Progress:
     Args:
         verbosity: Negative shows nothing.
         terminal: Whether to draw a bar; by default if stderr is a terminal.
+        unit: Of the way, "s" of slices that are followed together.
     """
 
-    def __init__(self, verbosity: int = 0, terminal: bool | None = None) -> None:
+    def __init__(self, verbosity: int = 0, terminal: bool | None = None, unit: str = "m") -> None:
+        self._unit = unit
         self._shown = verbosity >= 0
         self._terminal = sys.stderr.isatty() if terminal is None else terminal
         self._bar: Bar | None = None
@@ -53,7 +55,7 @@ class Progress:
         self._steps = self._newton = 0
         self._pace, self._told = None, False
         if self._shown and self._terminal:
-            self._bar = _bar()
+            self._bar = _bar(self._unit)
             self._task = self._bar.add_task("", total=total_length, text="")
             self._bar.update(self._task, completed=position)
             self._bar.start()
@@ -134,7 +136,7 @@ class Progress:
         left = elapsed * (self._total - self._position) / way if way > 0.0 else 0.0
         mean = self._newton / max(self._steps, 1)
         text = (
-            f"{100.0 * share:3.0f} %  {self._position:.3f} of {self._total:.3f} m  "
+            f"{100.0 * share:3.0f} %  {self._position:.3f} of {self._total:.3f} {self._unit}  "
             f"t = {time_s:.3f} s  step {_duration(step)}  {self._steps} steps  "
             f"Newton {mean:.1f} a step  elapsed {clock(elapsed)}  left {clock(left)}  {note}"
         )
@@ -174,14 +176,14 @@ def _duration(seconds: float) -> str:
     return f"{seconds:.3g} s" if seconds >= 0.9995 else f"{1e3 * seconds:.3g} ms"
 
 
-def _bar() -> Bar:
+def _bar(unit: str) -> Bar:
     """Return the bar of a terminal: position, share, time left, and a text."""
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
 
     return Bar(
-        TextColumn("{task.completed:.3f} of {task.total:.3f} m"),
+        TextColumn("{task.completed:.3f} of {task.total:.3f} " + unit),
         BarColumn(),
         TextColumn("{task.percentage:3.0f} %  left"),
         TimeRemainingColumn(),

@@ -94,6 +94,7 @@ _GROUPS: Mapping[tuple[str, ...], Bounds] = {
     ("cooling.surface.contact.water", "cooling.surface.flux.water"): Bounds(
         (10 * _LITRES, 2e4 * _LITRES), (1e-3 * _LITRES, 1e6 * _LITRES), "moulds are cooled with"
     ),
+    ("cooling.surface.factor",): Bounds((0.1, 3.0), (0.0, 1e3), "heat of a mould changes by"),
     ("cooling.surface.water_rise",): Bounds((0.2, 40.0), (1e-6, 300.0), "water of moulds warms by"),
     ("cooling.surface.coefficient", "secondary.run_off"): _COEFFICIENT,
     ("cooling.surface.contact.coefficient", "secondary.contact.coefficient"): Bounds(

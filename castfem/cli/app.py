@@ -101,7 +101,7 @@ def show(folder: Path, at: tuple[str, ...], units: tuple[str, ...]) -> None:
     from castfem.cli import parallel
     from castfem.cli.options import chosen
     from castfem.post.report.show import show as show_folder
-    from castfem.runs.output.folder import ERROR_NAME
+    from castfem.runs.output.folder import CASTER_NAME, ERROR_NAME, STRAND_ROWS_NAME
     from castfem.runs.output.run_record import RUN_NAME
     from castfem.runs.results.run_case import error_lines
     from castfem.studies.sweep.record import SWEEP_NAME
@@ -115,6 +115,13 @@ def show(folder: Path, at: tuple[str, ...], units: tuple[str, ...]) -> None:
             )
         with chosen(units):
             show_errors(folder)
+        return
+    if (folder / CASTER_NAME).is_file():
+        from castfem.cli.caster import show_caster
+
+        if at:
+            raise InputError(f"{folder}: --at is of a run; {STRAND_ROWS_NAME} has all positions")
+        show_caster(folder, units)
         return
     if (folder / SWEEP_NAME).is_file() and not (folder / RUN_NAME).is_file():
         raise InputError(f"{folder}: is a sweep; use castfem compare {folder}")
@@ -284,6 +291,7 @@ def app() -> None:
 
 for one in (
     run, studies.sweep, studies.error, studies.optimise, studies.calibrate, studies.sensitivity,
+    studies.caster,
     check, cases, init, show, watch, compare, report, pictures.mesh, pictures.mould,
     pictures.section, pictures.machine, pictures.strand, pictures.material, pictures.identify,
     schema, completion,

@@ -271,6 +271,10 @@ def describe(name: str, case: Case, steel: Steel, mesh: SectionMesh) -> str:
     lines += [f"  {line}" for line in heat_lines(case, steel, mesh)]
     if has_water(case):
         lines += [f"  {line}" for line in water_lines(case, steel, mesh)]
+    if case.caster is not None:
+        from castfem.runs.caster.demand import demand
+
+        lines.append(f"  caster: {demand(case, len(mesh.points))}")
     return "\n".join([*lines, *_written(case, mesh)])
 
 

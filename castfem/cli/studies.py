@@ -1,4 +1,4 @@
-"""Commands that study a case by runs: sweep, error, optimise, calibrate, sensitivity.
+"""Commands that study a case by runs: sweep, error, optimise, calibrate, sensitivity, caster.
 
 What a command only hands on to its `Options` is in `given` (`castfem.cli.options.asked`).
 """
@@ -163,3 +163,22 @@ def sensitivity(**given: Any) -> None:
     from castfem.cli.sensitivity import Options, sensitivity_of_case
 
     sensitivity_of_case(asked(Options, **given))
+
+
+@command("caster slab1200/ladle_change --accuracy coarse")
+@case_name
+@output("Folder; by default results/<family>/<name>_caster.")
+@overrides
+@options.accuracy
+@click.option("--resume/--no-resume", help="Go on from the last checkpoint.")
+@click.option("--overwrite/--no-overwrite", help="Replace a run of another case in the folder.")
+@click.option("--figures/--no-figures", default=True, help="Draw the figure.")
+@options.units
+@quiet
+def caster(**given: Any) -> None:
+    """Follow a whole strand through changes of speed, superheat and water, by [caster]."""
+    from castfem.cli.caster import caster_of_case
+
+    if given["resume"] and given["overwrite"]:
+        raise InputError("--resume and --overwrite exclude each other")
+    caster_of_case(asked(options.Request, **given))

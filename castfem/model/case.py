@@ -16,6 +16,7 @@ from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError
 from castfem.base.tables import Table as TableOfValues
 from castfem.model.base import FaultyError, TableModel
+from castfem.model.caster import Caster
 from castfem.model.casting import (
     CONTACT_FIELDS,
     THERMAL_FIELDS,
@@ -45,6 +46,7 @@ _NOT_PHYSICS: Any = {
     "reference": True,
     "verification": True,
     "optimise": True,
+    "caster": True,
     "casting": {"length"},
     "mould": {"oscillation"},
     "thermal": {"solver"},
@@ -97,6 +99,9 @@ class Case(TableModel):
     """the closed form it is held against; left out: none"""
     optimise: Optimise | None = None
     """what castfem optimise looks for; left out: nothing. A run of the case does not look at it"""
+    caster: Caster | None = None
+    """many slices of one strand, which castfem caster computes; left out: none. A run of the case
+    does not look at it"""
     reference: tuple[Reference, ...] = ()
 
     @model_validator(mode="wrap")
@@ -137,11 +142,18 @@ class Case(TableModel):
         """
         if self.mould is not None:
             return self.mould.length
+        zones = self.mould_zones()
+        return zones[-1].to if zones else None
+
+    def mould_zones(self) -> tuple[Zone, ...]:
+        """Return the zones, from the meniscus on, that are called a mould, or are one (see above).
+
+        A [mould] that ends within a zone does not cut it.
+        """
         named = [_MOULD in zone.name.lower() for zone in self.cooling]
         walled = [any(isinstance(law, Contact) for law in zone.surface) for zone in self.cooling]
         of_mould = named if named[0] else walled
-        last = next((i for i, part in enumerate(of_mould) if not part), len(of_mould)) - 1
-        return None if last < 0 else self.cooling[last].to
+        return self.cooling[: next((i for i, p in enumerate(of_mould) if not p), len(of_mould))]
 
     def mechanics_end(self) -> float | None:
         """Return where the mechanics end and the run goes on, m; None where it does not."""
@@ -162,6 +174,17 @@ class Case(TableModel):
         """Time between two states of the fields, s."""
         assert self.output.every is not None, "the case has been checked"
         return self.output.every
+
+    @property
+    def output_clock(self) -> float:
+        """When the slice leaves the meniscus, on the clock by which states are written, s."""
+        return self.casting.clock if self.output.by_clock else 0.0
+
+    def output_times(self) -> list[float]:
+        """Return when states of the fields are written short of the end, since the meniscus, s."""
+        every, clock = self.output_every, self.output_clock
+        first, last = math.floor(clock / every), int((clock + self.casting.duration) / every)
+        return [i * every - clock for i in range(first + 1, last + 1)]
 
     @property
     def output_fields(self) -> tuple[FieldName, ...]:

@@ -61,7 +61,7 @@ TemperatureOverDepth = Annotated[
 ]
 
 
-Instant = Annotated[float, Kind("s", "s", least=0.0)]
+Instant = Annotated[float, Kind("s", "s")]
 SuperheatOverTime = Annotated[Tabled, Curve(Kind("K", "K", difference=True, least=0.0), "time")]
 
 
@@ -82,7 +82,8 @@ class Start(TableModel):
 
     time: Instant | None = Field(None, examples=["120 s"])
     """when the slice leaves the meniscus, on the clock by which the tables over time of
-    casting.speed, casting.superheat and of water go; left out: at 0 s"""
+    casting.speed, casting.superheat and of water go; below 0 before they begin, when their first
+    rows hold; left out: at 0 s"""
 
 
 class Casting(TableModel):
@@ -189,6 +190,9 @@ class Output(TableModel):
         "2, 5, 10 s ... that does not",
         examples=["2 s"],
     )
+    by_clock: bool = Field(False, strict=True)
+    """count `every` from 0 s by the clock of casting.start.time, rather than from when the slice
+    leaves the meniscus: slices of one strand are then written at the same instants"""
     figures: bool = Field(True, strict=True)
     """draw the figures at the end of the run"""
     checkpoint_every: int = Field(20, ge=0, strict=True)

@@ -66,6 +66,17 @@ def _without_end(case: Case, zone: Zone) -> Faults:
             )
 
 
+@check("cooling.*")
+def _factor(case: Case, zone: Zone) -> Faults:
+    """Yield a factor of what is tabulated over the surface temperature."""
+    for j, law in enumerate(zone.surface):
+        if not isinstance(law, ScaledLaw) or law.factor is None:
+            continue
+        given = (law.curve, getattr(law, "coefficient", None))
+        if any(isinstance(it, Table) and it.over == "temperature" for it in given):
+            yield f"surface.{j}.factor", "does not go with a table over temperature; leave it out"
+
+
 @check("cooling.*.surface.*")
 def _groups(case: Case, law: HeatLaw) -> Faults:
     for key, text in unknown_groups(law.on, case.section.outer_groups()):

@@ -119,12 +119,11 @@ class Contact(ScaledLaw):
                 return mould_flux.FluxCurve(over_temperature=table)
             return mould_flux.FluxCurve(self.scaled(self.flux, around))
         assert self.coefficient is not None, "the case has been checked"
-        if not isinstance(self.coefficient, Table):
-            return self.coefficient
         table = over_temperature(self.coefficient)
         if table is not None:
             return mould_flux.CoefficientCurve(over_temperature=table)
-        return mould_flux.CoefficientCurve(around.over_time(self.coefficient))
+        value = self.with_factor(around.over_time(self.coefficient), around)
+        return mould_flux.CoefficientCurve(value) if callable(value) else value
 
 
 class Flux(ScaledLaw):

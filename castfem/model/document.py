@@ -333,7 +333,7 @@ _NAMED = 3  # changes in a title at most
 _WIDE, _LONG = 110, 48  # characters of a title with further changes, and of one change
 _LESS_NEWS = ("mesh", "thermal", "coupling")  # which change how well it is computed
 # Keys, and what is below them, that change no result.
-_NO_NEWS = ("title", "output", "reference", "verification", "optimise")
+_NO_NEWS = ("title", "output", "reference", "verification", "optimise", "caster")
 
 
 def entitle(document: Document) -> None:

@@ -14,7 +14,7 @@ from castfem.base.quantities import Kind, OrWord
 from castfem.base.table_notation import Curve
 from castfem.base.tables import Table, Tabled
 from castfem.model.base import Variants
-from castfem.model.water import Supply, Water, Watered
+from castfem.model.water import Supply, Water, Watered, seen_by_slice
 from castfem.physics.machine import Machine
 from castfem.physics.machine.machine import over_time
 from castfem.physics.machine.travel import Steady
@@ -107,9 +107,11 @@ def kinks_in_time(value: Any, around: Surroundings) -> tuple[float, ...]:
     return over_time(value, around.machine).kinks
 
 
-def times(factor: float, value: mould_flux.Value) -> mould_flux.Value:
-    """Return a number, or a function of time, times a factor."""
-    return mould_flux.Scaled(factor, value) if callable(value) else factor * value
+def times(factor: mould_flux.Value, value: mould_flux.Value) -> mould_flux.Value:
+    """Return the product of two numbers or functions of time."""
+    if callable(factor) or callable(value):
+        return mould_flux.Scaled(factor, value)
+    return factor * value
 
 
 def no_emissivity(given: object, steel: Steel) -> str:
@@ -140,6 +142,9 @@ VolumeFlow = Annotated[
     Tabled, Curve(Kind("m^3/s", "L/min", above=0.0, label="water", sample="1800 L/min"), "speed")
 ]
 Rise = Annotated[Tabled, Curve(Kind("K", "K", difference=True, above=0.0, sample="7 K"), "speed")]
+FactorOverTime = Annotated[
+    Tabled, Curve(Kind("1", least=0.0, label="factor", sample="0.95"), "time")
+]
 MeasuredAt = Annotated[float | str, OrWord(Kind("m/s", "m/min", above=0.0), (ANY_SPEED,))]
 
 
@@ -159,10 +164,21 @@ class ScaledLaw(HeatLaw):
     total is the same at every speed, as it is (with a warning where speeds are compared) when this
     is left out"""
 
+    factor: FactorOverTime | None = None
+    """factor of the coefficient or flux, of a scaled one too; over time by the clock of
+    casting.start.time"""
+
     @property
     def asks_extent(self) -> bool:
         """See `HeatLaw.asks_extent`."""
         return self.scales
+
+    def with_factor(self, value: mould_flux.Value, around: Surroundings) -> mould_flux.Value:
+        """Return a value of the law times its factor, which holds by the clock."""
+        if self.factor is None:
+            return value
+        seen = seen_by_slice(self.factor, around.clock)
+        return times(seen, value)
 
     @property
     def scales(self) -> bool:
@@ -198,7 +214,7 @@ class ScaledLaw(HeatLaw):
         measured = self._as_measured(around)
         value, extent = measured.over_time(given), around.extent
         if extent is None or not self.scales:
-            return value
+            return self.with_factor(value, around)
         machine = measured.machine
         total = self.total(machine.speed_between(extent.start, extent.end))
         assert total is not None, "it is scaled"
@@ -210,7 +226,7 @@ class ScaledLaw(HeatLaw):
                 f"{self.tag}: the flux takes {1e-3 * heat:.4g} kW in all and cannot be scaled to a "
                 "measured total; a curve that is above 0 is needed"
             )
-        return times(total / heat, value)
+        return self.with_factor(times(total / heat, value), around)
 
     def kinks(self, given: str | float | Table, around: Surroundings) -> tuple[float, ...]:
         """Return the instants at which a flux of the law changes its slope in time, s."""
@@ -221,10 +237,11 @@ class ScaledLaw(HeatLaw):
         given = (
             getattr(self, key)
             for key in type(self).model_fields
-            if key not in (*TOTALS, "measured_at")
+            if key not in (*TOTALS, "measured_at", "factor")
         )
         measured = self._as_measured(around)
-        found: list[float] = []
+        seen = None if self.factor is None else seen_by_slice(self.factor, around.clock)
+        found: list[float] = [*kinks_in_time(seen, around)]
         for value in given:
             found += kinks_in_time(value, measured if value is self.curve else around)
         return tuple(found)

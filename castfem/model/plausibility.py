@@ -312,8 +312,10 @@ def _clock(case: Case, start: Start) -> Faults:
     water = [] if case.water is None else [case.water.flow]
     water += [getattr(law, "flow", None) for zone in case.cooling for law in zone.surface]
     water += [] if case.secondary is None else [c.flow for c in case.secondary.circuit]
-    given = (case.casting.speed, case.casting.superheat, *water)
-    if not any(isinstance(value, Table) and value.over == "time" for value in given):
+    heat = [getattr(law, "factor", None) for zone in case.cooling for law in zone.surface]
+    given = (case.casting.speed, case.casting.superheat, *water, *heat)
+    over_time = any(isinstance(value, Table) and value.over == "time" for value in given)
+    if not (over_time or case.output.by_clock):
         yield "time", "has no effect: no speed, superheat or flow of water is over time"
 
 

@@ -18,7 +18,15 @@ from castfem.model.document import PROPERTY_FILES
 from castfem.model.shipped_cases import CASE_NAME
 from castfem.runs.output.run_record import RUN_NAME, RunRecord
 
-_NOT_PHYSICS = ("title", "output", "reference", "verification", "optimise", "casting.length")
+_NOT_PHYSICS = (
+    "title",
+    "output",
+    "reference",
+    "verification",
+    "optimise",
+    "caster",
+    "casting.length",
+)
 
 
 _COMMAND = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 from mpi4py import MPI
 
 from castfem.base import log
-from castfem.base.constants import same_instant, same_or_before
+from castfem.base.constants import EXACT, same_instant, same_or_before
 from castfem.base.errors import CastfemError, RunFailure
 from castfem.base.process import one_at_a_time, reason_of
 from castfem.base.shown_quantity import Quantity
@@ -98,8 +99,8 @@ class TimeLoop:
         self.run_state = RunState.at_start(simulation)
         self._released = False
 
-    def run(self) -> Sample:
-        """Go to the end of the followed length.
+    def run(self, until: float = math.inf) -> Sample:
+        """Go to the end of the followed length, or to an instant before, s, that a step ends at.
 
         Raises:
             RunFailure: If a step cannot be saved; the committed state stays as it was.
@@ -108,7 +109,7 @@ class TimeLoop:
         if run.sample is None:
             self._enter_zone()
             self._record(None, None)
-        while run.state.time < control.end:
+        while run.state.time < min(control.end, until - EXACT * control.end):
             self._enter_zone()
             self.advance()
         assert run.sample is not None

@@ -189,8 +189,9 @@ class Recorder:
 
     def _is_due(self, time: float) -> bool:
         """Whether `time` is the start, a multiple of the output interval, or the end."""
-        every, end = self.simulation.case.output_every, self.simulation.control.end
-        nearest = round(time / every) * every
+        case, end = self.simulation.case, self.simulation.control.end
+        every, clock = case.output_every, case.output_clock
+        nearest = round((time + clock) / every) * every - clock
         begun = starting_time(self.simulation)
         return time <= begun or same_instant(time, nearest, end) or same_instant(time, end, end)
 

@@ -41,6 +41,7 @@ SLOW = {
     "throughput": "a sweep of 32 billets, several times",
     "diagrams": "billets and slabs at their shipped cells; tests/materials has the diagrams",
     "verification": "tests/closed_forms runs what it runs",
+    "whole_caster": "a caster and separate runs in processes; tests/caster runs small ones",
 }
 """Imported alone, and why; `python -m benchmarks NAME --quick` runs them."""
 

@@ -25,7 +25,9 @@ def cast(**changes: Any) -> Case:
     return small({key.replace("__", "."): value for key, value in changes.items()})
 
 
-@pytest.mark.parametrize(("time", "kelvin"), [(None, 40.0), ("30 s", 30.0), ("500 s", 30.0)])
+@pytest.mark.parametrize(
+    ("time", "kelvin"), [(None, 40.0), ("30 s", 30.0), ("500 s", 30.0), ("-3 s", 40.0)]
+)
 def test_a_slice_has_the_superheat_of_its_own_start(time: str | None, kelvin: float) -> None:
     given = {} if time is None else {"casting__start__time": time}
     case = cast(casting__superheat=LADLE, **given)
@@ -39,6 +41,8 @@ def test_it_meets_the_speed_that_the_clock_has() -> None:
     for time in (0.0, 0.3, 1.0, 1.7):
         assert other.position(time) == pytest.approx(one.position(time), rel=1e-12)
     assert other.kinks == pytest.approx(one.kinks)
+    early = cast(casting__speed=RAMP, casting__start__time="-3 s").casting.travel
+    assert early.kinks == pytest.approx((63.0, 64.0)) and early.speed(62.0) == one.speed(0.0)
     before = cast(casting__speed=RAMP, casting__start__time="60.5 s").casting.travel
     assert before.speed(0.0) == pytest.approx(3.0 / 60.0)
 
@@ -78,7 +82,6 @@ def test_a_clock_by_which_nothing_goes_is_told() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"casting__start__time": "-3 s"}, "casting.start.time.*must not be below 0"),
         ({"casting__superheat": {**LADLE, "value": [40, -20, 30]}}, "casting.superheat.*below 0"),
         ({"casting__superheat": {**LADLE, "unit": "degC"}}, "written in kelvin"),
     ],

@@ -31,6 +31,7 @@ WITHOUT = {
     *("thermal.time.adaptive.tolerance", "thermal.time.adaptive.first", "output.every"),
     *("thermal.time.adaptive.smallest", "thermal.time.adaptive.largest", "mould.tube.cell_size"),
     *("coupling.mechanical_step", "coupling.settled", "coupling.window_error"),
+    *("caster.start", "caster.end", "caster.every", "caster.longest_gap"),
     *("output.shell_at", "output.probe.x", "output.probe.y", "output.probe.depth", "reference.at"),
 }
 

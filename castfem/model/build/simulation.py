@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import MutableMapping
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -43,6 +43,9 @@ if TYPE_CHECKING:
     from castfem.physics.materials import Steel
     from castfem.physics.mechanics.parts import StrainedSlice
     from castfem.physics.mechanics.stepper import MechanicalStepper
+
+
+CurveEnds = tuple[float, float, float]
 
 
 @dataclass(slots=True)
@@ -122,9 +125,9 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
         shape = Shape(section, mechanics.problem.space, steel.solidus)
     with watch.section("setup: thermal"):
         zones = Zones(case, machine, steel, Surface(section, shape))
-        profile = given_profile(case)
-        given = () if profile is None else profile.values
-        curve = thermal_curve(steel, zones, start, keeps_mass=shape is not None, given=given)
+        curve = thermal_curve(
+            steel, curve_ends(case, steel, zones, start), start, keeps_mass=shape is not None
+        )
         probes.conducts = curve
         problem = ThermalProblem(section, curve, case.thermal.solver, watch=watch, shape=shape)
     stepping = case.thermal.time
@@ -145,6 +148,32 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
         case, machine, steel, section, stepper, zones, probes, control, steps, mechanics,
         None if mechanics is None else mechanics.problem, coupling,
         start_temperature=start, watch=watch, mechanics_end=mechanics_end, exact=exact,
+    )  # fmt: skip
+
+
+def build_beside(
+    case: Case, other: Simulation, problems: MutableMapping[CurveEnds, ThermalProblem]
+) -> Simulation:
+    """Build what cools as another simulation does, at other times, of the temperature alone.
+
+    Args:
+        case: That of the other but for speed, superheat, water and start.
+        other: Its mesh, steel, operators and probes are shared: use the two in turn.
+        problems: Heat balances so far, by the ends of their curves: they are shared, too.
+    """
+    machine, steel = build_machine(case), other.steel
+    start = starting_temperature(case, steel)
+    zones = Zones(case, machine, steel, other.zones.surface)
+    ends = curve_ends(case, steel, zones, start)
+    problem = problems.get(ends)
+    if problem is None:
+        problem = problems[ends] = other.problem.of_curve(thermal_curve(steel, ends, start))
+    stepping = case.thermal.time
+    stepper = ThermalStepper(problem, stepping.scheme, estimate=stepping.step is None)
+    control = step_control(case, _milestones(case, machine, zones, []))
+    return replace(
+        other, case=case, machine=machine, zones=zones, stepper=stepper, control=control,
+        steps=ThermalSteps(stepper, control), start_temperature=start,
     )  # fmt: skip
 
 
@@ -230,28 +259,32 @@ def case_steel(case: Case) -> Steel:
     )
 
 
-def thermal_curve(
-    steel: Steel,
-    zones: Zones,
-    start: float,
-    keeps_mass: bool = False,
-    given: Sequence[float] = (),
-) -> ThermalCurve:
-    """T(H) between the coldest surroundings and the start, zero at the start.
+def curve_ends(case: Case, steel: Steel, zones: Zones, start: float) -> CurveEnds:
+    """Return between which temperatures T(H) is needed, and where it is zero, K.
 
-    It is tabulated from there, or a cold room, to the start, 2 K beyond both; farther on the end
-    values hold.
-
-    Args:
-        steel: The steel.
-        zones: Have the surroundings.
-        start: Temperature at the meniscus, K.
-        keeps_mass: Whether the slice moves, so that solid keeps its mass and not its volume.
-        given: Temperatures that it begins with instead, K.
+    It goes from the coldest surroundings, or a cold room, to the start (K), or what the slice
+    begins with instead.
     """
+    profile = given_profile(case)
+    given = () if profile is None else profile.values
     coldest, hottest = zones.ambient_range()
     lowest = max(min(coldest, start, *given), 280.0)
     highest = max(start, *given, hottest if hottest < np.inf else start, steel.liquidus)
+    return lowest, highest, start
+
+
+def thermal_curve(
+    steel: Steel, ends: CurveEnds, start: float, keeps_mass: bool = False
+) -> ThermalCurve:
+    """T(H), tabulated to 2 K beyond its ends (`curve_ends`); farther on the end values hold.
+
+    Args:
+        steel: The steel.
+        ends: Of the curve.
+        start: Temperature at the meniscus, K.
+        keeps_mass: Whether the slice moves, so that solid keeps its mass and not its volume.
+    """
+    lowest, highest, _ = ends
     return steel.thermal_curve(lowest - 2.0, highest + 2.0, start, start if keeps_mass else None)
 
 
@@ -278,9 +311,8 @@ def _milestones(case: Case, machine: Machine, zones: Zones, ends: list[float]) -
         ends: Positions where what acts on the slice begins, ends or bends, m.
     """
     due = [machine.time_at(p) for p in stations(case)]
-    if case.output_fields:
-        every = case.output_every
-        due += [i * every for i in range(1, int(case.casting.duration / every) + 1)]
+    if case.output_fields or case.output.by_clock:
+        due += case.output_times()
     bends = (*machine.bends, *_drawn(case)) if case.mechanics is not None else ()
     changes = [machine.time_at(p) for p in (*case.mould_knots(), *bends, *ends)]
     changes += [*zones.changes, *machine.kinks]

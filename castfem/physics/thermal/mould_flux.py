@@ -156,14 +156,15 @@ def _value(curve: Curve, temperature: Array, time: float) -> tuple[Array, Array]
 
 @dataclass(frozen=True, slots=True)
 class Scaled:
-    """A function of time, times a factor."""
+    """A function of time, times a factor, which may be one as well."""
 
-    factor: float
-    value: Callable[[float], float]
+    factor: Value
+    value: Value
 
     def __call__(self, time: float) -> float:
         """The product at `time` (s)."""
-        return self.factor * self.value(time)
+        factor, value = (it(time) if callable(it) else it for it in (self.factor, self.value))
+        return factor * value
 
 
 def heat_to_mould(

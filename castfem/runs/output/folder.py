@@ -14,6 +14,9 @@
     fields/        a run that has not ended in a file a time
     checkpoint.h5  the state to resume from (`castfem.runs.output.checkpoint`)
     summary.json   the results in numbers (`castfem.runs.output.summary`)
+    caster.csv     of a caster instead of a history: a row an instant (`castfem.runs.caster.files`)
+    strand.csv     ... the strand at each instant, a row a slice ...
+    slices.csv     ... and each slice as it has left
     figures/       what `castfem show` draws (`castfem.post.plots.figures`)
 
 castfem begins anew only in a folder without any of these names, or in one that holds its own
@@ -65,12 +68,16 @@ DERIVATIVES_NAME = "derivatives.json"  # that a run has carried along
 MAPS_NAME, ROWS_NAME = "surface_maps.h5", "surface_maps.rows"
 ERROR_NAME, ERROR_ENDING = "error.json", "_error"
 """File of the errors of a case, and what its folder has behind the name of a run's."""
+CASTER_NAME, STRAND_ROWS_NAME, SLICES_NAME = "caster.csv", "strand.csv", "slices.csv"
 STRAND_NAME = "strand.vtu"  # written on demand, from the others
 FIGURES = ("temperature", "states", "stack", "surface_temperature", "shell", "heat", "steps")
 MECHANICS_FIGURES = ("von_mises", "shape", "stress", "size", "axial", "contact")
 BENDING_FIGURES = ("slice", "bulging", "extraction", "maps", "caster", "roll_to_roll")
 TENSILE_FIGURES = ("tensile",)
-ALL_FIGURES = FIGURES + MECHANICS_FIGURES + BENDING_FIGURES + TENSILE_FIGURES
+CASTER_FIGURE = "strand_over_time"
+ALL_FIGURES = (
+    *(FIGURES + MECHANICS_FIGURES + BENDING_FIGURES + TENSILE_FIGURES), CASTER_FIGURE,
+)  # fmt: skip
 _LOCK_NAME = ".castfem.lock"
 # Of a property file; whatever run.json says, nothing else is removed on its word.
 _COPY = re.compile(rf"{PROPERTIES_NAME}/\w+/[^/]*\w[^/]*")
@@ -78,6 +85,7 @@ _COPY = re.compile(rf"{PROPERTIES_NAME}/\w+/[^/]*\w[^/]*")
 ARTEFACTS = (
     *(CHECKPOINT_NAME, CASE_NAME, RUN_NAME, LOG_NAME, HISTORY_NAME, XDMF_NAME, HDF5_NAME),
     *(SUMMARY_NAME, DERIVATIVES_NAME, MAPS_NAME, ROWS_NAME, STRAND_NAME, WALL_FLUX_NAME),
+    *(CASTER_NAME, STRAND_ROWS_NAME, SLICES_NAME),
     *(f"{FIGURES_NAME}/{name}.png" for name in ALL_FIGURES),
 )
 

@@ -22,6 +22,9 @@ class SprayRange:
 
     The table holds its end there. Committed states are looked at, with the cooling of the step that
     led to them.
+
+    Attributes:
+        warned: What has been told, by the number of a nozzle and whether it was too hot.
     """
 
     def __init__(self, simulation: Simulation) -> None:
@@ -34,7 +37,7 @@ class SprayRange:
             for index, model in enumerate(table.nozzle)
             if model.table is not None
         }
-        self._warned: set[tuple[int, bool]] = set()
+        self.warned: set[tuple[int, bool]] = set()
 
     def note(self, time: float, temperature: Array) -> None:
         """Look at the temperatures of the owned vertices (owned,), K, at a time, s (collective)."""
@@ -63,9 +66,9 @@ class SprayRange:
             (False, coldest < ends[0], coldest),
             (True, hottest > ends[1], hottest),
         ):
-            if not (beyond and np.isfinite(value)) or (index, hot) in self._warned:
+            if not (beyond and np.isfinite(value)) or (index, hot) in self.warned:
                 continue
-            self._warned.add((index, hot))
+            self.warned.add((index, hot))
             low, high = (format(end, "K", "degC") for end in ends)
             place = self._simulation.machine.position(time)
             log.logger.warning(

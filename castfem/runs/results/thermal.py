@@ -162,8 +162,6 @@ class Sampler:
             sample.extremes = replace(self.extremes)
         if self.quality is not None:
             sample.quality = self.quality.note(strand, sample.position, self._centre(sample))
-        if self.sprays is not None:
-            self.sprays.note(state.time, state.point.temperature)
         return sample
 
     def _read_mechanics(
@@ -240,9 +238,11 @@ class Sampler:
         return {name: float(flux[i]) for i, name in enumerate(names)}
 
     def follow(self, state: ThermalState) -> None:
-        """Note what hangs on the temperatures of all steps: end of the pool, flux of the mould."""
+        """Note what hangs on the temperatures of all steps: pool, mould, range of the sprays."""
         self._note_closing(state, state.extremes[1])
         self._note_mould_flux(state)
+        if self.sprays is not None:
+            self.sprays.note(state.time, state.point.temperature)
 
     def _note_mould_flux(self, state: ThermalState) -> None:
         """Note the mean flux as long as the slice is in the mould."""

@@ -1,0 +1,132 @@
+"""What a whole caster takes, against as many separate runs of its slices, and where its pool ends.
+
+Writes a table and the numbers of docs/caster.md. Times are those of the processor, which other work
+on the machine counts little in.
+
+    python -m benchmarks whole_caster
+"""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from benchmarks.report import ROOT, Output
+from castfem.model import Case, load_case, shipped_cases
+from castfem.model.caster import by_plant, slice_of, starts_of
+from castfem.post.plots.strand_over_time import strand_figure
+from castfem.runs.caster.files import read_table
+from castfem.runs.output.run_record import RunRecord
+from castfem.studies.accuracy.sizes import assignments
+
+CASE, SEPARATE = "slab1200/ladle_change", (30, 50, 70)
+"""The case, and the slices that are run by themselves as well."""
+
+
+def coarse() -> Case:
+    """The case at `--accuracy coarse`."""
+    path = shipped_cases.find(CASE)
+    own = load_case(path)
+    return load_case(path, [*assignments(own, "coarse"), f"title={own.title}"])
+
+
+def castfem(*words: str) -> tuple[float, float]:
+    """Run a command; seconds of the processor and of the clock."""
+    before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), perf_counter()
+    subprocess.run([sys.executable, "-m", "castfem.cli", *words, "-q"], check=True, cwd=ROOT)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return spent, perf_counter() - begun
+
+
+def together(case: Case, home: Path) -> dict[str, Any]:
+    """The caster in one process."""
+    (home / "case.toml").write_text(case.resolved_toml(), encoding="utf-8")
+    folder = home / "caster"
+    spent, wall = castfem("caster", str(home / "case.toml"), "-o", str(folder), "--no-figures")
+    return {"processor [s]": spent, "wall [s]": wall, **read(case, folder)}
+
+
+def read(case: Case, folder: Path) -> dict[str, Any]:
+    """What its files tell."""
+    numbers, _, _ = read_table(folder / "caster.csv")
+    time, pool = numbers["time"], numbers["metallurgical_length"]
+    assert case.caster is not None
+    start, end = case.caster.window
+    least = int(np.nanargmin(pool))
+    return {
+        "slices": len(starts_of(case)), "at once": int(numbers["slices"].max()),
+        "clock [s]": end - start, "followed [s]": followed(case),
+        "memory [MB]": RunRecord.load(folder).memory_mb,
+        "pool at first [m]": pool[0], "pool shortest [m]": pool[least],
+        "shortest at [min]": time[least] / 60.0, "pool at last [m]": pool[-1],
+        "pool longest [m]": np.nanmax(pool),
+        "balance [-]": np.nanmax(np.abs(numbers["energy_error"])),
+    }  # fmt: skip
+
+
+def followed(case: Case) -> float:
+    """Time for which all slices together are followed, s."""
+    from castfem.model.caster import cast_of
+
+    assert case.caster is not None
+    cast, last, length = cast_of(case), case.caster.instants[-1], case.casting.length
+    starts = starts_of(case)
+    return sum(min(last, cast.when(cast.length(s) + length)) - s for s in starts)
+
+
+def alone(case: Case, numbers: Sequence[int], home: Path) -> list[dict[str, Any]]:
+    """Some of its slices, each by castfem run."""
+    base, starts, rows = by_plant(case), starts_of(case), []
+    for number in numbers:
+        one, path = slice_of(base, starts[number - 1]), home / f"{number}.toml"
+        path.write_text(one.resolved_toml(), encoding="utf-8")
+        spent, _ = castfem(
+            "run", str(path), "-o", str(home / str(number)), "--set", "output.figures=false"
+        )
+        rows.append({"slice": number, "processor [s]": spent, "followed [s]": one.casting.duration})
+    return rows
+
+
+def show(output: Output) -> None:
+    """Make the table anew."""
+    found, single = output.rows("whole_caster"), output.rows("whole_caster_alone")
+    if not (found and single):
+        return
+    (row,) = found
+    apart = sum(r["processor [s]"] for r in single) / sum(r["followed [s]"] for r in single)
+    line: Mapping[str, Any] = {
+        **row, "real": row["clock [s]"] / row["processor [s]"],
+        "ratio": apart * row["followed [s]"] / row["processor [s]"],
+    }  # fmt: skip
+    columns = {
+        "slices": "slices", "at once": "at once", "processor [s]": ("processor, s", ".0f"),
+        "real": ("as fast as the caster", ".2g"), "memory [MB]": ("memory, MB", ".0f"),
+        "ratio": ("separate runs take, times", ".2f"),
+    }  # fmt: skip
+    output.table("whole caster", [line], columns)
+
+
+def main(output: Output, quick: bool) -> None:
+    """Measure, and write data and table."""
+    case = coarse()
+    numbers: tuple[int, ...] = SEPARATE
+    if quick:
+        case = case.with_(
+            {"casting.length": "1 m", "caster.spacing": "0.6 m", "caster.end": "60 s"}
+        )
+        numbers = (2,)
+    with tempfile.TemporaryDirectory() as home:
+        output.csv("whole_caster_alone", alone(case, numbers, Path(home)))
+        output.csv("whole_caster", [together(case, Path(home))])
+        shown = strand_figure(Path(home, "caster"), case.title, case.casting.length)
+        output.figure("strand_over_time", shown)
+    show(output)

@@ -1,0 +1,377 @@
+"""The table [caster]: many slices of one strand, each with the speed, superheat and water it met.
+
+What the plant did stands in a table over the clock: a column for each thing that changes. A slice
+is the case with these columns in the place of its own keys, and with its own start by that clock
+(`casting.start.time`), so that it can be run by itself as well.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Field
+
+from castfem.base import units
+from castfem.base.constants import ROUNDING
+from castfem.base.csv_files import UnreadableError, read_csv
+from castfem.base.quantities import Kind, Notation, Time
+from castfem.base.tables import ARGUMENTS, Table
+from castfem.base.units import in_mm
+from castfem.model.base import TableModel
+from castfem.model.casting import Start
+from castfem.model.checks import Faults, check
+from castfem.model.heat_law import ScaledLaw
+from castfem.model.mechanics import Way, WindowMark
+from castfem.physics.machine.travel import Changing
+
+if TYPE_CHECKING:
+    from castfem.model.case import Case
+
+EVENT = "event"
+_FLOW = Kind("m^3/s", "L/min", least=0.0, label="water flow", sample="240 L/min")
+_KINDS = {
+    "time": ARGUMENTS["time"],
+    "speed": Kind("m/s", "m/min", least=0.0),
+    "superheat": Kind("K", "K", difference=True, least=0.0),
+    "mould_heat": Kind("1", least=0.0, label="factor", sample="0.95"),
+}
+_HEADER = "time [min], speed [m/min], superheat [K], mould_heat [-], top [L/min], event"
+_DIGITS = 6  # of a start in seconds: what is written of it is what is computed
+
+
+@dataclass(frozen=True, slots=True)
+class Plant:
+    """What the plant did.
+
+    Attributes:
+        times: By the clock, s, increasing.
+        values: Of each column but the events, in SI.
+        events: A word on each row; "" for none.
+    """
+
+    times: tuple[float, ...]
+    values: Mapping[str, tuple[float, ...]]
+    events: tuple[str, ...]
+
+    def table(self, name: str) -> Table:
+        """A column over the clock, without rows in the midst of a time in which it is constant.
+
+        A step of each slice ends at each row.
+        """
+        values = self.values[name]
+        last = len(values) - 1
+        kept = [i for i in range(last + 1) if i in (0, last) or len({*values[i - 1 : i + 2]}) > 1]
+        return Table("time", tuple(self.times[i] for i in kept), tuple(values[i] for i in kept))
+
+    @property
+    def water(self) -> list[str]:
+        """Names of circuits and zones whose flow it has."""
+        return [name for name in self.values if name not in _KINDS]
+
+
+@dataclass(frozen=True, slots=True)
+class PlantTable(Notation):
+    """Annotation of a field that takes what a plant did: a CSV file, or its columns."""
+
+    takes: str = 'CSV file: `{ file = "plant.csv" }`, or its columns'
+
+    def read(self, given: object) -> Plant:
+        """Return the history, or raise ValueError."""
+        if isinstance(given, Plant):
+            return given
+        if not isinstance(given, Mapping):
+            raise ValueError('a file is needed, plant = { file = "plant.csv" }, or columns')
+        if "file" not in given:
+            count = max((len(cells) for cells in given.values()), default=0)
+            return _plant(given, [f"row {i + 1}" for i in range(count)])
+        if len(given) > 1:
+            raise ValueError("a table with a file takes no other key")
+        path = Path(str(given["file"]))
+        try:
+            return _of_file(path)
+        except UnreadableError as error:
+            raise ValueError(f"cannot read '{path}': {error}") from None
+        except ValueError as error:
+            raise ValueError(f"'{path}' {error}") from None
+
+    def write(self, value: Plant) -> Any:
+        """Return what reads back to the same history."""
+        columns = {"time": value.times, **value.values}
+        found: dict[str, Any] = {
+            name: [_KINDS.get(name, _FLOW).write(cell) for cell in cells]
+            for name, cells in columns.items()
+        }
+        return found | ({EVENT: list(value.events)} if any(value.events) else {})
+
+    def json_schema(self) -> dict[str, Any]:
+        """See `Notation.json_schema`."""
+        cells = {"type": "array", "items": {"type": ["number", "string"]}}
+        return {
+            "type": "object",
+            "properties": {"file": {"type": "string"}},
+            "additionalProperties": cells,
+            "description": "history of the plant, from a file or in columns",
+        }
+
+
+def _of_file(path: Path) -> Plant:
+    file = read_csv(path)
+    names = [heading.name for heading in file.headings]
+    if not file.rows:
+        raise ValueError(f"line {file.line}: a header and rows are needed: {_HEADER}")
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise ValueError(f"line {file.line}: column '{twice}' stands there twice")
+    columns: dict[str, list[Any]] = {name: [] for name in names}
+    for row in file.rows:
+        cells = (*row.cells, *("",) * (len(names) - len(row.cells)))
+        if len(cells) > len(names):
+            raise ValueError(f"line {row.line}: {len(row.cells)} cells, not {len(names)}")
+        for heading, cell in zip(file.headings, cells, strict=True):
+            bare = heading.unit and heading.name != EVENT and _is_number(cell)
+            columns[heading.name].append(f"{cell} {heading.unit}" if bare else cell)
+    return _plant(columns, [f"line {row.line}" for row in file.rows])
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _plant(columns: Mapping[str, Sequence[Any]], places: Sequence[str]) -> Plant:
+    """Return the history in some columns; `places` says where each row stands."""
+    for name in ("time", "speed"):
+        if name not in columns:
+            raise ValueError(f"needs the column '{name}': {_HEADER}")
+    values: dict[str, tuple[float, ...]] = {}
+    for name, cells in columns.items():
+        if isinstance(cells, str) or len(cells) != len(places):
+            raise ValueError(f"the column '{name}' must have {len(places)} cells")
+        if name != EVENT:
+            kind = _KINDS.get(name, _FLOW)
+            read = [
+                _cell(kind, cell, f"{p}: {name}") for cell, p in zip(cells, places, strict=True)
+            ]
+            values[name] = tuple(read)
+    times = values.pop("time")
+    for (before, after), place in zip(itertools.pairwise(times), places[1:], strict=True):
+        if not after > before:
+            raise ValueError(f"{place}: time ({after:g} s) does not exceed the row before")
+    if len(times) < 2:
+        raise ValueError(f"has one row, two are needed: {_HEADER}")
+    events = tuple(str(cell).strip() for cell in columns.get(EVENT, ("",) * len(times)))
+    return Plant(times, values, events)
+
+
+def _cell(kind: Kind, cell: Any, where: str) -> float:
+    text = cell.strip() if isinstance(cell, str) else cell
+    if text == "":
+        raise ValueError(f"{where} is empty; write what held then")
+    try:
+        return kind.read(float(text) if kind.unit == "1" and _is_number(str(text)) else text)
+    except ValueError as error:
+        raise ValueError(f"{where} ({text}): {error}") from None
+
+
+Clock = Annotated[float, Kind("s", "s", least=0.0)]
+
+
+class Caster(TableModel):
+    """The whole caster over time: many slices of one strand, which `castfem caster` computes."""
+
+    plant: Annotated[Any, PlantTable()]
+    """what the plant did, over the clock, linear between two rows: time, speed, superheat,
+    mould_heat (factor of the laws of the mould), the flow of circuits and sprayed zones under
+    their names, event"""
+    start: Clock | None = Field(None, examples=["0 s"])
+    """when the caster is looked at first, by the clock of plant; left out: at its first row. Before
+    that row its values hold"""
+    end: Clock | None = Field(None, examples=["3600 s"])
+    """when it is looked at last; left out: at the last row of plant"""
+    spacing: Annotated[float | Way, WindowMark()] = Field(examples=["0.5 m"])
+    """from a slice to the next: a time, or a length of strand"""
+    every: Time = Field(examples=["20 s"])
+    """time between two looks at the whole strand, at whole multiples by the clock; no step of a
+    slice is longer"""
+    longest_gap: Time | None = Field(None, examples=["10 min"])
+    """longest time between two rows of plant; a longer one is refused as a gap in the record; left
+    out: any"""
+
+    @property
+    def window(self) -> tuple[float, float]:
+        """When it is looked at first and last, s."""
+        times = self.plant.times
+        start, end = self.start, self.end
+        return times[0] if start is None else start, times[-1] if end is None else end
+
+    @property
+    def instants(self) -> list[float]:
+        """When it is looked at, by the clock, s."""
+        (start, end), every = self.window, self.every
+        first = math.ceil(start / every * (1.0 - ROUNDING))
+        return [i * every for i in range(first, math.floor(end / every * (1.0 + ROUNDING)) + 1)]
+
+
+class Cast:
+    """What has been cast by the clock of the plant, before whose first row its values held.
+
+    Args:
+        plant: The history.
+        before: How long before the first row it shall be known, s.
+    """
+
+    def __init__(self, plant: Plant, before: float) -> None:
+        speed = plant.table("speed")
+        self._origin = plant.times[0] - before
+        self._travel = Changing([t - self._origin for t in speed.arguments], speed.values)
+
+    def length(self, clock: float) -> float:
+        """What has been cast until then, m."""
+        return self._travel.position(clock - self._origin)
+
+    def when(self, length: float) -> float:
+        """When so much (m) has been cast, s."""
+        return self._travel.time_at(length) + self._origin
+
+
+def cast_of(case: Case) -> Cast:
+    """Return what is cast, from before the oldest slice of the caster has left the meniscus."""
+    assert case.caster is not None
+    plant = case.caster.plant
+    early = max(plant.times[0] - case.caster.window[0], 0.0)
+    # One slice more than is inside, which tells where the liquid ends above it.
+    return Cast(plant, 2.01 * case.casting.length / plant.values["speed"][0] + early + 1.0)
+
+
+def starts_of(case: Case) -> list[float]:
+    """When each slice leaves the meniscus, by the clock, s: the oldest first.
+
+    That one has just left the machine when it is looked at first.
+    """
+    caster = case.caster
+    assert caster is not None
+    cast, instants, spacing = cast_of(case), caster.instants, caster.spacing
+    first, last = instants[0], instants[-1]
+    here, speed = cast.length(first), caster.plant.table("speed")
+    oldest = cast.when(here - case.casting.length)
+    if isinstance(spacing, Way):
+        count = math.floor(case.casting.length / spacing.length * (1.0 - ROUNDING))
+        more = math.floor((cast.length(last) - here) / spacing.length * (1.0 + ROUNDING))
+        found = [cast.when(here + k * spacing.length) for k in range(-count - 1, more + 1)]
+    else:
+        before = math.floor((first - oldest) / spacing * (1.0 - ROUNDING))
+        after = math.floor((last - first) / spacing * (1.0 + ROUNDING))
+        found = [first + k * spacing for k in range(-before - 1, after + 1)]
+        found = [start for start in found if speed(start) > 0.0]
+    return [round(start, _DIGITS) for start in found]
+
+
+def by_plant(case: Case) -> Case:
+    """Return the case with what the plant did in the place of its own keys (`slice_of`)."""
+    from castfem.model.load import changed
+
+    caster = case.caster
+    assert caster is not None
+    plant = caster.plant
+    changes: dict[str, Any] = {"output.every": f"{caster.every!r} s", "output.by_clock": True}
+    for name in (name for name in ("speed", "superheat") if name in plant.values):
+        changes[f"casting.{name}"] = plant.table(name)
+    if "mould_heat" in plant.values:
+        changes |= {f"{key}.factor": plant.table("mould_heat") for key in _mould_laws(case)}
+    changes |= {f"{_sprays(case)[name]}.flow": plant.table(name) for name in plant.water}
+    changes["title"] = case.title
+    found = changed(case, changes, "caster.plant")
+    return found.model_copy(update={"caster": None, "reference": (), "optimise": None})
+
+
+def slice_of(case: Case, start: float) -> Case:
+    """Return the case of one slice, from that of all (`by_plant`) and its start by the clock, s."""
+    own = case.casting.start or Start.model_validate({})
+    casting = case.casting.model_copy(update={"start": own.model_copy(update={"time": start})})
+    return case.model_copy(update={"casting": casting})
+
+
+def _mould_laws(case: Case) -> list[str]:
+    """Keys of the laws that cool the strand in its mould, and that a factor may scale."""
+    return [
+        f"cooling.{i}.surface.{j}"
+        for i, zone in enumerate(case.mould_zones())
+        for j, law in enumerate(zone.surface)
+        if isinstance(law, ScaledLaw)
+    ]
+
+
+def _sprays(case: Case) -> dict[str, str]:
+    """Keys of circuits, and of sprays that are the only one of their zone, by their names."""
+    found = {}
+    for i, zone in enumerate(case.cooling):
+        sprays = [j for j, law in enumerate(zone.surface) if law.tag == "spray"]
+        if len(sprays) == 1:
+            found[zone.name] = f"cooling.{i}.surface.{sprays[0]}"
+    circuits = () if case.secondary is None else case.secondary.circuit
+    return found | {one.name: f"secondary.circuit.{i}" for i, one in enumerate(circuits)}
+
+
+@check("caster")
+def _plant_fits(case: Case, caster: Caster) -> Faults:
+    """Yield columns that the case has no place for, and what the history cannot tell."""
+    plant, names = caster.plant, _sprays(case)
+    speeds, times = plant.values["speed"], plant.times
+    if not speeds[0] > 0.0:
+        yield "plant", "begins with the strand at rest; the caster begins with steady casting"
+    if not speeds[-1] > 0.0:
+        yield "plant", "ends with the strand at rest, from where it never goes on; add a row"
+    for name in plant.water:
+        if name not in names:
+            known = f"a circuit, or a zone with one spray: {', '.join(names) or 'there is none'}"
+            yield "plant", f"column '{name}' is not {known}{units.nearest(name, names)}"
+    if "mould_heat" in plant.values and not _mould_laws(case):
+        yield "plant", "column 'mould_heat': no law of a mould has a coefficient or a flux"
+    if caster.longest_gap is not None:
+        for before, after in itertools.pairwise(times):
+            if after - before > caster.longest_gap * (1.0 + ROUNDING):
+                allowed = f"caster.longest_gap allows {caster.longest_gap:g} s"
+                yield "plant", f"has no row between {before:g} s and {after:g} s; {allowed}"
+
+
+@check("caster")
+def _window(case: Case, caster: Caster) -> Faults:
+    """Yield a window that the history does not cover, and a spacing that leaves no slice in it."""
+    (start, end), times = caster.window, caster.plant.times
+    span = f"the plant's history goes from {times[0]:g} s to {times[-1]:g} s"
+    if start < times[0]:
+        yield "start", f"({start:g} s): {span}"
+    if end > times[-1] * (1.0 + ROUNDING):
+        yield "end", f"({end:g} s): {span}"
+    elif not end > start:
+        yield "end", f"({end:g} s) is not after the start ({start:g} s)"
+    elif len(caster.instants) < 2:
+        yield "every", f"({caster.every:g} s): there are no two such instants in {end - start:g} s"
+    length = case.casting.length
+    speed = max(caster.plant.values["speed"])
+    apart = caster.spacing
+    gap = apart.length if isinstance(apart, Way) else apart * speed
+    if not gap < length:
+        text = f"leaves no slice within casting.length ({in_mm(length)})"
+        yield "spacing", f"({in_mm(gap)} at the fastest) {text}"
+
+
+@check("caster")
+def _goes_with(case: Case, caster: Caster) -> Faults:
+    """Yield what a caster of slices that begin at the meniscus does not go with."""
+    start = case.casting.start
+    if case.verification is not None:
+        yield "", "does not go with [verification]: a closed form is of one slice"
+    if start is None:
+        return
+    if start.at != "meniscus" or start.profile is not None:
+        yield "/casting.start", "slices of a caster begin at the meniscus, as poured; leave it out"
+    elif start.time is not None:
+        yield "/casting.start.time", "each slice of a caster has its own; leave it out"

@@ -1,0 +1,64 @@
+"""What a caster takes, told before it runs: slices, instants, memory. No solver is imported."""
+
+from __future__ import annotations
+
+import math
+import os
+from typing import TYPE_CHECKING
+
+from castfem.base.constants import ROUNDING
+from castfem.base.errors import InputError
+from castfem.model.caster import by_plant, cast_of, starts_of
+from castfem.model.mechanics import Way
+
+if TYPE_CHECKING:
+    from castfem.model import Case
+
+_VERTEX, _SLICE, _PROCESS = 130.0, 3.6e6, 1.5e8
+"""Bytes of a vertex of a slice, of the slice besides, of the process; measured."""
+_MOST = 0.8
+"""Share of the machine's memory that a caster may take."""
+
+
+def demand(case: Case, vertices: int, ranks: int = 1) -> str:
+    """Return what a caster takes, in a line.
+
+    Args:
+        case: Sound.
+        vertices: Of its mesh.
+        ranks: On which it is to run.
+
+    Raises:
+        InputError: It is no caster, or asks for more than there is.
+    """
+    if case.caster is None:
+        fix = "[caster] with plant, spacing and every (docs/caster.md)"
+        raise InputError(f"{case.title}: has no table [caster]; add {fix}")
+    if case.mechanics is not None:
+        raise InputError("mechanics: a caster is of the temperature alone; leave out [mechanics]")
+    if ranks > 1:
+        raise InputError("a caster runs on one rank: start castfem caster without mpirun")
+    inside = _most_inside(case)
+    memory = _PROCESS + inside * (_SLICE + _VERTEX * vertices)
+    there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if memory > _MOST * there:
+        raise InputError(
+            f"caster.spacing: {inside} slices at once take about {1e-9 * memory:.3g} GB, and this "
+            f"machine has {1e-9 * there:.3g} GB; give a larger spacing"
+        )
+    by_plant(case)
+    return (
+        f"{len(starts_of(case))} slices, {inside} at once, {len(case.caster.instants)} instants; "
+        f"about {1e-6 * memory:.0f} MB"
+    )
+
+
+def _most_inside(case: Case) -> int:
+    """How many slices are inside at once, at most."""
+    caster, length = case.caster, case.casting.length
+    assert caster is not None
+    if isinstance(caster.spacing, Way):
+        return 1 + math.floor(length / caster.spacing.length * (1.0 + ROUNDING))
+    cast = cast_of(case)
+    stays = [at - cast.when(cast.length(at) - length) for at in caster.instants]
+    return 1 + math.floor(max(stays) / caster.spacing * (1.0 + ROUNDING))

@@ -1,0 +1,148 @@
+"""Files of a caster: tables that grow by whole pieces, and are cut back when a run is resumed."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import os
+import shutil
+import weakref
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.base.atomic_files import AppendedFile, Closing, saving, write_text
+from castfem.base.csv_files import read_csv
+from castfem.base.errors import InputError
+from castfem.base.result_registry import QuantityDefinition, find
+from castfem.base.types import Array
+from castfem.runs.output.folder import CASTER_NAME, SLICES_NAME, STRAND_ROWS_NAME
+
+if TYPE_CHECKING:
+    import pandas
+
+Row = Mapping[str, float | str]
+
+
+class GrowingTable(Closing):
+    """A CSV file whose header names each column and its unit; numbers have twelve digits.
+
+    Args:
+        path: Of the file.
+        heading: Name and unit of each column; without unit one of words.
+        size: Bytes to go on from, of a file that is there; None to begin it.
+
+    Raises:
+        InputError: The file is shorter than it was.
+        RunFailure: It cannot be written.
+    """
+
+    def __init__(self, path: Path, heading: Sequence[tuple[str, str]], size: int | None) -> None:
+        self._names, self._path = [name for name, _ in heading], path
+        if size is None:
+            cells = [f"{name} [{unit}]" if unit else name for name, unit in heading]
+            write_text(path, _line(cells))
+        else:
+            if not path.is_file() or path.stat().st_size < size:
+                raise InputError(f"{path}: has lost rows since; run again without --resume")
+            with saving(path):
+                os.truncate(path, size)
+        self._file = AppendedFile(path)
+
+    @property
+    def size(self) -> int:
+        """Bytes so far."""
+        return self._path.stat().st_size
+
+    def append(self, rows: Iterable[Row]) -> None:
+        """Add rows, all of them or none; what is missing or not finite is an empty cell."""
+        lines = [_line([_cell(row.get(name, "")) for name in self._names]) for row in rows]
+        if lines:
+            self._file.append("".join(lines).encode())
+
+    def sync(self) -> None:
+        """Force it to disk."""
+        self._file.sync()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def _cell(value: float | str) -> str:
+    if isinstance(value, str):
+        return value
+    return f"{value:.12g}" if math.isfinite(value) else ""
+
+
+def _line(cells: Sequence[str]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow(cells)
+    return text.getvalue()
+
+
+def definition(column: str) -> tuple[QuantityDefinition, str]:
+    """Return the quantity in a column of a slice's rows, and its probe."""
+    found = find(column)
+    assert found is not None, "castfem has written the column"
+    return found
+
+
+def read_table(path: Path) -> tuple[dict[str, Array], dict[str, str], dict[str, list[str]]]:
+    """Return the columns of numbers of such a file, their units, and the columns of words.
+
+    Raises:
+        InputError: There is no such file, or it is no table of a caster.
+    """
+    try:
+        file = read_csv(path)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+    columns = list(zip(*(row.cells for row in file.rows), strict=True)) or [()] * len(file.headings)
+    numbers, words = {}, {}
+    for heading, cells in zip(file.headings, columns, strict=True):
+        if "[" in heading.text:
+            numbers[heading.name] = np.array([float(c) if c else math.nan for c in cells])
+        else:
+            words[heading.name] = list(cells)
+    return numbers, {h.name: h.unit for h in file.headings}, words
+
+
+class CasterResult:
+    """What a caster has written, read when it is asked for, in the units of its files.
+
+    Attributes:
+        folder: Of the run.
+    """
+
+    def __init__(self, folder: Path, temporary: bool = False) -> None:
+        self.folder = folder
+        if temporary:
+            weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+
+    @cached_property
+    def caster(self) -> pandas.DataFrame:
+        """A row an instant: speed, end of the pool, power, events."""
+        return self._read(CASTER_NAME)
+
+    @cached_property
+    def strand(self) -> pandas.DataFrame:
+        """The strand at each instant, a row a slice from the meniscus down."""
+        return self._read(STRAND_ROWS_NAME)
+
+    @cached_property
+    def slices(self) -> pandas.DataFrame:
+        """A row for each slice that has left the machine, as it did."""
+        return self._read(SLICES_NAME)
+
+    def _read(self, name: str) -> pandas.DataFrame:
+        import pandas
+
+        numbers, units, words = read_table(self.folder / name)
+        found = pandas.DataFrame({**numbers, **words})
+        found.attrs["units"] = units
+        return found

@@ -1,0 +1,93 @@
+"""A slice of a caster is the run that castfem.run makes of its case, to the last digit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from small_caster import caster
+
+import castfem
+from castfem.model.caster import slice_of
+from castfem.runs.caster.strand import Strand
+from castfem.runs.output.checkpoint import load_checkpoint
+from castfem.runs.output.history import read_columns
+from castfem.runs.results.registry import Columns
+
+SPRAY = {
+    "law": "spray", "correlation": "nozaki", "water_temperature": "25 degC", "flow": "2 L/min",
+}  # fmt: skip
+ZONES = {
+    "cooling": [
+        {"name": "mould", "to": "100 mm", "surface": [
+            {"law": "contact", "coefficient": "1600 W/(m^2 K)", "wall": "160 degC"}]},
+        {"name": "ring", "to": "300 mm", "surface": [SPRAY]},
+    ],
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def advanced() -> Any:
+    """The strand of a caster with water, its slices' rows by number, and states at their ends."""
+    case = caster(ZONES, {"ring": ["2 L/min", "2 L/min", "1 L/min", "0 L/min"]})
+    strand = Strand(case, MPI.COMM_SELF)
+    rows: dict[int, list[dict[str, float]]] = {}
+    ends: dict[int, Any] = {}
+    for clock in strand.instants:
+        for one in strand.advance(clock):
+            simulation, sample = one.loop.simulation, one.run_state.sample
+            assert sample is not None and sample.time == one.age
+            rows.setdefault(one.number, []).append(Columns(simulation).row(sample))
+            if one.has_left:
+                ends[one.number] = one.run_state.state.thermal.enthalpy
+        strand.release()
+        assert len(strand.inside) <= 8  # of 14: memory is that of those inside
+    yield strand, rows, ends
+    strand.destroy()
+
+
+@pytest.mark.parametrize("number", [3, 6, 9])
+def test_a_slice_is_the_run_of_its_case(advanced: Any, number: int, tmp_path: Path) -> None:
+    strand, rows, ends = advanced
+    case = slice_of(strand.base, strand.starts[number - 1])
+    assert castfem.run(case, tmp_path).case == case  # the file of a slice has all its digits
+    history = read_columns(tmp_path / "history.csv")
+    assert len(rows[number]) >= 3
+    for row in rows[number]:
+        (line,) = np.flatnonzero(np.abs(history["time"] - row["time"]) < 1e-9)
+        written = {name: float(f"{value:.12g}") for name, value in row.items()}
+        assert set(written) == set(history.columns)
+        alone = {name: float(history[name][line]) for name in history}
+        np.testing.assert_equal(alone, written)
+    _, arrays = load_checkpoint(tmp_path / "checkpoint.h5")
+    nodes = strand.model.section.node_of_owned
+    assert np.array_equal(arrays["enthalpy"][nodes], ends[number])
+
+
+def test_what_a_slice_meets_is_that_of_its_own_time(advanced: Any) -> None:
+    strand, rows, _ = advanced
+    young = slice_of(strand.base, strand.starts[12]).casting
+    assert young.poured_superheat == 20.0 and young.travel.speed(0.0) < 3.0 / 60.0
+    old = slice_of(strand.base, strand.starts[0]).casting
+    assert old.poured_superheat == 40.0 and old.clock == pytest.approx(-200 / 60, abs=1e-6)
+    assert old.travel.speed(-old.clock) == pytest.approx(0.06)
+    heat = {number: found[-1]["heat_removed"] for number, found in rows.items()}
+    assert heat[8] > heat[2]  # the slow-down cools it longer
+
+
+def test_steady_casting_is_one_slice_at_every_instant() -> None:
+    same = {"speed": ["3.6 m/min"] * 4, "superheat": None, "mould_heat": None}
+    strand = Strand(caster({}, same), MPI.COMM_SELF)
+    by_position: dict[float, float] = {}
+    for clock in strand.instants:
+        for one in strand.advance(clock):
+            row = Columns(one.loop.simulation).row(one.run_state.sample)  # type: ignore[arg-type]
+            known = by_position.setdefault(round(row["position"], 9), row["heat_removed"])
+            assert row["heat_removed"] == pytest.approx(known, rel=2e-4)
+        strand.release()
+    strand.destroy()
+    assert len(by_position) > 8
