@@ -56,8 +56,8 @@ def test_show_draws_all_figures_and_castfem_removes_them_again(tmp_path):
         image = matplotlib.image.imread(path)
         assert min(image.shape[:2]) > 400
         assert image[..., :3].std() > 0.02
-        # the stack has all colours of two scales, without bands
-        assert path.stat().st_size < (600_000 if path.stem == "stack" else 200_000)
+        # the stack has all colours of two scales, without bands; 205 kB with matplotlib 3.11
+        assert path.stat().st_size < (600_000 if path.stem == "stack" else 210_000)
     OutputFolder(run).begin("x = 1\n")
     assert not (run / "figures").exists()
 
