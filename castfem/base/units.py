@@ -46,6 +46,9 @@ COMMON: Mapping[str, tuple[Fraction, tuple[str, ...]]] = {
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)\s*(.*?)\s*")
 
+LARGEST = 1e300
+"""Of a number in any unit."""
+
 # SI unit -> (what it measures, how a user may write it)
 NAMES: dict[str, tuple[str, str]] = {
     "1": ("number without unit", "0.8"),
@@ -269,9 +272,25 @@ def parse(
         raise ValueError(f'"{text}" does not begin with a number; {wanted}')
     number, written = split(text)
     scale, offset = _conversion(written, unit, difference, kind)
-    if abs(float(number)) > 1e300:
+    if abs(float(number)) > LARGEST:
         raise ValueError("the number is too large")
     return _check(float(Fraction(number) * scale + offset), unit, difference)
+
+
+def parse_numbers(
+    numbers: Sequence[float], written: str, unit: str, *, difference: bool = False
+) -> tuple[float, ...]:
+    """Read many finite numbers of one unit in SI: what `parse` makes of each, sooner.
+
+    Raises:
+        ValueError: The unit is unknown, or of another dimension, or one is below absolute zero.
+    """
+    scale, offset = _conversion(written, unit, difference)
+    found = tuple(map(float, numbers))
+    if (scale, offset) != (1, 0):
+        found = tuple(float(Fraction(repr(number)) * scale + offset) for number in numbers)
+    _check(min(found), unit, difference)
+    return found
 
 
 def _plain(number: float, unit: str, name: str, example: str) -> float:
