@@ -133,13 +133,16 @@ def _meant(unit: str, example: str, target: pint.Unit) -> str:
     return next((one for one in whole + alike if _parse_unit(one).dimensionality == right), "")
 
 
+_NEAR = 0.6  # of the letters of both: "stirrer" is not "water", of which it has half
+
+
 def nearest(name: str, allowed: Iterable[str]) -> str:
     """Return "; did you mean X?" for the allowed name nearest to `name`, empty if none is near."""
     choices = list(allowed)
-    near = difflib.get_close_matches(name, choices, n=1, cutoff=0.5)
+    near = difflib.get_close_matches(name, choices, n=1, cutoff=_NEAR)
     if not near:
         lower = {choice.lower(): choice for choice in choices}
-        near = [lower[n] for n in difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.5)]
+        near = [lower[n] for n in difflib.get_close_matches(name.lower(), lower, 1, _NEAR)]
     return f"; did you mean {near[0]}?" if near else ""
 
 

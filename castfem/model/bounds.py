@@ -227,6 +227,7 @@ def _rows_of_the_run(case: Case, table: Table) -> int:
 
     Time is that since the meniscus, or by the clock of the caster: those of the one that has more.
     """
+
     def within(start: float, end: float) -> int:
         return bisect_left(table.arguments, end) - bisect_right(table.arguments, start)
 

@@ -259,7 +259,7 @@ ROWS = (
     ("changes", "said"),
     [
         (("casting.length=10 km", "coupling.interval=0.1 s"), "coupling.interval: (0.1 s) makes"),
-        ((ROWS, "cooling.0.surface.0.wall=mould"), "has 4 999 rows in the run, each of which ends one of"),
+        ((ROWS, "cooling.0.surface.0.wall=mould"), "has 4 999 rows in the run, each of which ends"),
     ],
     ids=["length", "rows"],
 )

@@ -102,9 +102,8 @@ def test_another_case_is_refused_by_the_name_of_what_differs(tmp_path):
     ) in error.value.problems[0]
     many = {"steel": {f"k{i}": i for i in range(7)}}
     with pytest.raises(InputError, match=r"k0: .*steel\.k1: .*; and 4 more\)"):
-        load_checkpoint(
-            path, physics="4567", case=json.dumps(there | many | {"mesh": {"order": 1}, "cooling": []})
-        )
+        more = many | {"mesh": {"order": 1}, "cooling": []}
+        load_checkpoint(path, physics="4567", case=json.dumps(there | more))
 
 
 def test_another_version_is_refused(tmp_path, monkeypatch):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
 import json
 import signal
@@ -251,6 +252,24 @@ def test_signals_that_others_handle_are_left_alone() -> None:
     finally:
         signal.signal(signal.SIGTERM, before)
     assert seen == [signal.SIGTERM]
+
+
+@pytest.mark.parametrize("again", [True, False])
+def test_a_full_disk_is_told_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, told: pytest.LogCaptureFixture, again: bool
+) -> None:
+    """By what ends the run; a state that cannot be saved for another reason has a warning."""
+    full = OSError(errno.ENOSPC, "No space left on device", "checkpoint.h5")
+
+    def save(recorder: Recorder, state: object) -> None:
+        raise full if again else OSError(errno.EIO, "Input/output error", "checkpoint.h5")
+
+    failing(monkeypatch, full, 0.3)
+    monkeypatch.setattr(Recorder, "save", save)
+    with pytest.raises(OSError, match="No space left"):
+        run(thermal("casting.length=60 mm", "thermal.time.step=0.1 s"), tmp_path / "full")
+    warned = [line for line in told.messages if "could not be saved" in line]
+    assert len(warned) == (0 if again else 1)
 
 
 TOLD = """
