@@ -328,8 +328,14 @@ def _column(
 
 def _all_numbers(cells: Sequence[object], unit: str, kind: Kind) -> tuple[float, ...]:
     """Return a column of numbers of one unit; () if a cell is something else or a fault."""
-    numbers = [cell for cell in cells if type(cell) in (int, float)]
-    if len(numbers) < len(cells) or not all(abs(n) <= units.LARGEST for n in numbers):
+    numbers = [
+        cell
+        for cell in cells
+        if isinstance(cell, int | float)
+        and not isinstance(cell, bool)
+        and abs(cell) <= units.LARGEST
+    ]
+    if len(numbers) < len(cells):
         return ()
     try:
         found = units.parse_numbers(numbers, unit, kind.unit, difference=kind.difference)
