@@ -138,12 +138,17 @@ _NEAR = 0.6  # of the letters of both: "stirrer" is not "water", of which it has
 
 def nearest(name: str, allowed: Iterable[str]) -> str:
     """Return "; did you mean X?" for the allowed name nearest to `name`, empty if none is near."""
-    choices = list(allowed)
-    near = difflib.get_close_matches(name, choices, n=1, cutoff=_NEAR)
+    bare = {_stem(choice): choice for choice in allowed}
+    lower = {choice.lower(): choice for choice in bare}
+    near = difflib.get_close_matches(_stem(name), bare, 1, _NEAR)
     if not near:
-        lower = {choice.lower(): choice for choice in choices}
-        near = [lower[n] for n in difflib.get_close_matches(name.lower(), lower, 1, _NEAR)]
-    return f"; did you mean {near[0]}?" if near else ""
+        near = [lower[n] for n in difflib.get_close_matches(_stem(name).lower(), lower, 1, _NEAR)]
+    return f"; did you mean {bare[near[0]]}?" if near else ""
+
+
+def _stem(name: str) -> str:
+    """Return a name without the ending of a file, which says nothing of how near two are."""
+    return name.removesuffix(".toml").removesuffix(".csv")
 
 
 def _letters(unit: str) -> str:

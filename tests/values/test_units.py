@@ -205,3 +205,5 @@ def test_many_numbers_below_absolute_zero_are_refused() -> None:
 def test_a_name_is_proposed_where_it_is_near(name: str, near: str) -> None:
     proposed = units.nearest(name, ["casting", "cooling", "mould", "water"])
     assert proposed == (f"; did you mean {near}?" if near else "")
+    files = units.nearest(f"{name}.toml", ["casting.toml", "cooling.toml", "mould.toml", "x.toml"])
+    assert files == (f"; did you mean {near}.toml?" if near else "")
