@@ -40,7 +40,7 @@ def python_on(
         folder: Where it runs.
         timeout: After which the test has failed, s.
     """
-    command, environment = _start(ranks, words)
+    command, environment = started(ranks, words)
     return subprocess.run(
         command,
         cwd=folder,
@@ -75,7 +75,7 @@ def killed_on(
     ranks: int, *words: str, folder: Path, when: Callable[[], bool], timeout: float = 300.0
 ) -> None:
     """Run Python on so many ranks, and kill all of them as soon as something is so."""
-    command, environment = _start(ranks, words)
+    command, environment = started(ranks, words)
     with subprocess.Popen(
         command, cwd=folder, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     ) as launcher:
@@ -89,8 +89,8 @@ def killed_on(
                 process.kill()
 
 
-def _start(ranks: int, words: Sequence[str]) -> tuple[list[str], dict[str, str]]:
-    """Command line and environment."""
+def started(ranks: int, words: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+    """Return command line and environment of Python on so many ranks."""
     # What the launcher of this process has left would be taken for the new one's.
     clean = {
         key: value

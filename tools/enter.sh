@@ -66,7 +66,7 @@ run_on_host() {
     *) PATH=$folder:$PATH ;; # conda's mpirun and compiler live beside its Python
   esac
   export PATH=$home/venv/bin:$PATH
-  exec "$@"
+  run_here "$@"
 }
 
 # Variables that would lead the userland's programs back to the host's libraries or interpreters.
@@ -114,36 +114,35 @@ collect_binds() {
 
 # Passes signal $1 on to the program, once. It has a session of its own, so that a Ctrl-C reaches
 # it through here only; $2 is "group" for what a terminal would send to the whole group.
+#
+# Open MPI's mpirun kills its ranks a quarter of a second after a signal that stops it, that of MPICH
+# at once on a hang-up: too soon for castfem to save a step. Each hands SIGUSR1 to its ranks. So they
+# get that one first, which stops castfem as the others do; a second signal is for mpirun itself.
 forward() {
-  local pid='' children=/proc/$child/task/$child/children
+  local number=$1 whom=$2 pid=$child children=/proc/$child/task/$child/children
   signalled=yes
+  if [[ -n $launcher && $number =~ ^(INT|TERM|HUP)$ ]]; then
+    [[ -z $asked || $((SECONDS - asked)) -ge 2 ]] || return 0 # `timeout` sends each signal twice
+    [[ -n $asked ]] || number=USR1 whom=one
+    asked=$SECONDS
+  fi
   # bubblewrap's one child. Read without another process: what sends a signal twice, to this shell
   # and then to its group, as `timeout` does, would end that one.
-  if [[ -r $children ]]; then
+  if [[ $kind == host || $inside == "$userland" ]]; then
+    :
+  elif [[ -r $children ]]; then
     read -r pid _ <"$children"
   else
     read -r pid _ <<<"$(trap '' INT TERM HUP; ps -o pid= --ppid "$child")"
   fi
   [[ -n $pid ]] || return 0
-  if [[ $2 == group ]]; then kill -s "$1" -- "-$pid"; else kill -s "$1" "$pid"; fi 2>/dev/null
+  if [[ $whom == group ]]; then kill -s "$number" -- "-$pid"; else kill -s "$number" "$pid"; fi \
+    2>/dev/null
 }
 
-# bubblewrap would die of a signal and leave the program behind: it ignores them, this shell
-# forwards them, and `env --default-signal` gives the program its ordinary ones back.
-run_in_userland() {
-  local binds child signalled=first status=0
-  [[ -n $bwrap ]] || die "bubblewrap is missing; run \`make env\` in the checkout again"
-  [[ -e $userland/castfem-ready || -z $home ]] ||
-    die "the userland $userland is gone; run \`make env\` in the checkout again"
-  collect_binds
-  [[ $PWD/ != /etc/* && $PWD/ != /boot/* ]] ||
-    die "$PWD is not visible in the userland; run it from another folder"
-  (
-    trap '' HUP INT QUIT TERM USR1 USR2
-    exec "$bwrap" --die-with-parent --new-session "${binds[@]}" --chdir "$PWD" \
-      env --default-signal=HUP,INT,QUIT,TERM,USR1,USR2 -- "$@"
-  ) <&0 &
-  child=$!
+# Waits for the program in the background, $child, and passes on what signals come.
+wait_and_forward() {
+  local signalled=first asked='' status=0
   trap 'forward INT group' INT
   trap 'forward QUIT group' QUIT
   trap 'forward WINCH group' WINCH
@@ -161,7 +160,38 @@ run_in_userland() {
   exit "$status"
 }
 
-home='' userland='' kind=userland python='' openmpi=''
+# Runs a program that needs no userland, or is in it already.
+run_here() {
+  local child
+  [[ -n $launcher ]] || exec "$@"
+  (
+    trap - INT QUIT # ignored in the background
+    exec setsid "$@"
+  ) <&0 &
+  child=$!
+  wait_and_forward
+}
+
+# bubblewrap would die of a signal and leave the program behind: it ignores them, this shell
+# forwards them, and `env --default-signal` gives the program its ordinary ones back.
+run_in_userland() {
+  local binds child
+  [[ -n $bwrap ]] || die "bubblewrap is missing; run \`make env\` in the checkout again"
+  [[ -e $userland/castfem-ready || -z $home ]] ||
+    die "the userland $userland is gone; run \`make env\` in the checkout again"
+  collect_binds
+  [[ $PWD/ != /etc/* && $PWD/ != /boot/* ]] ||
+    die "$PWD is not visible in the userland; run it from another folder"
+  (
+    trap '' HUP INT QUIT TERM USR1 USR2
+    exec "$bwrap" --die-with-parent --new-session "${binds[@]}" --chdir "$PWD" \
+      env --default-signal=HUP,INT,QUIT,TERM,USR1,USR2 -- "$@"
+  ) <&0 &
+  child=$!
+  wait_and_forward
+}
+
+home='' userland='' kind=userland python='' openmpi='' launcher='' inside=''
 if [[ ${1:-} == --userland ]]; then
   userland=${2:?}
   shift 2
@@ -174,10 +204,10 @@ fi
 [[ $# -gt 0 ]] || die "nothing to run"
 
 set_defaults
-[[ $1 == mpirun ]] && exec 2> >(without_status >&2)
+[[ $1 == mpirun ]] && exec 2> >(without_status >&2) && launcher=yes
 [[ $kind == userland ]] || run_on_host "$@"
 inside=${CASTFEM_INSIDE:-}
 bwrap=$(command -v bwrap)
 forget_host
-[[ $inside == "$userland" ]] && exec "$@" # already there, as under mpirun
+[[ $inside == "$userland" ]] && run_here "$@" # already there, as under mpirun
 run_in_userland "$@"

@@ -301,29 +301,36 @@ def taken(lock: FileLock) -> bool:
 
     Raises:
         filelock.Timeout: Another process has it.
+        OSError: The lock cannot be had for another reason.
     """
     from filelock import Timeout
 
     while True:
         try:
             lock.acquire(timeout=0)
-        except NotImplementedError as error:
-            # Reason: filelock raises it where flock() answers ENOSYS, as some network mounts do;
-            # a run must write its results there, too (see above).
-            logger.debug("%s: no lock: %s", lock.lock_file, error)
-            return False
         except Timeout:
             if not _has_locks(Path(lock.lock_file)):
                 return False
             if lock.timeout == 0:
                 raise
             time.sleep(0.05)
+        except (NotImplementedError, OSError) as error:
+            # Reason: filelock raises the first where flock() answers ENOSYS, as some network mounts
+            # do, and from version 4 on the answer itself; a run must write its results there, too.
+            if isinstance(error, OSError) and error.errno not in _NONE:
+                error.filename = error.filename or lock.lock_file
+                raise
+            logger.debug("%s: no lock: %s", lock.lock_file, error)
+            return False
         else:
             return True
 
 
 def _has_locks(path: Path) -> bool:
-    """Whether files may be locked there: filelock takes any other answer for a lock of others."""
+    """Whether files may be locked there.
+
+    filelock before version 4 takes any other answer for a lock of others.
+    """
     with open(path, "ab") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

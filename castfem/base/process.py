@@ -19,6 +19,7 @@ STOPS: dict[signal.Signals, str] = {
     signal.SIGINT: "stopped by the user",
     signal.SIGTERM: "stopped by SIGTERM, as a batch system sends it before it kills",
     signal.SIGHUP: "stopped by SIGHUP, as a terminal or a connection sends it when it closes",
+    signal.SIGUSR1: "stopped by SIGUSR1, which mpirun passes on to its ranks",
 }
 """The signals, and what is noted of a run that one of them has stopped."""
 

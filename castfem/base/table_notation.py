@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
@@ -283,14 +284,19 @@ def schema_of_columns(
     return [file, columns]
 
 
-def _written(values: Sequence[float], kind: Kind) -> tuple[list[float], str | None]:
+def _written(values: tuple[float, ...], kind: Kind) -> tuple[list[float], str | None]:
     """Return a column that `_column` reads back to the same floats, and its unit."""
     if kind.unit == "1":
         return list(values), None
-    numbers = [float(f"{units.convert(v, kind.unit, kind.shown):.12g}") for v in values]
-    if _column("value", numbers, kind.shown, kind) == tuple(values):
-        return numbers, kind.shown
-    return list(values), kind.unit
+    numbers = _shown(values, kind)
+    return (list(numbers), kind.shown) if numbers else (list(values), kind.unit)
+
+
+@lru_cache(maxsize=32)  # a run writes its case several times, a long table takes seconds
+def _shown(values: tuple[float, ...], kind: Kind) -> tuple[float, ...]:
+    """Return a column in the unit in which it is shown; () if other floats would be read back."""
+    numbers = tuple(float(f"{units.convert(v, kind.unit, kind.shown):.12g}") for v in values)
+    return numbers if _column("value", numbers, kind.shown, kind) == values else ()
 
 
 def _column(
@@ -303,6 +309,8 @@ def _column(
         raise ValueError(f"'{name}' is empty; a table needs at least two rows")
     if unit is not None and not isinstance(unit, str):
         raise ValueError(f"the unit of '{name}' must be a text, such as \"{kind.unit}\"")
+    if isinstance(unit, str) and (found := _all_numbers(cells, unit, kind)):
+        return found
     values = []
     for row, cell in enumerate(cells):
         bare = isinstance(cell, int | float) and not isinstance(cell, bool)
@@ -316,6 +324,26 @@ def _column(
             where = _place(places, row)
             raise ValueError(f"'{name}' {where} ({cell!r}): {error}") from None
     return tuple(values)
+
+
+def _all_numbers(cells: Sequence[object], unit: str, kind: Kind) -> tuple[float, ...]:
+    """Return a column of numbers of one unit; () if a cell is something else or a fault."""
+    numbers = [
+        cell
+        for cell in cells
+        if isinstance(cell, int | float)
+        and not isinstance(cell, bool)
+        and abs(cell) <= units.LARGEST
+    ]
+    if len(numbers) < len(cells):
+        return ()
+    try:
+        found = units.parse_numbers(numbers, unit, kind.unit, difference=kind.difference)
+        kind.bounded(min(found))
+        kind.bounded(max(found))
+    except ValueError:
+        return ()  # whatever is wrong is said of its row
+    return found
 
 
 def _no_unit(name: str, kind: Kind) -> NoReturn:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, overload
 
 import numpy as np
@@ -79,6 +79,7 @@ class Table:
     values: tuple[float, ...]
     logarithmic: bool = False
     refuse_outside: bool = False
+    _rows: tuple[Array, Array] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         x, over = self.arguments, f"{self.over}s"
@@ -88,6 +89,9 @@ class Table:
             raise ValueError(f"the {over} of a table must increase")
         if self.logarithmic and min(self.values) <= 0.0:
             raise ValueError("only positive values have a logarithm")
+        y = np.array(self.values)
+        rows = np.array(x), np.log(y) if self.logarithmic else y
+        object.__setattr__(self, "_rows", rows)  # tuples of many rows would be turned at each call
 
     @property
     def kinks(self) -> tuple[float, ...]:
@@ -125,9 +129,8 @@ class Table:
         """
         if self.refuse_outside:
             self._refuse(np.asarray(argument, float))
-        if self.logarithmic:
-            return np.exp(np.interp(argument, self.arguments, np.log(self.values)))
-        return np.interp(argument, self.arguments, self.values)
+        found = np.interp(argument, *self._rows)
+        return np.exp(found) if self.logarithmic else found
 
     def _refuse(self, argument: Array) -> None:
         ends = self.arguments[0], self.arguments[-1]

@@ -46,6 +46,9 @@ COMMON: Mapping[str, tuple[Fraction, tuple[str, ...]]] = {
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)\s*(.*?)\s*")
 
+LARGEST = 1e300
+"""Of a number in any unit."""
+
 # SI unit -> (what it measures, how a user may write it)
 NAMES: dict[str, tuple[str, str]] = {
     "1": ("number without unit", "0.8"),
@@ -130,14 +133,22 @@ def _meant(unit: str, example: str, target: pint.Unit) -> str:
     return next((one for one in whole + alike if _parse_unit(one).dimensionality == right), "")
 
 
+_NEAR = 0.6  # of the letters of both: "stirrer" is not "water", of which it has half
+
+
 def nearest(name: str, allowed: Iterable[str]) -> str:
     """Return "; did you mean X?" for the allowed name nearest to `name`, empty if none is near."""
-    choices = list(allowed)
-    near = difflib.get_close_matches(name, choices, n=1, cutoff=0.5)
+    bare = {_stem(choice): choice for choice in allowed}
+    lower = {choice.lower(): choice for choice in bare}
+    near = difflib.get_close_matches(_stem(name), bare, 1, _NEAR)
     if not near:
-        lower = {choice.lower(): choice for choice in choices}
-        near = [lower[n] for n in difflib.get_close_matches(name.lower(), lower, n=1, cutoff=0.5)]
-    return f"; did you mean {near[0]}?" if near else ""
+        near = [lower[n] for n in difflib.get_close_matches(_stem(name).lower(), lower, 1, _NEAR)]
+    return f"; did you mean {bare[near[0]]}?" if near else ""
+
+
+def _stem(name: str) -> str:
+    """Return a name without the ending of a file, which says nothing of how near two are."""
+    return name.removesuffix(".toml").removesuffix(".csv")
 
 
 def _letters(unit: str) -> str:
@@ -269,9 +280,25 @@ def parse(
         raise ValueError(f'"{text}" does not begin with a number; {wanted}')
     number, written = split(text)
     scale, offset = _conversion(written, unit, difference, kind)
-    if abs(float(number)) > 1e300:
+    if abs(float(number)) > LARGEST:
         raise ValueError("the number is too large")
     return _check(float(Fraction(number) * scale + offset), unit, difference)
+
+
+def parse_numbers(
+    numbers: Sequence[float], written: str, unit: str, *, difference: bool = False
+) -> tuple[float, ...]:
+    """Read many finite numbers of one unit in SI: what `parse` makes of each, sooner.
+
+    Raises:
+        ValueError: The unit is unknown, or of another dimension, or one is below absolute zero.
+    """
+    scale, offset = _conversion(written, unit, difference)
+    found = tuple(map(float, numbers))
+    if (scale, offset) != (1, 0):
+        found = tuple(float(Fraction(repr(number)) * scale + offset) for number in numbers)
+    _check(min(found), unit, difference)
+    return found
 
 
 def _plain(number: float, unit: str, name: str, example: str) -> float:

@@ -94,7 +94,7 @@ def init(name: str) -> None:
 @folder("Folder of a run.")
 @options.at
 @options.units
-def show(folder: Path, at: tuple[str, ...], units: tuple[str, ...]) -> None:
+def show(folder: Path, at: tuple[str, ...], units: tuple[str, ...]) -> int:
     """Print the table of a run and draw its figures; with --at the results at some places."""
     if not folder.is_dir():
         raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
@@ -115,24 +115,23 @@ def show(folder: Path, at: tuple[str, ...], units: tuple[str, ...]) -> None:
             )
         with chosen(units):
             show_errors(folder)
-        return
+        return 0
     if (folder / CASTER_NAME).is_file():
         from castfem.cli.caster import show_caster
 
         if at:
             raise InputError(f"{folder}: --at is of a run; {STRAND_ROWS_NAME} has all positions")
         show_caster(folder, units)
-        return
+        return 0
     if (folder / SWEEP_NAME).is_file() and not (folder / RUN_NAME).is_file():
         raise InputError(f"{folder}: is a sweep; use castfem compare {folder}")
     from castfem.runs.results.places import read_positions
 
     with chosen(units):
-        show_folder(folder, parallel.console(), at=read_positions(at))
-    if at:
-        return
-    for line in error_lines({"": folder}):
+        sound = show_folder(folder, parallel.console(), at=read_positions(at))
+    for line in error_lines({"": folder}) if not at else ():
         print(line)
+    return 0 if sound else InputError.exit_status
 
 
 @command("watch results/billet125/thermal --html at_work.html")

@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from castfem.base import result_registry
 from castfem.base.errors import InputError
 from castfem.base.shown_quantity import from_si, unit_of_difference
 from castfem.base.shown_units import scale_of, shown_in
 from castfem.base.table import Table, say
+from castfem.base.units import nearest
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import chosen
 from castfem.cli.run_progress import View
@@ -98,6 +100,10 @@ def _check_results(case: Case, measured: Sequence[Measured]) -> None:
     others = {name: one for name, one in first.items() if name not in at_probes}
     faults = dict(zip(others, faults_of(case, list(others)), strict=True))
     faults |= {name: missing_column(case, name) for name in at_probes}
+    for name in others:
+        if result_registry.find(name) is None:
+            near = nearest(name, result_registry.result_names())
+            faults[name] = f"no such result of a run{near}"
     problems = [f"{first[name].where}: {fault}" for name, fault in faults.items() if fault]
     if problems:
         raise InputError(problems)

@@ -16,7 +16,7 @@ EXIT = {
     0: "all went well",
     1: "the input cannot be used; nothing was run",
     2: "a run failed, a search found no answer, a file or a part of castfem is missing",
-    130: "interrupted: Ctrl-C, SIGTERM or SIGHUP; what was done is on disk",
+    130: "interrupted: Ctrl-C, SIGTERM, SIGHUP or SIGUSR1; what was done is on disk",
 }
 """Each exit status and its meaning."""
 _STATUS = "Exit status: 0 if all went well, 1 for bad input, 2 for a failure, 130 if interrupted."

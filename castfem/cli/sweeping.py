@@ -243,9 +243,10 @@ def write_script(
         "#SBATCH --time=04:00:00",
         f"#SBATCH --output={shlex.quote(str(folder / 'slurm-%a.log'))}",
         "#SBATCH --requeue",
+        "#SBATCH --signal=B:USR1@60",  # mpirun kills its ranks on SIGTERM, this it passes on
         "set -eu",
         "export OMP_NUM_THREADS=1",
-        f'{launch}{command} --part "$SLURM_ARRAY_TASK_ID/{parts}" --resume --quiet{each}',
+        f'exec {launch}{command} --part "$SLURM_ARRAY_TASK_ID/{parts}" --resume --quiet{each}',
         "",
     ]
     write_text(path, "\n".join(lines), durable=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import typing
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -27,22 +28,26 @@ class Given(NamedTuple):
     kind: Kind  #: its unit
     bounds: Bounds  #: what it usually is, and can be
 
-    def rows(self) -> Iterator[tuple[str, float]]:
-        """Yield its values, each with where it stands in a table."""
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Its numbers, those of a table in order."""
+        return self.value.values if isinstance(self.value, Table) else (self.value,)
+
+    def place(self, row: int) -> str:
+        """Where one of them stands in a table, for a message."""
         if not isinstance(self.value, Table):
-            yield "", self.value
-            return
+            return ""
         over = ARGUMENTS[self.value.over]
-        for at, value in zip(self.value.arguments, self.value.values, strict=True):
-            yield f"at {convert(at, over.unit, over.shown):g} {over.shown}: ", value
+        at = convert(self.value.arguments[row], over.unit, over.shown)
+        return f"at {at:g} {over.shown}: "
 
 
 def _beyond(case: TableModel, text_of: Callable[[Given, float], str]) -> Faults:
     """Yield the numbers for which there is a text; of a table the first."""
     for given in numbers(case):
-        for where, value in given.rows():
+        for row, value in enumerate(given.values):
             if text := text_of(given, value):
-                yield dotted(given.path), where + text
+                yield dotted(given.path), given.place(row) + text
                 break
 
 
@@ -211,10 +216,25 @@ def _long_tables(case: Case, _: object) -> Faults:
         table = given.value
         if not isinstance(table, Table) or table.over not in ("time", "position"):
             continue
-        if (count := len(table.arguments)) > 1_000:
-            text = f"has {grouped(count)} rows, each of which ends one of the {what}"
+        if (count := _rows_of_the_run(case, table)) > 1_000:
+            text = f"has {grouped(count)} rows in the run, each of which ends one of the {what}"
             text += f"; {_takes(count, steps)}"
             yield dotted(given.path), f"{text}: fewer rows do"
+
+
+def _rows_of_the_run(case: Case, table: Table) -> int:
+    """How many rows of a table over time or position lie within the run.
+
+    Time is that since the meniscus, or by the clock of the caster: those of the one that has more.
+    """
+
+    def within(start: float, end: float) -> int:
+        return bisect_left(table.arguments, end) - bisect_right(table.arguments, start)
+
+    if table.over == "position":
+        return within(0.0, case.casting.length)
+    end = case.casting.duration
+    return max(within(start, start + end) for start in {0.0, case.casting.clock})
 
 
 def _demands(case: Case) -> Iterator[Demand]:

@@ -289,13 +289,13 @@ class Case(TableModel):
         """Return a hash of `physics`."""
         return _hash(self.physics())
 
-    def physics_record(self) -> dict[str, Any]:
-        """Return `physics` ("case") and its hash ("physics"), as a checkpoint keeps them.
+    def physics_record(self) -> dict[str, str]:
+        """Return `physics` as JSON ("case") and its hash ("physics"), as a checkpoint keeps them.
 
         This writes out the whole case, which takes long if it has large tables: a run asks once.
         """
         tables = self.physics()
-        return {"physics": _hash(tables), "case": tables}
+        return {"physics": _hash(tables), "case": json.dumps(tables)}
 
     def with_(self, changes: Mapping[str, Any] | None = None, **dotted: Any) -> Case:
         """Return a changed case: `case.with_({"casting.speed": "3 m/min"})`.

@@ -50,6 +50,8 @@ def find(name: str, beside: Path | None = None) -> Path:
         return path / CASE_NAME
     if path.is_dir():
         raise InputError(f"{name}: is a folder, not that of a run: there is no {CASE_NAME} in it")
+    if path.is_fifo() or path.parts[:3] == ("/", "dev", "fd"):  # as of <(...) in a shell
+        raise InputError(f"{name}: is a pipe, not a file; write the case to a file first")
     others = (p for p in path.parent.glob("*.toml") if p != beside)
     near = nearest(name, [*(Path(name).with_name(p.name).as_posix() for p in others), *cases])
     raise InputError(

@@ -1,6 +1,7 @@
 """A wish to stop a run: obeyed between two steps, for within PETSc an exception would be lost.
 
-The signals are Ctrl-C, SIGTERM, which mpirun and batch systems send before they kill, and SIGHUP.
+The signals are Ctrl-C, SIGTERM, which batch systems send before they kill, SIGHUP, and SIGUSR1,
+which mpirun passes on to its ranks without killing them.
 """
 
 from __future__ import annotations

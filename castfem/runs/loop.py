@@ -335,7 +335,8 @@ def _leave(run: RunState, recorder: Recorder, output: OutputFolder, error: BaseE
         stopped = isinstance(error, KeyboardInterrupt)
         _finish(run, output, "interrupted" if stopped else "failed", _reason(error))
     except Exception as other:
-        log.logger.warning("the state could not be saved: %s", other)
+        if str(other) != str(error):  # as of a full disk, which ends the run and is told then
+            log.logger.warning("the state could not be saved: %s", other)
 
 
 def _reason(error: BaseException) -> str:

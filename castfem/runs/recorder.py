@@ -48,7 +48,7 @@ class Recorder:
             self.checkpoint = self.comm.bcast(self.checkpoint)
 
     @cached_property
-    def _physics(self) -> dict[str, Any]:
+    def _physics(self) -> dict[str, str]:
         """What the checkpoints of this run hold of its case; it does not change (rank 0)."""
         return self.simulation.case.physics_record()
 

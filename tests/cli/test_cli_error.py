@@ -153,6 +153,7 @@ def test_a_plain_run_knows_nothing_of_it(tmp_path) -> None:
     [
         (("error", "small", "--to", "1"), "--to 1: "),
         (("error", "nosuch"), "nosuch: no such case file"),
+        (("check", "/dev/fd/63"), "/dev/fd/63: is a pipe, not a file; write the case to a file"),
         (("error", "small", "-j", 0), "at least one process"),
         (("error", "small", "-o", "small.toml"), "small.toml: is a file"),
         (("error", "small", "-o", "lone"), "lone: holds a single run"),

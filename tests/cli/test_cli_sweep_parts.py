@@ -200,6 +200,7 @@ def test_accuracy_is_that_of_all_runs(castfem, tmp_path):
     assert "--accuracy coarse" in Path("job.sh").read_text()
     assert castfem(*words, "--slurm", "ranks.sh", "--ranks", "2").status == 0
     (started,) = [line for line in Path("ranks.sh").read_text().splitlines() if "--ranks" in line]
-    assert started.startswith("mpirun -n 2 castfem sweep small ")
+    assert started.startswith("exec mpirun -n 2 castfem sweep small ")
+    assert "#SBATCH --signal=B:USR1@60\n" in Path("ranks.sh").read_text()
     refused = castfem("sweep", "small", *ROWS, "--accuracy", "rough")
     assert refused.status == 1 and "--accuracy rough: unknown" in refused.err

@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -141,6 +142,36 @@ def userland(home: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("PATH", f"{programs}:{os.environ['PATH']}")
     monkeypatch.delenv("CASTFEM_INSIDE", raising=False)
     return home
+
+
+LAUNCHER = """#!/bin/sh
+for name in USR1 TERM INT HUP; do trap "echo $name" $name; done
+trap "echo TERM; exit 7" TERM
+echo up
+while :; do sleep 0.02; done
+"""
+
+
+@pytest.mark.parametrize("kind", ["home", "userland"])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_ranks_are_asked_to_stop_before_their_launcher(
+    kind: str, number: signal.Signals, request: pytest.FixtureRequest
+) -> None:
+    """What stops mpirun has it kill its ranks within a step; SIGUSR1 it only passes on."""
+    home = request.getfixturevalue(kind)
+    launcher = home / "venv/bin/mpirun"
+    launcher.write_text(LAUNCHER)
+    launcher.chmod(0o755)
+    line = [str(ROOT / "tools/enter.sh"), str(home), "mpirun"]
+    with subprocess.Popen(line, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None and process.stdout.readline() == "up\n"
+        process.send_signal(number)
+        process.send_signal(number)  # as `timeout` does: one wish
+        assert process.stdout.readline() == "USR1\n"
+        time.sleep(2.5)
+        process.send_signal(signal.SIGTERM)
+        assert process.stdout.read() == "TERM\n"
+        assert process.wait(timeout=10) == 7
 
 
 @pytest.mark.skipif(shutil.which("timeout") is None, reason="needs timeout of coreutils")

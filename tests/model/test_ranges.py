@@ -260,7 +260,7 @@ ROWS = (
     ("changes", "said"),
     [
         (("casting.length=10 km", "coupling.interval=0.1 s"), "coupling.interval: (0.1 s) makes"),
-        ((ROWS, "cooling.0.surface.0.wall=mould"), "has 5 000 rows, each of which ends one of"),
+        ((ROWS, "cooling.0.surface.0.wall=mould"), "has 4 999 rows in the run, each of which ends"),
     ],
     ids=["length", "rows"],
 )
@@ -270,6 +270,16 @@ def test_what_would_take_hours_is_told_before_it_is_run(
     reading = read_case(TAPERED, changes)
     told = [line[:200] for line in (*reading.warnings, *reading.problems)]
     assert any(said in line for line in told), told[:9]
+
+
+@pytest.mark.parametrize(("started", "told"), [(0.0, False), (3000.0, False), (30.0, True)])
+def test_rows_of_a_table_outside_the_run_are_no_steps(started: float, told: bool) -> None:
+    """As of a plant's record of a day, of which a slice sees some minutes."""
+    at = [*range(30), *(30 + i / 1000 for i in range(2000)), *range(40, 6000)]
+    speed = f"casting.speed={{time={at},time_unit='s',value={[3.6] * len(at)},unit='m/min'}}"
+    reading = read_case(THERMAL, (speed, f"casting.start.time={started} s"))
+    assert not reading.problems
+    assert any("rows in the run" in line for line in reading.warnings) == told
 
 
 def test_a_machine_without_any_pair_is_refused() -> None:

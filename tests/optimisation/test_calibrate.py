@@ -227,6 +227,7 @@ def test_keys_that_cannot_be_fitted(twin: Path, free: list[str], message: str) -
     ("column", "line"),
     [
         ("gap_mid_face", r"gap_mid_face: is none of this case, for it has no \[mechanics\] and "),
+        ("shel_mid_face", r"shel_mid_face: no such .* did you mean shell_mid"),
         ("shell_mid_fac", r'shell_mid_fac: has no place "mid_fac" .*did you mean mid_face'),
     ],
 )
@@ -237,14 +238,6 @@ def test_a_result_that_the_run_has_not(twin: Path, tmp_path: Path, column: str, 
     with pytest.raises(InputError, match=rf"data\.csv: line 2: {line}"):
         calibrate_case(str(twin / "case.toml"), path, free, tmp_path / "fit", processes=0)
     assert not (tmp_path / "fit").exists()
-
-
-def test_a_name_that_no_run_has_is_told_after_the_first(twin: Path, tmp_path: Path) -> None:
-    path = tmp_path / "data.csv"
-    path.write_text("position [mm], shel_mid_face [mm]\n54, 9\n")
-    words = (str(twin / "case.toml"), path, ["casting.speed=2..4 m/min"], tmp_path / "fit")
-    with pytest.raises(InputError, match=r"shel_mid_face: no such .* did you mean shell_mid"):
-        calibrate_case(*words, processes=0)
 
 
 def probed(coefficient: str = "1600 W/(m^2 K)") -> Case:

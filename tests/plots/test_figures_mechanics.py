@@ -57,7 +57,9 @@ def test_show_draws_all_figures_and_castfem_removes_them_again(tmp_path):
         assert min(image.shape[:2]) > 400
         assert image[..., :3].std() > 0.02
         # the stack has all colours of two scales, without bands
-        assert path.stat().st_size < (600_000 if path.stem == "stack" else 200_000)
+        newer = matplotlib.__version_info__ >= (3, 11)  # which writes 3 % more
+        largest = 600_000 if path.stem == "stack" else 210_000 if newer else 200_000
+        assert path.stat().st_size < largest
     OutputFolder(run).begin("x = 1\n")
     assert not (run / "figures").exists()
 

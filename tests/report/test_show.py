@@ -109,7 +109,7 @@ def test_a_folder_without_a_run_is_an_input_error(tmp_path):
         show(tmp_path)
 
 
-def test_the_table_is_shown_although_figures_cannot_be_drawn(finished_run, tmp_path):
+def test_the_table_is_shown_although_figures_cannot_be_drawn(castfem, finished_run, tmp_path):
     run = tmp_path / "copy"
     shutil.copytree(finished_run, run)
     (run / "fields.h5").write_text("damaged")
@@ -117,6 +117,8 @@ def test_the_table_is_shown_although_figures_cannot_be_drawn(finished_run, tmp_p
     assert "139.2" in text
     assert "figures: " in text
     assert "cannot be read" in text
+    assert castfem("show", finished_run).status == 0
+    assert castfem("show", run).status == 1
 
 
 @pytest.mark.parametrize(

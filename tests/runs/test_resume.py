@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
 import json
 import signal
+import subprocess
+import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,7 +19,7 @@ import numpy as np
 import pytest
 from billet_runs import billet, run
 from interrupted import stopped
-from ranks import needs_mpirun, python_on
+from ranks import needs_mpirun, python_on, started
 
 from castfem.base.errors import InputError, RunFailure
 from castfem.model import Case, load_case
@@ -27,7 +31,9 @@ from castfem.runs.output.history import History, read_history
 from castfem.runs.output.summary import Summary
 from castfem.runs.recorder import Recorder
 
-THERMAL = Path(__file__).parents[2] / "cases" / "billet125" / "thermal.toml"
+ROOT = Path(__file__).parents[2]
+THERMAL = ROOT / "cases" / "billet125" / "thermal.toml"
+HOME = Path(sys.prefix).parent  # of the environment, if tools/env.sh has made it
 COARSE = (
     "mesh.surface_size=2 mm",
     "mesh.corner_size=2 mm",
@@ -45,6 +51,11 @@ def thermal(*overrides: str) -> Case:
 def record(folder: Path) -> dict[str, object]:
     found: dict[str, object] = json.loads((folder / "run.json").read_text())
     return found
+
+
+def rows(folder: Path) -> int:
+    path = folder / "history.csv"
+    return path.read_text().count("\n") if path.is_file() else 0
 
 
 def same_run(one: Path, other: Path) -> None:
@@ -243,6 +254,24 @@ def test_signals_that_others_handle_are_left_alone() -> None:
     assert seen == [signal.SIGTERM]
 
 
+@pytest.mark.parametrize("again", [True, False])
+def test_a_full_disk_is_told_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, told: pytest.LogCaptureFixture, again: bool
+) -> None:
+    """By what ends the run; a state that cannot be saved for another reason has a warning."""
+    full = OSError(errno.ENOSPC, "No space left on device", "checkpoint.h5")
+
+    def save(recorder: Recorder, state: object) -> None:
+        raise full if again else OSError(errno.EIO, "Input/output error", "checkpoint.h5")
+
+    failing(monkeypatch, full, 0.3)
+    monkeypatch.setattr(Recorder, "save", save)
+    with pytest.raises(OSError, match="No space left"):
+        run(thermal("casting.length=60 mm", "thermal.time.step=0.1 s"), tmp_path / "full")
+    warned = [line for line in told.messages if "could not be saved" in line]
+    assert len(warned) == (0 if again else 1)
+
+
 TOLD = """
 import os, signal, sys
 from castfem.cli import main
@@ -281,3 +310,31 @@ def test_other_fields_than_before_are_refused_with_their_names(tmp_path: Path) -
     longer = ("casting.length=120 mm", 'output.fields=["solid_fraction"]')
     with pytest.raises(InputError, match=r"temperature; set output\.fields"):
         run(thermal(*longer), tmp_path, resume=True)
+
+
+@needs_mpirun
+@pytest.mark.skipif(not (HOME / "env.conf").is_file(), reason="needs the environment of make env")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_to_mpirun_saves_the_step(tmp_path: Path, number: signal.Signals) -> None:
+    """Its wrapper has the ranks stop before mpirun would kill them, a quarter of a second later."""
+    options = (*COARSE, "casting.length=600 mm", "thermal.time.step=5 ms")
+    words = ["castfem", "run", str(THERMAL), "-q", *(w for o in options for w in ("--set", o))]
+    folder = tmp_path / "cut"
+    launcher = [str(ROOT / "tools/enter.sh"), str(HOME), "mpirun", "-n", "2"]
+    _, environment = started(2, [])
+    with subprocess.Popen(
+        [*launcher, *words, "-o", str(folder)], env=environment, stderr=subprocess.PIPE, text=True
+    ) as process:
+        end = time.monotonic() + 120.0
+        while not rows(folder) > 20:
+            assert process.poll() is None and time.monotonic() < end
+            time.sleep(0.05)
+        process.send_signal(number)
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "castfem: interrupted; `castfem run ... --resume` goes on" in err
+    found = record(folder)
+    assert found["status"] == "interrupted" and "SIGUSR1" in str(found["reason"])
+    last = read_history(folder / "history.csv")["time"].iloc[-1]
+    assert 0.0 < last < 10.0
+    assert load_checkpoint(folder / "checkpoint.h5")[0]["time"] == pytest.approx(last)

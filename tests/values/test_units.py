@@ -180,3 +180,30 @@ def test_water_is_given_as_volume_or_mass():
 )
 def test_places_far_down_are_told_in_metres(position: float, digits: str, told: str) -> None:
     assert below_meniscus(position, digits) == f"{told} below the meniscus"
+
+
+@pytest.mark.parametrize(
+    ("written", "unit"), [("mm", "m"), ("degC", "K"), ("degF", "K"), ("m/min", "m/s"), ("m", "m")]
+)
+@given(numbers=st.lists(st.floats(0.0, 1e12) | st.integers(0, 10**9), min_size=1, max_size=5))
+def test_many_numbers_are_read_as_each(written: str, unit: str, numbers: list[float | int]) -> None:
+    found = units.parse_numbers(numbers, written, unit)
+    assert found == tuple(units.parse(f"{number!r} {written}", unit) for number in numbers)
+    assert all(type(number) is float for number in found)
+
+
+def test_many_numbers_below_absolute_zero_are_refused() -> None:
+    with pytest.raises(ValueError, match="below absolute zero"):
+        units.parse_numbers([20.0, -300.0], "degC", "K")
+    assert units.parse_numbers([-5.0], "K", "K", difference=True) == (-5.0,)
+
+
+@pytest.mark.parametrize(
+    ("name", "near"),
+    [("stirrer", ""), ("mold", "mould"), ("Cooling", "cooling"), ("casing", "casting")],
+)
+def test_a_name_is_proposed_where_it_is_near(name: str, near: str) -> None:
+    proposed = units.nearest(name, ["casting", "cooling", "mould", "water"])
+    assert proposed == (f"; did you mean {near}?" if near else "")
+    files = units.nearest(f"{name}.toml", ["casting.toml", "cooling.toml", "mould.toml", "x.toml"])
+    assert files == (f"; did you mean {near}.toml?" if near else "")

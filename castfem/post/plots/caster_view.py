@@ -164,8 +164,7 @@ def _draw(panel: Axes, maps: SurfaceMaps, view: View, name: str) -> None:
         values, label = index_values(maps, one), index_label(one)
         shown = np.ma.masked_less_equal(view.on_pieces(values), 0.0)
         # White on white the strand would not be seen.
-        colours = index_colours().copy()
-        colours.set_bad(_NOTHING)
+        colours = index_colours().with_extremes(bad=_NOTHING)
         options = {"cmap": colours, "clim": (0.0, float(values.max()) or 1.0)}
     _draw_rolls(panel, view, inner=False)
     corners: Any = view.corners

@@ -74,8 +74,7 @@ def index_colours() -> Colormap:
     from matplotlib.colors import ListedColormap
 
     found = ListedColormap(colormaps["YlOrRd"](np.linspace(0.08, 1.0, STYLE.shades)))
-    found.set_bad("white")
-    return found
+    return found.with_extremes(bad="white")
 
 
 def edges(centres: Array) -> Array:

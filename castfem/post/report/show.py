@@ -33,7 +33,7 @@ def show(
     *,
     figures: bool = True,
     at: Sequence[float] = (),
-) -> None:
+) -> bool:
     """Prints status, results beside references, balances and effort of a run; draws its figures.
 
     Args:
@@ -41,6 +41,9 @@ def show(
         console: Where to print; standard output if None.
         figures: Draw them; a folder that cannot be written costs a line, not the table.
         at: Positions, m; the results there, and nothing else, if some are given.
+
+    Returns:
+        Whether the files of the run are in order, as far as the figures need them.
     """
     from rich.console import Console
 
@@ -48,10 +51,10 @@ def show(
     if not path.is_dir():
         raise InputError(f"{path}: no such folder")
     with shown_in(units_of_run(path)):
-        _show(path, console or Console(), figures=figures, at=at)
+        return _show(path, console or Console(), figures=figures, at=at)
 
 
-def _show(path: Path, out: Console, *, figures: bool, at: Sequence[float]) -> None:
+def _show(path: Path, out: Console, *, figures: bool, at: Sequence[float]) -> bool:
     """As `show`, in units that have been chosen."""
     record, summary = RunRecord.load(path), Summary.load(path)
     running = record.status == "running" and OutputFolder(path).is_running()
@@ -60,7 +63,7 @@ def _show(path: Path, out: Console, *, figures: bool, at: Sequence[float]) -> No
     say(out, _status(record, running))
     if at:
         say(out, table_at(path, at))
-        return
+        return True
     if summary is None or record.status != "finished":
         say(out, *_last_state(path, record))
     if summary is not None:
@@ -81,8 +84,7 @@ def _show(path: Path, out: Console, *, figures: bool, at: Sequence[float]) -> No
         say(out, f"memory: {record.memory_mb:.0f} MB")
     if record.status == "failed":
         say(out, f"what happened: {path / LOG_NAME}")
-    if figures:
-        _draw_figures(out, path)
+    return not figures or _draw_figures(out, path)
 
 
 def how_it_ended(record: RunRecord) -> str:
@@ -188,13 +190,15 @@ def slow_output(record: RunRecord) -> str:
     )
 
 
-def _draw_figures(out: Console, path: Path) -> None:
+def _draw_figures(out: Console, path: Path) -> bool:
+    """Draws the figures, and returns whether the files of the run could be read."""
     from castfem.post.plots.figures import draw_figures
 
     try:
         drawn = draw_figures(path)
     except Exception as error:  # the run is what it is, whatever becomes of its pictures
         say(out, f"figures: {said_in_a_line(error)}", style="yellow")
-        return
+        return not isinstance(error, InputError)
     if drawn:
         say(out, listed(f"figures in {drawn[0].parent}:", [figure.name for figure in drawn]))
+    return True

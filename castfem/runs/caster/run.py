@@ -273,13 +273,12 @@ class _Rows:
         return found
 
 
-def _physics(case: Case) -> dict[str, Any]:
+def _physics(case: Case) -> dict[str, str]:
     """What a checkpoint holds of the case: that of a slice, and what they are."""
-    found = case.physics_record()
     written = case.document()
-    tables = {**found["case"], "caster": written["caster"], "casting": written["casting"]}
+    tables = {**case.physics(), "caster": written["caster"], "casting": written["casting"]}
     text = json.dumps(tables, sort_keys=True)
-    return {"physics": hashlib.sha256(text.encode()).hexdigest()[:16], "case": tables}
+    return {"physics": hashlib.sha256(text.encode()).hexdigest()[:16], "case": text}
 
 
 @one_at_a_time()

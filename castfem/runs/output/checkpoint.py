@@ -41,7 +41,7 @@ def save_checkpoint(
     arrays: Mapping[str, NDArray[Any]],
     *,
     physics: str = "",
-    case: Mapping[str, Any] | None = None,
+    case: str = "{}",
 ) -> None:
     """Replaces the checkpoint by this state; the one before survives until this one is complete.
 
@@ -50,22 +50,23 @@ def save_checkpoint(
         meta: What JSON can hold; floats come back bit by bit, NaN included.
         arrays: Name to array; a "/" in a name groups. They come back bit by bit.
         physics: Hash of everything in the case that the state depends on.
-        case: The same in words: the tables of the case.
+        case: The tables of the case as JSON. A table of many rows takes longer to write than a
+            step to compute: a run does it once.
     """
-    image = _image(dict(meta), arrays, physics, dict(case or {}))
+    image = _image(dict(meta), arrays, physics, case)
     with replacing(Path(path)) as temporary:
         temporary.write_bytes(image + _MARK + struct.pack("<I", zlib.crc32(image)))
 
 
 def load_checkpoint(
-    path: Path | str, *, physics: str | None = None, case: Mapping[str, Any] | None = None
+    path: Path | str, *, physics: str | None = None, case: str = "{}"
 ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """The description and the arrays of a checkpoint.
 
     Args:
         path: Of the file.
         physics: Hash the checkpoint must have; None takes any.
-        case: The same in words, as to `save_checkpoint`, to say what differs.
+        case: As to `save_checkpoint`, to say what differs.
 
     Raises:
         InputError: No such file, not a checkpoint, damaged, of another castfem, or of another case;
@@ -75,7 +76,7 @@ def load_checkpoint(
 
     path = Path(path)
     with h5py.File(io.BytesIO(_checked(path)), "r") as file:
-        _check_head(path, file, physics, case or {})
+        _check_head(path, file, physics, case)
         arrays: dict[str, NDArray[Any]] = {}
 
         def collect(name: str, stored: h5py.Dataset | h5py.Group) -> None:
@@ -103,7 +104,7 @@ def _checked(path: Path) -> bytes:
 
 
 def _image(
-    meta: dict[str, Any], arrays: Mapping[str, NDArray[Any]], physics: str, case: dict[str, Any]
+    meta: dict[str, Any], arrays: Mapping[str, NDArray[Any]], physics: str, case: str
 ) -> bytes:
     """The bytes of the file: HDF5 itself never meets a full disk, which it does not survive."""
     import h5py
@@ -112,9 +113,8 @@ def _image(
         file.attrs["format"] = "castfem checkpoint"
         file.attrs["version"] = VERSION
         file.attrs["physics"] = physics
-        for name, content in (("meta", meta), ("case", case)):
-            text = json.dumps(content, default=_json_value).encode()
-            file.create_dataset(name, data=np.frombuffer(text, dtype=np.uint8))
+        for name, text in (("meta", json.dumps(meta, default=_json_value)), ("case", case)):
+            file.create_dataset(name, data=np.frombuffer(text.encode(), dtype=np.uint8))
         file.create_group("arrays")
         for name, values in arrays.items():
             file.create_dataset(f"arrays/{name}", data=np.asarray(values))
@@ -127,7 +127,7 @@ def _words(file: h5py.File, name: str) -> dict[str, Any]:
     return content
 
 
-def _check_head(path: Path, file: h5py.File, physics: str | None, case: Mapping[str, Any]) -> None:
+def _check_head(path: Path, file: h5py.File, physics: str | None, case: str) -> None:
     """Refuses other versions and other cases."""
     version = file.attrs.get("version")
     if version != VERSION:
@@ -137,7 +137,7 @@ def _check_head(path: Path, file: h5py.File, physics: str | None, case: Mapping[
         )
     written = file.attrs.get("physics")
     if physics is not None and written != physics:
-        changes = differences(_words(file, "case"), case)
+        changes = differences(_words(file, "case"), json.loads(case))
         changes = changes or f"physics {str(written)[:12]} there, {physics[:12]} here"
         raise InputError(
             f"{path}: belongs to another case ({changes}); undo the change of the case, or {_ANEW}"

@@ -141,7 +141,7 @@ def _serve(connection: Connection, noise: Path) -> None:
     """Make the calls that come, until the other end is closed (in the process)."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all; the parent decides
     process.keep_hangup()
-    for number in (signal.SIGTERM, signal.SIGHUP):
+    for number in process.STOPS.keys() - {signal.SIGINT}:
         if signal.getsignal(number) is not signal.SIG_IGN:  # as below nohup
             signal.signal(number, lambda *_: setattr(Stop, "wanted", True))
     threading.Thread(target=_end_with_parent, daemon=True).start()
