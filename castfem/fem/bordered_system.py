@@ -10,93 +10,14 @@ rank, behind its displacements.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
 
-from castfem.base import log
 from castfem.base.types import Array, Indices
-from castfem.fem import reductions
-from castfem.fem.snes import Options, SolverOptions, weakly
-
-ROOM = (100, 400, 1600)  # per cent beyond what MUMPS expects to need, ICNTL(14); its own is 20
-NO_ROOM = (-8, -9, -11, -14, -15, -17, -19, -20)  # INFOG(1): a workspace was too small
-SINGULAR = (-10,)
-OF_ROOM = "mat_mumps_icntl_14"
-
-
-def factorise(ksp: PETSc.KSP, matrix: PETSc.Mat) -> str:
-    """Factor `matrix` with the preconditioner of `ksp` (collective).
-
-    PETSc factors anew only when the preconditioner itself is set up, and a factorisation that has
-    failed stays failed until it is made from the beginning.
-
-    Returns:
-        Why it failed, empty if it did not; the next call begins from the beginning then.
-    """
-    why = _tried(ksp)
-    for room in ROOM:
-        if why not in map(_code, NO_ROOM):
-            break
-        log.logger.debug("factorisation: %s; again with %d %% more room", why, room)
-        _begin_anew(ksp, matrix)
-        with _given(f"{ksp.getOptionsPrefix() or ''}{OF_ROOM}", room):
-            why = _tried(ksp)
-    if why:
-        _begin_anew(ksp, matrix)
-    return "the equations are singular" if why in map(_code, SINGULAR) else why
-
-
-def _code(info: int) -> str:
-    return f"MUMPS reports INFOG(1) = {info}"
-
-
-def _tried(ksp: PETSc.KSP) -> str:
-    """Set the preconditioner up; why it failed, the same on every rank."""
-    pc, error = ksp.getPC(), ""
-    try:
-        pc.setUp()
-        failed = pc.getFailedReason() != PETSc.PC.FailedReason.NOERROR
-    except PETSc.Error as raised:
-        failed, error = True, str(raised).splitlines()[-1]
-    comm: MPI.Comm = ksp.comm.tompi4py()
-    if not reductions.any_of(comm, failed):
-        return ""
-    return next(reason for reason in comm.allgather(_reason(pc, error) if failed else "") if reason)
-
-
-def _reason(pc: PETSc.PC, error: str) -> str:
-    """What MUMPS or PETSc has to say of a factorisation that failed."""
-    if pc.getType() in ("lu", "cholesky") and pc.getFactorSolverType() == "mumps":
-        info = int(pc.getFactorMatrix().getMumpsInfog(1))
-        if info < 0:
-            return _code(info)
-    return error or f"PETSc's preconditioner fails ({pc.getFailedReason()})"
-
-
-def _begin_anew(ksp: PETSc.KSP, matrix: PETSc.Mat) -> None:
-    """Forget the factorisation: its analysis, its room and its failure."""
-    ksp.getPC().reset()
-    ksp.setOperators(matrix)
-
-
-@contextmanager
-def _given(name: str, value: int) -> Iterator[None]:
-    """Have an option in PETSc's database for a while, instead of what is there."""
-    database = PETSc.Options()
-    before = database.getString(name) if database.hasName(name) else None
-    database.setValue(name, value)
-    try:
-        yield
-    finally:
-        if before is None:
-            database.delValue(name)
-        else:
-            database.setValue(name, before)
+from castfem.fem.factorisation import DirectSolver
+from castfem.fem.snes import Options, weakly
 
 
 class _Context:
@@ -116,6 +37,7 @@ class BorderedSystem:
         options: Its PETSc options (ksp_, pc_, mat_), without prefix.
 
     Attributes:
+        solver: Of A.
         operator: The bordered matrix.
         columns: U, this rank's rows (owned, scalars). rows: R, transposed likewise.  They may
             differ in the rows of prescribed displacements alone, where U is zero.
@@ -135,11 +57,7 @@ class BorderedSystem:
         self.failure = ""
         self._right, self._solved = (self._dense(scalars + 1) for _ in range(2))
         self._in, self._out = matrix.createVecs()
-        self.ksp = PETSc.KSP().create(matrix.comm)
-        self.ksp.setOptionsPrefix(prefix)
-        self.ksp.setOperators(matrix)
-        self._options = SolverOptions(prefix, options)
-        self._options.apply(self.ksp, self.ksp.getPC())
+        self.solver = DirectSolver(matrix, prefix, options)
         here = self.owned + (scalars if self.comm.rank == self._keeper else 0)
         whole = matrix.getSize()[0] + scalars
         size = (here, whole)
@@ -158,8 +76,12 @@ class BorderedSystem:
         self._matrix, self._rows = matrix, rows
         self._right, self._solved = (self._dense(self.scalars + 1) for _ in range(2))
         self._in, self._out = matrix.createVecs()
-        self.ksp.getPC().reset()
-        self.ksp.setOperators(matrix)
+        self.solver.use(matrix)
+
+    @property
+    def ksp(self) -> PETSc.KSP:
+        """PETSc's solver of A."""
+        return self.solver.ksp
 
     def _dense(self, columns: int) -> PETSc.Mat:
         rows = (self._matrix.getLocalSize()[0], self._matrix.getSize()[0])
@@ -208,11 +130,9 @@ class BorderedSystem:
 
     def apply(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Solve for one right-hand side, all columns of U along with it."""
-        with self._options.given():
-            self.failure = factorise(self.ksp, self._matrix)
-            right = x.getArray(readonly=True)[None]
-            solution = None if self.failure else self._solve(right, self._right, self._solved)
-        self._options.tell_unread()
+        right = x.getArray(readonly=True)[None]
+        solution = self._solve(right, self._right, self._solved)
+        self.solver.tell_unread()
         if solution is None:
             pc.setFailedReason(PETSc.PC.FailedReason.SUBPC_ERROR)
             y.set(0.0)
@@ -229,18 +149,14 @@ class BorderedSystem:
         Returns:
             The local parts of the solutions (n, local); None, and `failure`, without them.
         """
-        with self._options.given():
-            self.failure = factorise(self.ksp, self._matrix)
-            if self.failure:
-                return None
-            pair = self._dense(self.scalars + len(rights)), self._dense(self.scalars + len(rights))
-            found = self._solve(rights, *pair)
-            for one in pair:
-                one.destroy()
-            return found
+        pair = self._dense(self.scalars + len(rights)), self._dense(self.scalars + len(rights))
+        found = self._solve(rights, *pair)
+        for one in pair:
+            one.destroy()
+        return found
 
     def _solve(self, rights: Array, given: PETSc.Mat, found: PETSc.Mat) -> Array | None:
-        """Local parts of the solutions for right-hand sides (n, local); A is factored.
+        """Local parts of the solutions for right-hand sides (n, local).
 
         Args:
             rights: The right-hand sides.
@@ -255,9 +171,8 @@ class BorderedSystem:
         right[:, :count] = self.columns[self._rows]
         right[:, count:] = nodal[self._rows]
         given.assemble()
-        self.ksp.matSolve(given, found)
-        if (reason := self.ksp.getConvergedReason()) < 0:
-            self.failure = f"the linear solver fails (KSP reason {reason})"
+        self.failure = self.solver.solve(given, found)
+        if self.failure:
             return None
         solved = found.getDenseArray()
         through = self._total(self.rows[self._rows].T @ solved)
@@ -278,5 +193,5 @@ class BorderedSystem:
 
     def destroy(self) -> None:
         """Free the PETSc objects (the owner frees A)."""
-        for thing in (self.ksp, self.operator, self._right, self._solved, self._in, self._out):
+        for thing in (self.solver, self.operator, self._right, self._solved, self._in, self._out):
             thing.destroy()

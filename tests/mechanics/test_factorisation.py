@@ -11,9 +11,12 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from castfem.fem import bordered_system
+from castfem.fem import factorisation
 from castfem.fem.bordered_system import BorderedSystem
+from castfem.fem.factorisation import OWN, has_minimum_degree
 
+WITHOUT_PIVOTING = {"ksp_type": "preonly", "pc_type": "lu", **OWN}
+needs_minimum_degree = pytest.mark.skipif(not has_minimum_degree(), reason="PETSc without amd")
 MUMPS = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
 
 
@@ -90,12 +93,50 @@ def test_more_room_is_given_where_it_runs_out(monkeypatch: pytest.MonkeyPatch) -
     saddle = sparse.bmat([[None, block + laplacian(n * n)], [(block + laplacian(n * n)).T, None]])
     tight = MUMPS | {"mat_mumps_icntl_14": -50}  # half of it; later MUMPS expect enough
     rooms: list[int] = []
-    given = bordered_system._given
+    given = factorisation._given
     monkeypatch.setattr(
-        bordered_system, "_given", lambda name, room: (rooms.append(room), given(name, room))[1]
+        factorisation, "_given", lambda name, room: (rooms.append(room), given(name, room))[1]
     )
     made = Bordered(saddle, 1, tight)
     assert made.error() < 1e-8
     assert rooms
     assert not any("icntl_14" in name for name in PETSc.Options().getAll())
+    made.close()
+
+
+@needs_minimum_degree
+@pytest.mark.parametrize(("pivot", "mumps"), [(4.0, False), (1e-12, True), (1e-30, True)])
+def test_what_needs_pivots_is_solved_by_mumps(pivot: float, mumps: bool) -> None:
+    """Without pivoting a first entry that is tiny costs all digits; the next step is its own."""
+    matrix = sparse.diags([1.0, pivot, 1.0], [-1, 0, 1], shape=(40, 40))  # type: ignore[call-overload]
+    made = Bordered(matrix, 1, WITHOUT_PIVOTING)
+    solver = made.bordered.solver
+    assert made.error() < 1e-12
+    assert (solver._fallback is not None) == mumps
+    for row in range(40):
+        made.matrix.setValue(row, row, 4.0)
+    made.matrix.assemble()
+    used: list[str] = []
+    solved = solver._solved
+    solver._solved = lambda by, *pair: (  # type: ignore[method-assign]
+        used.append(by[0].getPC().getFactorSolverType()),
+        solved(by, *pair),
+    )[1]
+    assert made.error() < 1e-12
+    assert used == ["petsc"]
+    made.close()
+
+
+@needs_minimum_degree
+def test_full_factors_are_those_of_mumps() -> None:
+    """From the first solution on, so that a resumed run has the same."""
+    made = Bordered(sparse.random(300, 300, 0.1, random_state=1) + 20 * sparse.eye(300), 1,
+                    WITHOUT_PIVOTING)  # fmt: skip
+    for _ in range(2):
+        assert made.error() < 1e-12
+        assert made.bordered.solver._fallback is not None
+    made.close()
+    made = Bordered(laplacian(300), 1, WITHOUT_PIVOTING)
+    assert made.error() < 1e-10
+    assert made.bordered.solver._fallback is None
     made.close()

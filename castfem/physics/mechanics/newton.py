@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from mpi4py import MPI
-from petsc4py import PETSc
-
 import numpy as np
 
 from castfem.base.types import Array
 from castfem.fem import reductions
+from castfem.fem.factorisation import default_options, pivoting_options
 from castfem.fem.snes import Options
 from castfem.physics.mechanics.interactions import Interactions
 from castfem.physics.mechanics.scaling import Scales, StressScale, over
@@ -21,15 +20,6 @@ from castfem.physics.mechanics.supports import Constraints
 
 # A shell that shrinks off its wall lets go of it point by point, an iteration each.
 NEWTON: dict[str, Any] = {"snes_linesearch_type": "basic", "snes_max_it": 100}
-# PETSc's own factorisation has no pivoting and no parallel form; with it nested dissection pays.
-OWN = {"pc_factor_mat_solver_type": "petsc", "pc_factor_mat_ordering_type": "nd"}
-
-# The scaling that MUMPS chooses by itself iterates over the matrix before each factorisation, a
-# quarter of its time and on several ranks more, to no use in equations of one unit: by diagonal.
-MUMPS = {"pc_factor_mat_solver_type": "mumps", "mat_mumps_icntl_8": 1}
-# On several ranks its ordering, on one rank alone, takes longer than minimum degree, and fronts of
-# this size are too small for ScaLAPACK.
-SEVERAL_RANKS = {"mat_mumps_icntl_7": 0, "mat_mumps_icntl_13": 1}
 
 
 def split_options(
@@ -45,11 +35,11 @@ def split_options(
     """
     factor: dict[str, Any] = {}
     if "pc_type" not in user:
-        factor["pc_type"] = "cholesky" if symmetric else "lu"
-        if "pc_factor_mat_solver_type" not in user:
-            has_mumps = PETSc.Sys.hasExternalPackage("mumps")
-            factor |= MUMPS if has_mumps else OWN
-            factor |= SEVERAL_RANKS if has_mumps and ranks > 1 else {}
+        of_mumps = any(key.startswith("mat_mumps_") for key in user)
+        choose = pivoting_options if of_mumps else default_options
+        factor = choose(symmetric, ranks)
+        if "pc_factor_mat_solver_type" in user:
+            factor = {"pc_type": "cholesky" if symmetric else "lu"}
     chosen = {**NEWTON, "ksp_type": "preonly", **factor, **user}
     nonlinear = {k: v for k, v in chosen.items() if not k.startswith(("ksp_", "pc_", "mat_"))}
     return nonlinear, {k: v for k, v in chosen.items() if k not in nonlinear}

@@ -27,7 +27,7 @@ import numpy.typing as npt
 from castfem.base.errors import RunFailure
 from castfem.base.types import Array
 from castfem.fem import reductions
-from castfem.fem.bordered_system import factorise
+from castfem.fem.factorisation import factorise
 from castfem.model.build.simulation import Simulation
 from castfem.model.build.start import starting_enthalpy
 from castfem.physics.materials.curve import CurvePoint
