@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from castfem.fem.factorisation import MUMPS, OWN, SEVERAL_RANKS, has_minimum_degree
 from castfem.fem.section import straight_cuts
 from castfem.meshes import SectionMesh, build
-from castfem.fem.factorisation import MUMPS, OWN, SEVERAL_RANKS, has_minimum_degree
 from castfem.physics.mechanics.newton import split_options
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mpi4py import MPI
+
 import numpy as np
 
 from castfem.base.types import Array
