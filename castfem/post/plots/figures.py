@@ -5,8 +5,9 @@ They are drawn from the files in the folder of a run, at any time and without a 
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import ExitStack
+import gc
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -206,12 +207,32 @@ def draw_figures(folder: Path | str) -> list[Path]:
     nothing is left. One that cannot be drawn costs a warning, not the others.
     """
     path, drawn = Path(folder), []
-    with ExitStack() as files, look(), shown_in(units_of_run(path)):
+    with ExitStack() as files, look(), shown_in(units_of_run(path)), _cleared() as clear:
         run = RunData(path, Summary.load(path), files)
         for figure in FIGURES.values():
             if run.has(figure.needs) and (file := _drawn(figure, run)) is not None:
                 drawn.append(file)
+                clear()
     return drawn
+
+
+@contextmanager
+def _cleared() -> Iterator[Callable[[], object]]:
+    """A function that frees the figures drawn before, which stand in cycles with their pixels.
+
+    What there was before them is left out of the search meanwhile, which therefore takes little
+    time; without it a dozen figures are in memory at once.
+    """
+    frozen, enabled = gc.get_freeze_count() > 0, gc.isenabled()
+    gc.disable()
+    gc.freeze()
+    try:
+        yield gc.collect
+    finally:
+        if not frozen:
+            gc.unfreeze()
+        if enabled:
+            gc.enable()
 
 
 def _drawn(figure: Figure, run: RunData) -> Path | None:
