@@ -35,6 +35,7 @@ class BorderedSystem:
         scalars: How many; with none of them this is A alone.
         prefix: Option prefix of the solver for A.
         options: Its PETSc options (ksp_, pc_, mat_), without prefix.
+        symmetric: Whether A is.
 
     Attributes:
         solver: Of A.
@@ -45,7 +46,14 @@ class BorderedSystem:
         failure: Why the last solve failed; empty if it did not.
     """
 
-    def __init__(self, matrix: PETSc.Mat, scalars: int, prefix: str, options: Options) -> None:
+    def __init__(
+        self,
+        matrix: PETSc.Mat,
+        scalars: int,
+        prefix: str,
+        options: Options,
+        symmetric: bool = False,
+    ) -> None:
         self.comm: MPI.Comm = matrix.comm.tompi4py()
         self._matrix, self.scalars = matrix, scalars
         self._rows: Indices | slice = slice(None)
@@ -57,7 +65,7 @@ class BorderedSystem:
         self.failure = ""
         self._right, self._solved = (self._dense(scalars + 1) for _ in range(2))
         self._in, self._out = matrix.createVecs()
-        self.solver = DirectSolver(matrix, prefix, options)
+        self.solver = DirectSolver(matrix, prefix, options, symmetric)
         here = self.owned + (scalars if self.comm.rank == self._keeper else 0)
         whole = matrix.getSize()[0] + scalars
         size = (here, whole)

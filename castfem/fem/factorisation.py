@@ -170,13 +170,14 @@ class DirectSolver:
         matrix: Assembled by its owner before each `solve`.
         prefix: Option prefix.
         options: PETSc options (ksp_, pc_, mat_), without prefix.
+        symmetric: Whether the matrix is.
 
     Attributes:
         ksp: PETSc's solver.
     """
 
-    def __init__(self, matrix: PETSc.Mat, prefix: str, options: Options) -> None:
-        self._matrix, self._prefix = matrix, prefix
+    def __init__(self, matrix: PETSc.Mat, prefix: str, options: Options, symmetric: bool) -> None:
+        self._matrix, self._prefix, self._symmetric = matrix, prefix, symmetric
         self.ksp, self._options = self._made(options)
         self._checked = OWN.items() <= options.items() and PETSc.Sys.hasExternalPackage("mumps")
         self._fallback: tuple[PETSc.KSP, SolverOptions] | None = None
@@ -219,8 +220,7 @@ class DirectSolver:
                 return ""
             log.logger.debug("factorisation without pivoting: %s; MUMPS instead", why)
         if self._fallback is None:
-            symmetric = self._matrix.isSymmetricKnown()
-            options = pivoting_options(all(symmetric))
+            options = pivoting_options(self._symmetric)
             self._fallback = self._made({"ksp_type": "preonly", **options})
         return self._solved(self._fallback, given, found)
 

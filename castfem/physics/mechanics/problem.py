@@ -93,7 +93,7 @@ class MechanicalProblem(SliceParts):
         shorten = None if "snes_linesearch_type" in options else self.shorten
         self._search = LineSearch(self.section.comm, self.interactions, self._residual)
         self._left = np.inf  # out of balance, over what may be, where SNES asked for it last
-        self.bordered = BorderedSystem(self._part.matrix, self.free, prefix, linear)
+        self.bordered = BorderedSystem(self._part.matrix, self.free, prefix, linear, symmetric)
         vector, operator = self.bordered.vector(), self.bordered.operator
         self.solver = SnesSolver(
             self, vector, operator, prefix, nonlinear, self.watch, shorten, options
