@@ -74,10 +74,8 @@ FIGURES = ("temperature", "states", "stack", "surface_temperature", "shell", "he
 MECHANICS_FIGURES = ("von_mises", "shape", "stress", "size", "axial", "contact")
 BENDING_FIGURES = ("slice", "bulging", "extraction", "maps", "caster", "roll_to_roll")
 TENSILE_FIGURES = ("tensile",)
+ALL_FIGURES = FIGURES + MECHANICS_FIGURES + BENDING_FIGURES + TENSILE_FIGURES
 CASTER_FIGURE = "strand_over_time"
-ALL_FIGURES = (
-    *(FIGURES + MECHANICS_FIGURES + BENDING_FIGURES + TENSILE_FIGURES), CASTER_FIGURE,
-)  # fmt: skip
 _LOCK_NAME = ".castfem.lock"
 # Of a property file; whatever run.json says, nothing else is removed on its word.
 _COPY = re.compile(rf"{PROPERTIES_NAME}/\w+/[^/]*\w[^/]*")
@@ -86,7 +84,7 @@ ARTEFACTS = (
     *(CHECKPOINT_NAME, CASE_NAME, RUN_NAME, LOG_NAME, HISTORY_NAME, XDMF_NAME, HDF5_NAME),
     *(SUMMARY_NAME, DERIVATIVES_NAME, MAPS_NAME, ROWS_NAME, STRAND_NAME, WALL_FLUX_NAME),
     *(CASTER_NAME, STRAND_ROWS_NAME, SLICES_NAME),
-    *(f"{FIGURES_NAME}/{name}.png" for name in ALL_FIGURES),
+    *(f"{FIGURES_NAME}/{name}.png" for name in (*ALL_FIGURES, CASTER_FIGURE)),
 )
 
 
