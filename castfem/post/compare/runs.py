@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.base.errors import InputError
+from castfem.runs.output.folder import CASTER_NAME
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.run_record import RunRecord
 from castfem.runs.output.summary import Summary
@@ -75,6 +76,8 @@ def alone(folder: Path) -> Run | None:
 def _run(folder: Path, label: str = "") -> Run:
     if not folder.is_dir():
         raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
+    if (folder / CASTER_NAME).is_file():
+        raise InputError(f"{folder}: is a caster of many slices; use castfem show {folder}")
     status = RunRecord.load(folder).status
     summary = Summary.load(folder)
     if summary is None:
