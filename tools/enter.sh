@@ -121,6 +121,7 @@ collect_binds() {
 forward() {
   local number=$1 whom=$2 pid=$child children=/proc/$child/task/$child/children
   signalled=yes
+  [[ -n $child ]] || { early=("$@") && return 0; }
   if [[ -n $launcher && $number =~ ^(INT|TERM|HUP)$ ]]; then
     [[ -z $asked || $((SECONDS - asked)) -ge 2 ]] || return 0 # `timeout` sends each signal twice
     [[ -n $asked ]] || number=USR1 whom=one
@@ -140,9 +141,9 @@ forward() {
     2>/dev/null
 }
 
-# Waits for the program in the background, $child, and passes on what signals come.
-wait_and_forward() {
-  local signalled=first asked='' status=0
+# Passes on to the program, $child, what signals come: from before it starts, or one would end this
+# shell and leave the program behind.
+catch_signals() {
   trap 'forward INT group' INT
   trap 'forward QUIT group' QUIT
   trap 'forward WINCH group' WINCH
@@ -152,6 +153,12 @@ wait_and_forward() {
   trap 'forward USR2 one' USR2
   # No trap for CONT: bash loses a TERM that comes right before it, as `timeout` sends them.
   trap 'forward STOP group; kill -s STOP $$; forward CONT group' TSTP
+}
+
+# Waits for the program in the background, $child.
+wait_for_child() {
+  local signalled=first status=0
+  [[ -z ${early[*]} ]] || forward "${early[@]}"
   while [[ -n $signalled ]]; do # a trap cuts `wait` short: the program may still be at work
     signalled=
     wait "$child"
@@ -162,33 +169,35 @@ wait_and_forward() {
 
 # Runs a program that needs no userland, or is in it already.
 run_here() {
-  local child
+  local child='' asked='' early=()
   [[ -n $launcher ]] || exec "$@"
+  catch_signals
   (
     trap - INT QUIT # ignored in the background
     exec setsid "$@"
   ) <&0 &
   child=$!
-  wait_and_forward
+  wait_for_child
 }
 
 # bubblewrap would die of a signal and leave the program behind: it ignores them, this shell
 # forwards them, and `env --default-signal` gives the program its ordinary ones back.
 run_in_userland() {
-  local binds child
+  local binds child='' asked='' early=()
   [[ -n $bwrap ]] || die "bubblewrap is missing; run \`make env\` in the checkout again"
   [[ -e $userland/castfem-ready || -z $home ]] ||
     die "the userland $userland is gone; run \`make env\` in the checkout again"
   collect_binds
   [[ $PWD/ != /etc/* && $PWD/ != /boot/* ]] ||
     die "$PWD is not visible in the userland; run it from another folder"
+  catch_signals
   (
     trap '' HUP INT QUIT TERM USR1 USR2
     exec "$bwrap" --die-with-parent --new-session "${binds[@]}" --chdir "$PWD" \
       env --default-signal=HUP,INT,QUIT,TERM,USR1,USR2 -- "$@"
   ) <&0 &
   child=$!
-  wait_and_forward
+  wait_for_child
 }
 
 home='' userland='' kind=userland python='' openmpi='' launcher='' inside=''

@@ -148,7 +148,7 @@ LAUNCHER = """#!/bin/sh
 for name in USR1 TERM INT HUP; do trap "echo $name" $name; done
 trap "echo TERM; exit 7" TERM
 echo up
-while :; do sleep 0.02; done
+for i in 1 2 3 4 5 6; do for j in 1 2 3 4 5 6 7 8 9 10; do sleep 1 & wait $!; done; done
 """
 
 
