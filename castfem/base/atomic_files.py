@@ -26,7 +26,6 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from castfem.base.errors import CannotWrite, RunFailure
-from castfem.base.log import logger
 
 if TYPE_CHECKING:
     from filelock import FileLock
@@ -314,14 +313,13 @@ def taken(lock: FileLock) -> bool:
             if lock.timeout == 0:
                 raise
             time.sleep(0.05)
-        except (NotImplementedError, OSError) as error:
-            # Reason: filelock raises the first where flock() answers ENOSYS, as some network mounts
-            # do, and from version 4 on the answer itself; a run must write its results there, too.
-            if isinstance(error, OSError) and error.errno not in _NONE:
-                error.filename = error.filename or lock.lock_file
-                raise
-            logger.debug("%s: no lock: %s", lock.lock_file, error)
+        except NotImplementedError:  # reason: so filelock before version 4 says that there are none
             return False
+        except OSError as error:
+            if error.errno in _NONE:  # reason: from version 4 on flock()'s own answer comes through
+                return False
+            error.filename = error.filename or lock.lock_file
+            raise
         else:
             return True
 

@@ -236,6 +236,28 @@ def test_diagrams_are_as_near_to_the_database_as_the_page_says(diagram, steels):
         assert largest[0] < 1.5 and largest[1] < 4.0
 
 
+# C, Mn, Si (wt%); where delta begins and ends to turn to gamma, K, by the same database, to 0.5 K.
+TRANSFORMATIONS = [
+    (0.01, 0.0, 0.0, 1684.5, 1675.5), (0.05, 0.0, 0.0, 1733.5, 1702.5),
+    (0.1, 0.0, 0.0, 1767.5, 1732.5), (0.05, 1.0, 0.0, 1744.5, 1717.5),
+    (0.1, 1.0, 0.0, 1765.5, 1743.5), (0.1, 0.0, 0.3, 1761.5, 1721.5),
+    (0.05, 1.0, 0.3, 1740.5, 1712.5), (0.1, 0.5, 0.25, 1761.5, 1732.5),
+    (0.05, 2.0, 0.0, 1752.5, 1728.5), (0.05, 0.0, 0.6, 1714.5, 1676.5),
+    (0.05, 2.0, 0.6, 1755.5, 1730.5),
+]  # fmt: skip
+
+
+def test_delta_turns_to_gamma_where_the_page_says() -> None:
+    apart = {"alone": 0.0, "little": 0.0, "much": 0.0}
+    for carbon, manganese, silicon, *ends in TRANSFORMATIONS:
+        steel = alloyed({"C": carbon, "Mn": manganese, "Si": silicon})
+        few = "alone" if manganese == silicon == 0.0 else "little"
+        key = few if manganese <= 1.0 and silicon <= 0.3 else "much"
+        off = np.subtract([steel.gamma_start, steel.gamma_end], ends)
+        apart[key] = max(apart[key], float(np.abs(off).max()))
+    assert apart["alone"] < 0.6 and 5.0 < apart["little"] < 6.0 and 12.0 < apart["much"] < 13.0
+
+
 def test_alloying_shifts_the_lines_of_the_assessed_diagram_each_by_itself():
     plain, steel = alloyed({"C": 0.05}), alloyed({"C": 0.05, "Mn": 1.0})
     assert plain.liquidus - steel.liquidus == pytest.approx(5.2, abs=1e-9)

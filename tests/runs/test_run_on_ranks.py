@@ -8,6 +8,7 @@ from typing import Any
 
 from mpi4py import MPI
 
+import dolfinx
 import numpy as np
 import pandas
 import pytest
@@ -34,8 +35,8 @@ MOULDED = (
 )  # fmt: skip
 # What is zero but for rounding, and rounds otherwise on other ranks.
 LEFT_OVER = {"energy_error", "axial_force", "force_error"}
-# A small difference of displacements, which are as exact as the others.
-EXACT = {"penetration": 1e-7}
+# A small difference of displacements: on DOLFINx 0.11 other rounding leaves 1.9e-8 of it.
+EXACT = {"penetration": 2e-8} if dolfinx.__version__ >= "0.11" else {}
 ERRORS = {"error", "whole", "worst_step"}
 
 

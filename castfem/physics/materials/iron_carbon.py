@@ -1,9 +1,9 @@
 """Iron-carbon equilibrium by the lever rule (thesis II.1.4, II.1.5) and what alloying does to it.
 
 Two diagrams are here. `assessed` has curves, fitted to tie lines of the assessed database
-[PovodenKaradeniz2016]: each line of the diagram is a cubic between two points, within 0.5 K (0.1 K
-for C < 0.5 %) of the tie lines from 0 to 2 % C. Pure iron melts at 1537.8 degC and turns from delta
-to gamma at 1394.4, the peritectic is L(0.528) + delta(0.093) -> gamma(0.172) at 1494.6.
+[PovodenKaradeniz2016]: each line of the diagram is a cubic between two points. Pure iron melts at
+1537.8 degC and turns from delta to gamma at 1394.4, the peritectic is L(0.528) + delta(0.093) ->
+gamma(0.172) at 1494.6. How near it is to the database stands in docs/materials.md.
 
 `pascon` is that of the thesis, with straight lines between these points (degC, wt% C):
 
@@ -25,6 +25,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -128,13 +129,13 @@ class Phases:
     carbon_gamma: Array  #: carbon in the austenite, wt%; NaN where there is none of it
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class IronCarbon:
     """Equilibrium of a steel on cooling from the melt, by the lever rule (5)-(11).
 
     Alloying shifts the lines, each by itself. The peritectic is where the two lines of the liquid
     meet; what they freeze to there is on the lines of the solids. In truth alloying spreads the
-    peritectic over a few kelvin.
+    peritectic over some 10 K.
 
     Args:
         carbon: Carbon content, wt%, from 0 to 2.11; a trace below 1e-6 counts as none.
@@ -178,21 +179,21 @@ class IronCarbon:
         """Temperature at which austenite holds the most carbon, K."""
         return self.lines.gamma.last[0]
 
-    @property
+    @cached_property  # asked for in each step
     def at_peritectic(self) -> tuple[float, float, float]:
         """Carbon of delta ferrite, austenite and liquid at the peritectic, wt%."""
         lines = (self.lines.delta, self.lines.gamma, self.lines.liquid_delta)
         delta, gamma, liquid = (float(line.carbon(self.peritectic)) for line in lines)
         return delta, gamma, liquid
 
-    @property
+    @cached_property
     def liquidus(self) -> float:
         """Temperature at which the last solid melts on heating, K."""
         lines = self.lines
         before = self.carbon < self.at_peritectic[2]
         return (lines.liquid_delta if before else lines.liquid_gamma).temperature(self.carbon)
 
-    @property
+    @cached_property
     def solidus(self) -> float:
         """Temperature below which no liquid is left, K."""
         delta, gamma, _ = self.at_peritectic
@@ -201,6 +202,7 @@ class IronCarbon:
         line = self.lines.delta if self.carbon < delta else self.lines.gamma
         return line.temperature(self.carbon)
 
+    @cached_property
     def _solid_lines(self) -> tuple[Line, Line]:
         """Delta ferrite and austenite in equilibrium, from pure iron to the peritectic."""
         delta, gamma, _ = self.at_peritectic
@@ -224,7 +226,7 @@ class IronCarbon:
             return None
         if self.carbon >= self.at_peritectic[solid]:
             return self.peritectic
-        return self._solid_lines()[solid].temperature(self.carbon)
+        return self._solid_lines[solid].temperature(self.carbon)
 
     @property
     def reactions(self) -> tuple[float, ...]:
@@ -303,7 +305,7 @@ class IronCarbon:
     def _transforming(self, t: Array, beyond: np.ufunc) -> tuple[Array, Array, Array]:
         """Delta fraction in delta + gamma with the carbon in both, below the peritectic."""
         within = np.clip(t, self.transformation, self.peritectic)
-        in_delta, in_gamma = (line.carbon(within) for line in self._solid_lines())
+        in_delta, in_gamma = (line.carbon(within) for line in self._solid_lines)
         ferritic = np.asarray(beyond(t, self.transformation) & (self.carbon == 0.0), float)
         return 1.0 - _lever(self.carbon, in_delta, in_gamma, 1.0 - ferritic), in_delta, in_gamma
 
