@@ -42,8 +42,8 @@ def main(output: Output, quick: bool) -> None:
             if quick:
                 changes += ["casting.length=20 mm", "output.fields=[]"]
             loaded = load_case(find(case), changes)
-            folder = ROOT / "results" / "diagrams" / f"{case.replace('/', '_')}_{diagram}"
-            run = finished_run(loaded, folder / "quick" if quick else folder)
+            runs = (output.folder if quick else ROOT / "results") / "diagrams"
+            run = finished_run(loaded, runs / f"{case.replace('/', '_')}_{diagram}")
             found[diagram] = run.summary.quantities
         for name, (label, unit) in results.items():
             values = {d: convert(found[d][name].value, found[d][name].unit, unit) for d in DIAGRAMS}

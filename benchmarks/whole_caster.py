@@ -21,7 +21,7 @@ import numpy as np
 
 from benchmarks.report import ROOT, Output
 from castfem.model import Case, load_case, shipped_cases
-from castfem.model.caster import by_plant, slice_of, starts_of
+from castfem.model.caster import by_plant, followed, slice_of, starts_of
 from castfem.post.plots.strand_over_time import strand_figure
 from castfem.runs.caster.files import read_table
 from castfem.runs.output.run_record import RunRecord
@@ -61,26 +61,17 @@ def read(case: Case, folder: Path) -> dict[str, Any]:
     time, pool = numbers["time"], numbers["metallurgical_length"]
     assert case.caster is not None
     start, end = case.caster.window
-    least = int(np.nanargmin(pool))
+    seen = np.flatnonzero(np.isfinite(pool))  # of a short machine its end is never within
+    least = int(seen[np.argmin(pool[seen])]) if seen.size else 0
     return {
         "slices": len(starts_of(case)), "at once": int(numbers["slices"].max()),
-        "clock [s]": end - start, "followed [s]": followed(case),
+        "clock [s]": end - start, "followed [s]": sum(followed(case)),
         "memory [MB]": RunRecord.load(folder).memory_mb,
         "pool at first [m]": pool[0], "pool shortest [m]": pool[least],
         "shortest at [min]": time[least] / 60.0, "pool at last [m]": pool[-1],
-        "pool longest [m]": np.nanmax(pool),
+        "pool longest [m]": float(pool[seen].max()) if seen.size else np.nan,
         "balance [-]": np.nanmax(np.abs(numbers["energy_error"])),
     }  # fmt: skip
-
-
-def followed(case: Case) -> float:
-    """Time for which all slices together are followed, s."""
-    from castfem.model.caster import cast_of
-
-    assert case.caster is not None
-    cast, last, length = cast_of(case), case.caster.instants[-1], case.casting.length
-    starts = starts_of(case)
-    return sum(min(last, cast.when(cast.length(s) + length)) - s for s in starts)
 
 
 def alone(case: Case, numbers: Sequence[int], home: Path) -> list[dict[str, Any]]:

@@ -273,6 +273,15 @@ def starts_of(case: Case) -> list[float]:
     return [round(start, _DIGITS) for start in found]
 
 
+def followed(case: Case) -> list[float]:
+    """How long each slice is followed, s: to the end of the machine or of the caster's time."""
+    assert case.caster is not None
+    cast, last, length = cast_of(case), case.caster.instants[-1], case.casting.length
+    starts = starts_of(case)
+    ends = [cast.when(cast.length(start) + length) for start in starts]
+    return [max(min(last, end) - start, 0.0) for start, end in zip(starts, ends, strict=True)]
+
+
 def by_plant(case: Case) -> Case:
     """Return the case with what the plant did in the place of its own keys (`slice_of`)."""
     from castfem.model.load import changed

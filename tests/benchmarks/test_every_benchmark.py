@@ -39,9 +39,7 @@ SLOW = {
     "stated_error": "ladders of five cases; tests/cli/test_cli_error.py has short ones",
     "systems": "systems from nothing, over a network; `make test-pip` sets one up",
     "throughput": "a sweep of 32 billets, several times",
-    "diagrams": "billets and slabs at their shipped cells; tests/materials has the diagrams",
     "verification": "tests/closed_forms runs what it runs",
-    "whole_caster": "a caster and separate runs in processes; tests/caster runs small ones",
 }
 """Imported alone, and why; `python -m benchmarks NAME --quick` runs them."""
 

@@ -15,7 +15,7 @@ from weakref import WeakValueDictionary
 from castfem.base.constants import EXACT
 from castfem.base.errors import RunFailure
 from castfem.model.build.simulation import CurveEnds, Simulation, build, build_beside
-from castfem.model.caster import by_plant, cast_of, slice_of, starts_of
+from castfem.model.caster import by_plant, cast_of, followed, slice_of, starts_of
 from castfem.runs.loop import TimeLoop
 
 if TYPE_CHECKING:
@@ -103,6 +103,7 @@ class Strand:
     Attributes:
         base: The case of each slice but for its start.
         starts: When each slice leaves the meniscus, by the clock, s.
+        work: How long each is followed, s.
         inside: Slices that are in the machine, the lowest first.
         closed: How old slices were when they became solid, s, by number; NaN of one that has left
             with liquid.
@@ -112,6 +113,7 @@ class Strand:
         assert case.caster is not None
         self.instants, self.cast = case.caster.instants, cast_of(case)
         self.starts, self.base = starts_of(case), by_plant(case)
+        self.work = followed(case)
         self._first = build(slice_of(self.base, self.starts[0]), comm)
         self._problems: WeakValueDictionary[CurveEnds, ThermalProblem] = WeakValueDictionary()
         self.inside: list[Slice] = []
@@ -123,15 +125,6 @@ class Strand:
     def model(self) -> Simulation:
         """The simulation of the first slice, which has what all share."""
         return self._first
-
-    @property
-    def work(self) -> list[float]:
-        """How long each slice is followed, s."""
-        last, length, cast = self.instants[-1], self.base.casting.length, self.cast
-        ends = [cast.when(cast.length(start) + length) for start in self.starts]
-        return [
-            max(min(last, end) - start, 0.0) for start, end in zip(self.starts, ends, strict=True)
-        ]
 
     def enter(self, number: int) -> Slice:
         """Let a slice, by number, leave the meniscus."""
