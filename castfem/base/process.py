@@ -33,6 +33,10 @@ def interrupt(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt(STOPS[signal.Signals(number)])
 
 
+def told(number: int, frame: FrameType | None) -> None:
+    """Handle a signal that has been obeyed already: a batch system's may reach a rank twice."""
+
+
 def stop_by_all() -> None:
     """Let each of the signals interrupt this process, but those that somebody else handles.
 
@@ -53,9 +57,9 @@ def keep_hangup() -> None:
 
 
 def is_ours(number: signal.Signals) -> bool:
-    """Whether a signal does what it did when Python started, or what `stop_by_all` made it do."""
+    """Whether a signal does what it did when Python started, or what castfem made it do."""
     usual = signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL
-    return signal.getsignal(number) in (usual, interrupt)
+    return signal.getsignal(number) in (usual, interrupt, told)
 
 
 def reason_of(stop: KeyboardInterrupt) -> str:

@@ -6,6 +6,7 @@ import errno
 import gc
 import io
 import re
+import signal
 import sys
 import traceback
 from collections.abc import Sequence
@@ -30,6 +31,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if parallel.rank_and_size()[1] == 1:  # a rank that is ended takes the others with it
         process.stop_by_all()
     status = execute(words)
+    if status == _INTERRUPTED:
+        signal.signal(signal.SIGUSR1, signal.SIG_IGN)  # a batch system's reaches a rank twice
     if status != 0 and _on_all_ranks(words):
         parallel.settle()
     gc.freeze()  # the end of the process frees all at once: not worth a search for garbage

@@ -17,6 +17,7 @@ from mpi4py import MPI
 from castfem.base import log, process
 from castfem.base.atomic_files import Closing
 
+USR1 = signal.SIGUSR1
 ONE = 1.0  # s: `timeout`, for one, sends its signal to the program and then to its group
 
 
@@ -26,6 +27,10 @@ class Stopped(KeyboardInterrupt):
 
 class Interrupt(Closing):
     """While it is entered, the first signal to stop is only noted; a later one acts at once.
+
+    SIGUSR1 never does: a batch system that signals a whole job reaches a rank twice, itself and
+    through mpirun, and Python runs the handler of the second only when the rank no longer waits
+    within MPI for the others, which can be seconds later.
 
     It leaves signals alone that somebody else handles, and off the main thread, where Python
     delivers none.
@@ -59,13 +64,14 @@ class Interrupt(Closing):
         return self
 
     def close(self) -> None:
-        """Let the signals do what they did before."""
+        """Let the signals do what they did before, SIGUSR1 if it has not stopped this."""
         while self._previous:
-            signal.signal(*self._previous.popitem())
+            number, previous = self._previous.popitem()
+            signal.signal(number, process.told if number == self.wanted == USR1 else previous)
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         if self.wanted:
-            if time.monotonic() - self._since >= ONE:
+            if number != USR1 and time.monotonic() - self._since >= ONE:
                 self.close()
                 signal.raise_signal(number)
             return

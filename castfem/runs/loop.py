@@ -304,17 +304,18 @@ def _run(
         restart.restore(run_state, *recorder.checkpoint)
     if progress is not None:
         progress.start(simulation.case.casting.length, run_state.position)
-    try:
-        with interrupt, watch.section("time loop"):
-            loop.run()
-        if companion is not None:
-            companion.finish(run_state)
-    except BaseException as error:
-        # Saving takes all ranks.  Failures and stops they raise together; after anything else they
-        # may stand at different places: then the checkpoint before must do.
-        if together.meet(error):
-            _leave(run_state, recorder, output, error)
-        raise
+    with interrupt:  # until all is saved, for the same signal may come twice
+        try:
+            with watch.section("time loop"):
+                loop.run()
+            if companion is not None:
+                companion.finish(run_state)
+        except BaseException as error:
+            # Saving takes all ranks.  Failures and stops they raise together; after anything else
+            # they may stand at different places: then the checkpoint before must do.
+            if together.meet(error):
+                _leave(run_state, recorder, output, error)
+            raise
     recorder.close()
     if simulation.case.output.checkpoint_every:
         recorder.save(run_state)

@@ -237,9 +237,24 @@ def test_a_later_signal_stops_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
             interrupt.check()
         assert "resume=True goes on" in stop.value.__notes__[0]
         monkeypatch.setattr("castfem.runs.interrupt.ONE", 0.0)
+        signal.raise_signal(signal.SIGUSR1)  # a rank may get it twice, seconds apart
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_a_signal_passed_on_twice_stops_one_run() -> None:
+    """By a batch system itself and through mpirun; the next run of a script is stopped as well."""
+    before = signal.getsignal(signal.SIGUSR1)
+    try:
+        for _ in range(2):
+            with Interrupt(MPI.COMM_SELF) as interrupt:
+                signal.raise_signal(signal.SIGUSR1)
+                with pytest.raises(Stopped, match="SIGUSR1"):
+                    interrupt.check()
+            signal.raise_signal(signal.SIGUSR1)
+    finally:
+        signal.signal(signal.SIGUSR1, before)
 
 
 def test_signals_that_others_handle_are_left_alone() -> None:

@@ -128,12 +128,12 @@ def _to_the_end(
         recorder.resume(loop.run_state)
     if progress is not None:
         progress.start(simulation.case.casting.length, loop.run_state.position)
-    try:
-        with interrupt:
+    with interrupt:  # until all is saved, for the same signal may come twice
+        try:
             loop.run()
-    except Stopped:
-        recorder.save(loop.run_state)
-        raise
+        except Stopped:
+            recorder.save(loop.run_state)
+            raise
     recorder.save(loop.run_state)
     return loop.run_state
 
