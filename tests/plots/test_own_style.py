@@ -63,6 +63,14 @@ def test_neither_display_nor_settings_of_the_user_change_a_figure(
         assert np.array_equal(found[name], picture), name
 
 
+@pytest.mark.parametrize("display", ["module://not_in_this_python", "no display"])
+def test_a_command_draws_without_a_display(tmp_path: Path, display: str) -> None:
+    picture = tmp_path / "mesh.png"
+    words = ["-m", "castfem.cli", "mesh", "copper200/round", "-o", str(picture)]
+    subprocess.run([sys.executable, *words], env={**os.environ, "MPLBACKEND": display}, check=True)
+    assert picture.stat().st_size > 1000
+
+
 def test_the_settings_of_the_user_are_back_afterwards() -> None:
     import matplotlib
 
