@@ -207,12 +207,16 @@ def said(value: float, unit: str, digits: str, name: str = "") -> str:
     Args:
         value: What is said.
         unit: Its documented unit.
-        digits: How it is formatted in that unit (".1f"); in another one it has four digits.
+        digits: How it is formatted in that unit (".1f"); in another one it has four digits. Below
+            a million no power of ten is printed.
         name: Of the quantity.
     """
     scale = scale_of(unit, name)
     digits = digits if scale.unit == unit else ("+" if digits.startswith("+") else "") + ".4g"
-    return f"{scale(value):{digits}} {plain_unit(scale.unit)}"
+    number = f"{scale(value):{digits}}"
+    if "e+" in number and abs(scale(value)) < 1e6:
+        number = f"{float(number):.0f}"
+    return f"{number} {plain_unit(scale.unit)}"
 
 
 def place_said(position: float, *, near: str = ".6g", far: str = ".4g", beyond: float = 2.0) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import gc
 import io
+import os
 import re
 import signal
 import sys
@@ -25,6 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and leave the process with its exit status."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     process.keep_hangup()
+    os.environ.pop("MPLBACKEND", None)  # commands write pictures; Jupyter hands its display to all
     for stream in (sys.stdout, sys.stderr):  # None where it is closed
         if isinstance(stream, io.TextIOWrapper):  # a letter that the terminal has not: "?"
             stream.reconfigure(errors="replace")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.base.errors import InputError
+from castfem.base.libraries import own_style
 from castfem.base.table import pairs, say
 from castfem.cli import parallel
 from castfem.model import Case
@@ -32,7 +33,7 @@ def draw_mesh(case: Case, picture: Path) -> None:
     check_picture(picture)
     mesh = build_mesh(case)
     say(parallel.console(), pairs(mesh_rows(mesh)))
-    with drawing(picture):
+    with drawing(picture), own_style():
         draw(mesh, picture)
 
 

@@ -66,6 +66,7 @@ def compiled(comm: MPI.Comm, cache: Path, make: Callable[[Path], T]) -> T:
         RunFailure: There is no folder that can be written, or no compiler.
         Exception: Whatever `make` raises, but that its wait was in vain or the folder refused.
     """
+    _settings_of_the_user()
     folder = _on_all(comm, partial(_ready, cache))
     while True:
         try:
@@ -85,6 +86,22 @@ def compiled(comm: MPI.Comm, cache: Path, make: Callable[[Path], T]) -> T:
         except Exception as error:
             _check_compiler(error)
             raise
+
+
+@lru_cache(maxsize=1)
+def _settings_of_the_user() -> None:
+    """Let FFCx and DOLFINx look for settings elsewhere where those of the user cannot be read.
+
+    They know files that are not there, but no home that is not open to them, as of another user.
+    """
+    folder = Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config")
+    for name in ("ffcx/ffcx_options.json", "dolfinx/dolfinx_jit_options.json"):
+        try:
+            (folder / name).open().close()
+        except FileNotFoundError:
+            pass
+        except OSError:
+            os.environ["XDG_CONFIG_HOME"] = os.fspath(Path(__file__).parent)  # has none
 
 
 def _check_compiler(error: Exception) -> None:

@@ -75,7 +75,8 @@ def _not_bent(case: Case, planes: GeneralizedPlaneStrain) -> Faults:
         return
     for key, as_without in _ITS_OWN.items():
         if getattr(planes, key) not in (None, as_without):
-            fix = "give the rolls of [machine] a radius, or leave it out"
+            as_left_out = str(as_without).lower() if as_without is False else f'"{as_without}"'
+            fix = f"give the rolls of [machine] a radius, or {key} = {as_left_out}"
             yield key, f"is for a strand that its machine bends; {fix}"
 
 

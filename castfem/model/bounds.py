@@ -80,11 +80,11 @@ def _unusual(given: Given, value: float) -> str:
     if text and given.path[-1] == "coefficient" and "friction" in given.path:
         near = f"; did you mean {0.01 * value:.3g}?" if 5.0 <= value <= 100.0 else ""
         return f"({value:g}) is more than {given.bounds.usual[1]:g} times the pressure{near}"
-    if text and given.kind.unit == "K" and not given.kind.difference and value < 200.0:
-        # What is colder was mostly meant in degC.
-        written = format(value, "K", "K").removesuffix(" K")
-        text = f"({written} K) is {convert(value, 'K', 'degC'):.4g} degC; did you mean "
-        text += f'"{written} degC"?'
+    absolute = given.kind.unit == "K" and not given.kind.difference
+    if text and absolute and 0.0 < value < 200.0 and value.is_integer():
+        # So cold in whole kelvins was mostly meant in degC.
+        text = f"({value:g} K) is {convert(value, 'K', 'degC'):.4g} degC; did you mean "
+        text += f'"{value:g} degC"?'
     return text
 
 

@@ -167,7 +167,7 @@ def _fits(case: Case, table: Mould) -> Faults:
 
 
 @caution("mould")
-def _wider(case: Case, mould: Mould) -> Faults:
+def wider(case: Case, mould: Mould) -> Faults:
     """Yield a cavity that is wider than the strand at the meniscus, where liquid fills it."""
     hot = hot_lengths(mould) or 0.0
     for name in ("width", "height", "diameter"):

@@ -159,13 +159,23 @@ def _syntax(message: str, text: str) -> str:
     if what.startswith("Cannot declare") and (table := _heading(line)):
         first = next((n for n, one in enumerate(lines, 1) if _heading(one) == table), number)
         listed = any(_heading(one) == table and one.strip()[:2] == "[[" for one in lines[:number])
-        if listed and line[:2] != "[[":
+        if line[:2] != "[[" and (listed or _is_listed(table)):
             return f"{place}: {line} is one of several tables; write [[{table}]]"
         before = f"in line {first}" if first < number else "by a key"
         return f"{place}: {line} is there already, {before}; put its keys under one heading"
     # The parser writes the names of a table as a tuple of Python.
     what = re.sub(r"\('(.+?)',?\)", lambda names: names[1].replace("', '", "."), what)
     return f"{place}: {what}: {line}"
+
+
+def _is_listed(table: str) -> bool:
+    """Return whether a case may have several tables of a name, "cooling.surface"."""
+    from castfem.model.case import Case  # it needs this module itself
+    from castfem.model.problems import tables
+    from castfem.model.tensile import TensileCase
+
+    headings = {one.heading for kind in (Case, TensileCase) for one in tables(kind)}
+    return f"[[{table}]]" in headings
 
 
 def _heading(line: str) -> str:

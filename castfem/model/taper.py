@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
@@ -14,6 +15,7 @@ from castfem.base.units import nearest
 from castfem.physics.mould.taper import Displaced, Taper, TaperProfile, TaperSegment
 
 TAPER = Kind("1/m", "%/m", label="taper", sample="1 %/m")
+_SLOPE = re.compile(r"[-+]?(\d+\.?\d*|\.\d+) *mm */ *m")  # as a mould maker may have it
 _END = Kind("m", "mm", above=0.0)
 _CLOSING = Curve(Kind("m", "mm", label="displacement", sample="0.5 mm"), over="position")
 _FORMS = (
@@ -192,6 +194,11 @@ def _segment(given: Mapping[str, Any], keys: tuple[str, ...], *, ends: bool) -> 
 
 def _value(given: object) -> float:
     """Return a taper, 1/m; it is a few percent per metre, what is far beyond was a slip."""
+    if slope := _SLOPE.fullmatch(str(given)):
+        size = f"{abs(float(slope[1])) * 100.0:g} mm"
+        raise ValueError(
+            f"write %/m, of the size of the section: {slope[1]} mm/m of {size} is 1 %/m"
+        )
     value = TAPER.read(given)
     if abs(value) > 0.5:
         fix = "allowed: at most 50 %/m either way"

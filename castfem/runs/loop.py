@@ -21,6 +21,7 @@ from castfem.base.stopwatch import peak_memory, profile_table
 from castfem.fem import reductions
 from castfem.fem.root import Together, on_root
 from castfem.model.build.simulation import Simulation, build
+from castfem.model.build_mould import wider
 from castfem.model.load import portable
 from castfem.physics.coupling.staggered import CouplingWindow
 from castfem.physics.coupling.subcycling import SubSteps
@@ -137,7 +138,7 @@ class TimeLoop:
         try:
             found, failed = self._attempt()
         except RunFailure as error:
-            raise RunFailure(f"{self._whereabouts()}: {error}") from None
+            raise RunFailure(f"{self._whereabouts()}: {error}{self._open_mould()}") from None
         after = self._iterations()
         counts.newton += after[0] - before[0]
         counts.newton_mechanics += after[1] - before[1]
@@ -172,6 +173,13 @@ class TimeLoop:
         """Newton iterations in this process, of temperature and mechanics."""
         mechanics = self.simulation.mechanics
         return self.simulation.problem.iterations, mechanics.problem.iterations if mechanics else 0
+
+    def _open_mould(self) -> str:
+        """Return where liquid has no wall to hold it: what no step can solve, however short."""
+        case = self.simulation.case
+        if case.mechanics is None or case.mould is None:
+            return ""
+        return next((f"; mould.{key}: {what}" for key, what in wider(case, case.mould)), "")
 
     def _whereabouts(self) -> str:
         run = self.run_state

@@ -161,6 +161,18 @@ def test_a_cache_that_may_only_be_read(tmp_path: Path, told: pytest.LogCaptureFi
     assert found != tmp_path and found.is_dir() and len(told.messages) == 1
 
 
+@pytest.mark.parametrize("variable", ["HOME", "XDG_CONFIG_HOME"])
+def test_a_home_that_is_not_open_to_the_user(tmp_path: Path, variable: str) -> None:
+    (tmp_path / "file").touch()  # root may enter any folder
+    environment = {k: v for k, v in os.environ.items() if k != "XDG_CONFIG_HOME"}
+    found = subprocess.run(
+        [sys.executable, "-c", AREA, str(tmp_path / "cache")],
+        env={**environment, variable: str(tmp_path / "file")},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (found.returncode, found.stdout.strip()) == (0, f"{SIZE}"), found.stderr
+
+
 def test_no_place_at_all_is_told_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def none(**_: object) -> str:
         raise FileNotFoundError(errno.ENOENT, "No usable temporary directory found")

@@ -332,6 +332,12 @@ def test_syntax_error_names_the_line(write, text, said):
          "eady, in line 1; "),
         ('[[cooling]]  # one\nname = "a"\n[cooling]\n', "3, column 9: [cooling] is one of several "
          "tables; write [[cooling]]"),
+        ('[cooling]\nname = "a"\n[cooling]\n', "3, column 9: [cooling] is one of several "
+         "tables; write [[cooling]]"),
+        ("[cooling.surface]\na = 1\n[ cooling.surface ]\n", "3, column 19: [ cooling.surface ] is "
+         "one of several tables; write [[cooling.surface]]"),
+        ("[tensile.segment]\na = 1\n[tensile.segment]\n", "3, column 17: [tensile.segment] is one "
+         "of several tables; write [[tensile.segment]]"),
         ("[mould]\ntube.above = 1\n[mould.tube]\n", "3, column 12: [mould.tube] is there already, "
          "by a key; "),
         ("mould.tube = {}\n[[mould.tube]]\n", "2, column 13: Cannot mutate immutable namespace "

@@ -108,7 +108,8 @@ def start(low: float, high: float) -> str:
             ),
             "(16000 L/min) is far from what a zone is sprayed with, 1 to 8000 L/min",
         ),
-        (THERMAL, (start(-100, 1500),), "profile: at 0 mm: (173.15 K) is -100 degC; did you mean"),
+        (THERMAL, (start(-100, 1500),), "at 0 mm: (-100 degC) is far from what cast metal has"),
+        (THERMAL, ("cooling.mould.wall=-273.15 degC",), "(-273.15 degC) is far from what walls"),
         (SLAB, ('machine.defect=[{kind="misaligned",roll=30,by="15 mm"}]',), "by: (15 mm) is far"),
         (HOT, ("mould.tube.thickness=200 mm",), "thickness: (200 mm) is far from what tubes have"),
         (TAPERED, ("mould.friction={law='coulomb',coefficient=30}",), "did you mean 0.3?"),
@@ -151,6 +152,17 @@ def test_rolls_that_do_not_fit_the_strand_are_told(apertures: int) -> None:
     reading = read_case(SLAB, (rolls, "mechanics.planes.force_contains_bending=false"))
     said = f"aperture ({apertures} mm) of a section"
     assert [line for line in reading.warnings if said in line], reading.problems
+
+
+def test_a_key_of_a_bent_strand_is_refused_with_the_value_that_goes_without() -> None:
+    straight = (
+        'machine.rolls={position=[0.9,1.2,1.5],position_unit="m",diameter=[200,200,200],'
+        'diameter_unit="mm"}'
+    )
+    key = "mechanics.planes.force_contains_bending"
+    (problem,) = read_case(SLAB, (straight, f"{key}=true")).problems
+    assert f"{key}: is for a strand that its machine bends" in problem
+    assert problem.endswith("or force_contains_bending = false")
 
 
 def test_a_start_hotter_than_the_steel_was_poured_is_told() -> None:

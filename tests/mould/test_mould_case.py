@@ -199,6 +199,11 @@ def test_friction_laws_as_contact_computes_them(write):
 MISTAKES = {
     "no unit": ('taper = "1"', "mould.taper", ['("1")', "needs its unit", '"1 %/m"']),
     "no divisor": ('taper = "2 %"', "mould.taper", ['("2 %")', "did you mean %/m?"]),
+    "a slope": (
+        'taper = "1.8 mm/m"',
+        "mould.taper",
+        ["write %/m, of the size of the section: 1.8 mm/m of 180 mm is 1 %/m"],
+    ),
     "slip": ('taper = "1 %/mm"', "mould.taper", ["is 1000 %/m", "at most 50 %/m"]),
     "half a parabola": ('taper = { top = "1 %/m" }', "mould.taper", ["'exit' is missing"]),
     "unknown key": ('taper = { tap = "1 %/m" }', "mould.taper", ["'tap'", "did you mean top?"]),

@@ -10,7 +10,7 @@ from small_case import small
 from castfem.base.types import Array
 from castfem.post.compare.optimum_tables import report
 from castfem.studies.optimisation import Evaluation, Optimum, RunRequest, Study
-from castfem.studies.optimisation.local_model import MODEL, Quadratic, nearest
+from castfem.studies.optimisation.local_model import MODEL, Quadratic, around, nearest
 
 CENTRE, STEP = np.array([0.5, 0.4]), np.array([0.05, 0.1])
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
@@ -29,6 +29,26 @@ def quadratic(*margins: tuple[float, float, float]) -> Quadratic:
 
 def in_steps(place: Array) -> Array:
     return np.asarray((place - CENTRE) / STEP)
+
+
+@pytest.mark.parametrize(
+    ("centre", "shares"),
+    [
+        (0.5, [0.3, 0.4, 0.6, 0.7]),
+        (0.95, [0.75, 0.85, 1.0]),  # the end of the range stands in for 1.05
+        (0.85, [0.65, 0.75, 0.95, 1.0]),
+        (0.997, [0.797, 0.897]),  # it is next to the optimum
+        (0.897, [0.697, 0.797, 0.997]),
+        (0.0, [0.1, 0.2]),
+        (0.06, [0.0, 0.16, 0.26]),
+    ],
+)
+def test_places_about_an_optimum_reach_the_ends_of_the_ranges(
+    centre: float, shares: list[float]
+) -> None:
+    found = around(np.array([0.5, centre]), np.array([0.6, 0.1]))
+    assert [at[1] for at in found if at[0] == 0.5] == pytest.approx(shares)
+    assert [at[0] for at in found if at[0] != 0.5] == [0.0, 1.0]
 
 
 def test_nearest_place_that_meets_a_moved_bound():

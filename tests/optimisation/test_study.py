@@ -347,6 +347,19 @@ def test_the_best_of_all_runs_is_the_answer(table: dict[str, object], most: int)
     json.dumps(plain(found.to_json()), allow_nan=False)
 
 
+@pytest.mark.parametrize("most", [6, 8, 10, 14])
+@pytest.mark.parametrize("start", ["30 K", "40 K", "52 K"])
+def test_what_is_called_found_lies_at_the_end_of_the_range(start: str, most: int) -> None:
+    """A walk that ends for want of runs within a step of the end of the range is not done."""
+    variable = {"key": "casting.superheat", "range": ["5 K", "60 K"], "start": start}
+    asked = study(variable, minimise=[], maximise=HEAT, most_runs=most)
+    found = solve(asked, lambda wanted: {HEAT: 4.8e6 + 1.7e3 * wanted.values[0], STRESS: 1.0})
+    assert found.status in ("found", "not converged")
+    assert (found.status == "found") <= (found.values[0].value == 60.0), found.values
+    said = "".join(part for part in report(found) if isinstance(part, str))
+    assert "the check of it failed" not in said
+
+
 def test_what_nothing_depends_on_is_not_found() -> None:
     """Differences of 1e-12 K are those of rounding."""
 

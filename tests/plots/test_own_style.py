@@ -63,6 +63,19 @@ def test_neither_display_nor_settings_of_the_user_change_a_figure(
         assert np.array_equal(found[name], picture), name
 
 
+@pytest.mark.parametrize("display", ["module://not_in_this_python", "no display"])
+def test_a_command_draws_without_a_display(tmp_path: Path, display: str) -> None:
+    (tmp_path / "matplotlibrc").write_text(USERS)
+    users = {"MPLBACKEND": display, "MATPLOTLIBRC": str(tmp_path / "matplotlibrc")}
+    pictures = []
+    for name, environment in (("usual", {}), ("users", users)):
+        path = tmp_path / f"{name}.png"
+        words = ["-m", "castfem.cli", "mesh", "copper200/round", "-o", str(path)]
+        subprocess.run([sys.executable, *words], env={**os.environ, **environment}, check=True)
+        pictures.append(np.asarray(Image.open(path)))
+    assert np.array_equal(*pictures)
+
+
 def test_the_settings_of_the_user_are_back_afterwards() -> None:
     import matplotlib
 

@@ -236,6 +236,8 @@ def test_a_shell_that_nothing_holds_is_named(table):
             [0.0, 1.2, 1.9, 0.0, 0.0, 2.5],
             "no shell there from 300 mm to 500 mm: a sign of a breakout",
         ),
+        ([60.0, 120.0, 158.0, 153.0, 153.5, 153.4], "where 150 mm are left"),
+        ([60.0, 120.0, 154.95, 154.5, 154.4, 154.3], ""),  # solid to the middle, which shrinks
         ([0.0, 1.2, 1.9, 0.4, 0.9, 2.5], "where 0.4 mm are left"),
         ([0.0, 1.2, 1.9, 1.85, 1.9, 2.5], ""),
     ],

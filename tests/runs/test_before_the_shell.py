@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 from runs.billet_runs import FED, Kept, billet, run_in_memory
 
+from castfem.base.errors import RunFailure
+
 RUBBING = 'mould.friction={law="coulomb",coefficient=0.3}'
 SHORT = ("casting.length=120 mm", *FED)
 
@@ -32,3 +34,11 @@ def test_a_small_force_moves_planes_without_a_shell_by_next_to_nothing() -> None
     strains = axial_strains(kept)
     assert len(strains) > 5
     assert 0.0 < max(strains) < 2e-6
+
+
+def test_liquid_without_a_wall_is_named_where_no_step_can_hold_it() -> None:
+    wide = billet("taper_1", *SHORT, "mould.width=127 mm", "mould.height=127 mm")
+    with pytest.raises(
+        RunFailure, match=r"smallest step .*; mould\.width: \(127 mm\) leaves a gap"
+    ):
+        run_in_memory(wide)

@@ -179,7 +179,7 @@ REFUSED = {
     "straight": (
         {"machine": {}, "mechanics__planes": {"closing": "axial"}},
         "planes.closing",
-        "is for a strand that its machine bends",
+        'give the rolls of [machine] a radius, or closing = "tangential"',
     ),
 }
 

@@ -208,7 +208,10 @@ def _steps(optimum: Optimum, objective: ResultWithError) -> Table:
 def _remarks(optimum: Optimum, objective: ResultWithError) -> Iterator[str]:
     runs = optimum.runs
     further = runs["all"] - runs["looked_at"]
-    checked = f"checked by {optimum.checked}" if optimum.checked else "the check of it failed"
+    ended = (
+        "the check of it failed" if optimum.status == "found" else "not checked by another level"
+    )
+    checked = f"checked by {optimum.checked}" if optimum.checked else ended
     finest = checks_of(optimum.fidelity)[0]
     if optimum.checked not in ("", finest):
         checked += f" (the best run fails by {finest})"

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from castfem.base.constants import ROUNDING
 from castfem.base.result_registry import find, probe_label
 from castfem.base.types import Array
 from castfem.post.plots.legend import place_legend
@@ -149,16 +148,17 @@ def open_front(depth: Array) -> Array:
 
     Where the pool closes, all of the way from a face to the middle is solid at once: the depth
     jumps there to half a section, on the narrow face of a slab from some 100 to 700 mm, which says
-    nothing of the shell and hides what does. A front that walks to the middle is kept.
+    nothing of the shell and hides what does. A front that walks to the middle is kept. The middle
+    of a strained section moves, by a per cent or two.
 
     Args:
         depth: (rows,), of one place from the top down; NaN where there is none.
     """
     known = np.flatnonzero(np.isfinite(depth))
     values = depth[known]
-    same = int(np.argmax(values[::-1] < values[-1:] * (1.0 - ROUNDING))) if known.size else 0
-    # one row alone may be the first shell
-    if same < 2 or values[-same - 1] > 0.8 * values[-1]:
+    same = int(np.argmax(values[::-1] < 0.98 * values[-1:])) if known.size else 0
+    # one row alone, or rows behind one without shell, may be the first shell
+    if same < 2 or not 0.05 < values[-same - 1] / values[-1] < 0.8:
         return depth
     found = depth.copy()
     found[known[-same:]] = np.nan

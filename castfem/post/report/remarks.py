@@ -41,6 +41,7 @@ class RemarkLimits:
     more: float = 1.0  #: share of the surface that touches again after the least contact, %
     bulged: float = 0.01  #: motion of a face, over the size of the section
     melted: float = 0.1  #: shell that is lost on the way, mm
+    shrunk: float = 0.02  #: what a section that is solid to its middle shrinks by, over its depth
     reheated: float = 5.0  #: rise of the surface's temperature, K
     flickers: int = 3  #: losses of contact at one probe: taper and shrinkage lose it once or twice
     alike: float = 5.0  #: difference of surfaces that are the same by symmetry, K
@@ -217,9 +218,15 @@ def _between_rolls(loads: RollLoads) -> Iterator[Remark]:
 
 
 def _largest_way_back(
-    table: Columns, prefix: str, sign: float
+    table: Columns, prefix: str, sign: float, least: float = 0.0
 ) -> tuple[float, str, int, int, str] | None:
     """By how much a quantity falls most (sign 1) or rises (-1) on its way at any probe.
+
+    Args:
+        table: The history.
+        prefix: Of the columns.
+        sign: Which way.
+        least: Share of what there was at most, which less does not count beside.
 
     Returns:
         The difference, the label of the probe, the rows between which it is, and the column.
@@ -227,7 +234,8 @@ def _largest_way_back(
     best: tuple[float, str, int, int, str] | None = None
     for label, _, column in curves(table, prefix):
         values = sign * np.asarray(table[column])
-        lost = np.fmax.accumulate(values) - values
+        most = np.fmax.accumulate(values)
+        lost = np.where(most - values < least * np.abs(most), 0.0, most - values)
         if not np.isfinite(lost).any():
             continue
         end = int(np.nanargmax(lost))
@@ -242,7 +250,7 @@ def _remelting(table: Columns, position: Array) -> Iterator[Remark]:
 
     A shell that is gone again lets the steel out: what follows is a strand without a breakout.
     """
-    best = _largest_way_back(table, "shell", 1.0)
+    best = _largest_way_back(table, "shell", 1.0, LIMITS.shrunk)
     if best is None or best[0] < LIMITS.melted:
         return
     value, label, start, end, column = best

@@ -239,7 +239,7 @@ def run_warnings(summary: Summary, case: Case, warmed: float) -> Iterator[str]:
             )
     if warmed > 0.1:  # K: what heat of flow does
         yield (
-            f"the highest temperature of the strand has risen by {warmed:.3g} K above that of the "
+            f"the highest temperature of the strand has risen by {warmed:.4g} K above that of the "
             "start: heat flows into the strand, or its conductivity jumps by so much that cells "
             "round the corner warm up by themselves (docs/thermal.md); the temperature of the "
             "liquid is wrong"

@@ -35,6 +35,7 @@ class ModelSettings:
     #: of the largest error of margins and of cost that are tried
     parts: tuple[float, float, float] = (1.0 / 3.0, 2.0 / 3.0, 1.0)
     edge: float = 0.02  #: distance from the end of the box, over it, at which an interval may go on
+    beside: float = 0.04  #: the end of a range so near to another place, over a step, is left out
     neighbours: int = 5  #: runs that measure the noise
     apart: float = 1e-3  #: distance of these, of the ranges
     sigmas: float = 3.0  #: difference of two runs over their scatter; once in thirty by chance
@@ -264,15 +265,22 @@ def nearest_to_allowed(margins: Array, scale: Array) -> Flags:
 
 
 def around(centre: Array, step: Array, steps: Sequence[int] = (1, 2)) -> list[Array]:
-    """Return the places some steps to either side of an optimum along each variable, in range."""
+    """Return the places some steps to either side of an optimum along each variable, in range.
+
+    The end of a range stands in for what lies beyond, unless it is next to a place before it: an
+    optimum there would not be seen otherwise.
+    """
     found: list[Array] = []
-    for i in range(len(centre)):
-        for k in sorted([*(-j for j in steps), *steps]):
-            share = centre[i] + k * step[i]
-            if -1e-9 <= share <= 1.0 + 1e-9:
-                place = np.array(centre)
-                place[i] = np.clip(share, 0.0, 1.0)
-                found.append(place)
+    for i, middle in enumerate(centre):
+        for sign in (-1, 1):
+            shares = [float(middle)]
+            for k in sorted(steps):
+                share = float(np.clip(middle + sign * k * step[i], 0.0, 1.0))
+                if abs(share - shares[-1]) > MODEL.beside * step[i]:
+                    shares.append(share)
+            places = np.tile(centre, (len(shares) - 1, 1))
+            places[:, i] = shares[1:]
+            found += list(places if sign > 0 else places[::-1])
     return found
 
 
