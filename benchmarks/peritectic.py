@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.optimize import brentq
 
+from benchmarks.corner import cells
 from benchmarks.finished_run import finished_run
 from benchmarks.report import ROOT, Output
 from castfem.base.constants import ZERO_CELSIUS
@@ -25,6 +26,7 @@ from castfem.model import Case, load_case
 from castfem.model.shipped_cases import find
 from castfem.physics.constitutive.curves import Austenite, DeltaFerrite
 from castfem.physics.materials import Steel, load_steel
+from castfem.studies.accuracy.sizes import DEFAULT
 from castfem.studies.optimisation.fidelity import at_level, idealised
 
 CASE = "billet180/peritectic"
@@ -34,7 +36,7 @@ BILLETS = (0.05, 0.12, 0.25)
 """Of those that are cast."""
 COLD = 1200.0 + ZERO_CELSIUS
 NEAR = 25.0  # K below the solidus
-ZONES = {"to 300 mm": (0.0, 0.3), "below": (0.3, 0.8)}
+ZONES = {"0 to 40 mm": (0.0, 0.04), "40 to 300 mm": (0.04, 0.3), "300 to 800 mm": (0.3, 0.8)}
 """Along the mould, m: where tapers are told."""
 FREE = {
     "mechanics.ferrostatic": "off",
@@ -42,9 +44,20 @@ FREE = {
     "mechanics.mush": "skeleton",
 }
 """A strand that nothing holds or presses, in its idealised mould."""
-RUNS = (("pascon", "kozlowski_zhu"), ("assessed", "kozlowski_zhu"),
-        ("assessed", "kozlowski_zhu_mixed"))  # fmt: skip
-"""Diagrams and laws with which the case is run."""
+VARIED: dict[str, tuple[str, ...]] = {
+    "coarse": (),
+    "default": (),
+    "cells 1 mm": cells("1"),
+    "cells 0.5 mm": cells("0.5"),
+    "windows 0.05 s": ("coupling.interval=0.05 s",),
+}
+"""Numerics with which the case is run: `--accuracy`, or keys."""
+RUNS = {
+    ("pascon", "kozlowski_zhu"): ("coarse", "default"),
+    ("assessed", "kozlowski_zhu"): (*VARIED,),
+    ("assessed", "kozlowski_zhu_mixed"): ("coarse", "default", "cells 1 mm"),
+}
+"""Diagrams and laws with which it is run, each with the numerics."""
 RESULTS = {
     "shell_corner": ("shell, corner [mm]", ".2f"),
     "gap_corner": ("gap, corner [mm]", ".3f"),
@@ -126,7 +139,7 @@ def closing(output: Output, quick: bool) -> list[dict[str, Any]]:
             history = finished_run(case, folder(output, quick) / name).history
             lost = -np.sqrt(2.0) * history["displacement_corner"].to_numpy()
             position = history["position"].to_numpy()
-            places = np.linspace(0.0, position[-1], 41)
+            places = np.linspace(0.0, position[-1], 81)
             width[phases] = np.interp(places, position, lost - lost[0])
         rows += [
             {"carbon": carbon, "position": z, "lost": whole, "thermal": thermal}
@@ -143,13 +156,15 @@ def folder(output: Output, quick: bool) -> Path:
 def cast(output: Output, quick: bool) -> list[dict[str, Any]]:
     """The shipped case by diagram and law: what it has at the mould's exit."""
     rows = []
-    for diagram, law in RUNS[: 1 if quick else None]:
-        changes = [*QUIET, f"steel.diagram={diagram}", f"mechanics.law={law}"]
+    asked = [(*which, kind) for which, kinds in RUNS.items() for kind in kinds]
+    for diagram, law, kind in asked[: 1 if quick else None]:
+        changes = [*QUIET, f"steel.diagram={diagram}", f"mechanics.law={law}", *VARIED[kind]]
         changes += ["casting.length=30 mm"] if quick else []
-        case = at_level(load_case(find(CASE), changes), LEVEL)
-        found = finished_run(case, folder(output, quick) / f"{diagram}_{law}").summary.quantities
+        case = at_level(load_case(find(CASE), changes), LEVEL if kind == LEVEL else DEFAULT)
+        run = folder(output, quick) / f"{diagram}_{law}_{kind.replace(' ', '_')}"
+        found = finished_run(case, run).summary.quantities
         values = {name: found[name].shown if name in found else None for name in RESULTS}
-        rows.append({"diagram": diagram, "law": law, **values})
+        rows.append({"diagram": diagram, "law": law, "varied": kind, **values})
     return rows
 
 
@@ -164,17 +179,18 @@ def tapers(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
             for name in ("lost", "thermal"):
                 first, last = np.interp((start, end), position, [row[name] for row in mine])
                 taper[f"{name} {zone}"] = 100.0 * (last - first) / WIDTH / (end - start)
-            taper[f"by_phase {zone}"] = taper[f"lost {zone}"] - taper[f"thermal {zone}"]
+            by_phase = taper[f"lost {zone}"] - taper[f"thermal {zone}"]
+            taper[f"by_phase {zone}"] = round(by_phase, 2) + 0.0  # no -0
         found.append(taper)
     return found
 
 
 @own_style()
-def draw(rows: Sequence[Mapping[str, Any]], output: Output) -> None:
+def draw(output: Output) -> None:
     """How much narrower each strand grows along the mould, and the taper that follows it."""
     figure = Figure(figsize=(9.0, 3.4), layout="constrained")
     along, bars = figure.subplots(1, 2)
-    found = tapers(rows)
+    rows, found = output.rows("peritectic_width"), output.rows("peritectic_taper")
     for number, (taper, colour) in enumerate(zip(found, COLOURS, strict=False)):
         mine = [row for row in rows if row["carbon"] == taper["carbon"]]
         z = [1e3 * row["position"] for row in mine]
@@ -191,9 +207,7 @@ def draw(rows: Sequence[Mapping[str, Any]], output: Output) -> None:
     along.set_xlabel("below the meniscus [mm]")
     along.set_ylabel("width lost [mm]")
     along.legend(loc="lower right", frameon=False)
-    bars.set_xticks(
-        range(len(ZONES)), [f"{1e3 * a:g} to {1e3 * b:g} mm" for a, b in ZONES.values()]
-    )
+    bars.set_xticks(range(len(ZONES)), [*ZONES])
     bars.set_ylabel("taper [%/m], pale: by phase")
     output.figure("peritectic_taper", figure)
 
@@ -230,8 +244,9 @@ def main(output: Output, quick: bool) -> None:
     output.csv("contraction", [contraction(carbon) for carbon in CARBON])
     output.csv("phase_flow", [flow(share) for share in SHARES])
     output.csv("peritectic_width", closing(output, quick))
+    output.csv("peritectic_taper", tapers(output.rows("peritectic_width")))
+    draw(output)
     output.csv("peritectic_laws", cast(output, quick))
-    draw(output.rows("peritectic_width"), output)
     show(output)
 
 
@@ -246,14 +261,14 @@ def show(output: Output) -> None:
     })  # fmt: skip
     head: dict[str, Any] = {"carbon": ("C [wt%]", ".2f")}
     for zone in ZONES:
-        names = {"lost": f"taper {zone} [%/m]", "thermal": "thermal", "by_phase": "by phase"}
+        names = {"lost": f"taper, {zone} [%/m]", "thermal": "thermal", "by_phase": "by phase"}
         head |= {f"{key} {zone}": (name, ".2f") for key, name in names.items()}
-    output.table("peritectic taper", tapers(output.rows("peritectic_width")), head)
+    output.table("peritectic taper", output.rows("peritectic_taper"), head)
     Output(output.folder, "laws.md").table("phase flow", output.rows("phase_flow"), {
         "share": ("δ ferrite in the solid", ".2f"), "switched": ("`kozlowski_zhu`", ".2f"),
         "equal_stress": ("equal stress in both", ".2f"),
         "mixed": ("`kozlowski_zhu_mixed`: equal strain", ".2f"),
     })  # fmt: skip
-    columns = {"diagram": "`diagram`", "law": "`law`", **RESULTS}
+    columns = {"diagram": "`diagram`", "law": "`law`", "varied": "numerics", **RESULTS}
     coupling = Output(output.folder, "coupling.md")
     coupling.table("peritectic laws", output.rows("peritectic_laws"), columns)
