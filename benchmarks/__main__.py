@@ -47,6 +47,7 @@ STUDIES = {
     "sensitivity_errors": ("sensitivity_errors", "sensitivity.md"),
     "systems": ("systems", "environment.md"),
     "diagrams": ("diagrams", "materials.md"),
+    "peritectic": ("peritectic", "materials.md"),
 }
 """Name -> module and page with its tables, in the order in which they run.
 

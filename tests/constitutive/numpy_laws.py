@@ -43,6 +43,7 @@ def laws() -> dict[str, RadialReturn]:
         "Norton-Hoff, automatic yield limit": hoff,
         "Norton-Hoff, viscous": replace(hoff, yield_limit=Constant(0.0)),
         "Kozlowski III and Zhu, 0.08 %C": load_law("kozlowski_zhu", elasticity, carbon=0.08),
+        "mixed by fraction, 0.12 %C": load_law("kozlowski_zhu_mixed", elasticity, carbon=0.12),
     }
 
 

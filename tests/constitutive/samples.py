@@ -66,6 +66,7 @@ def every_law() -> dict[str, RadialReturn]:
         "viscous p3=0.02 softening": hoff(el, 30.0, 0.02, 0.6, 0.0),
         "yield given": hoff(el, 3.0, 0.15, 0.2, 10e6),
         "steel": load_law("kozlowski_zhu", el, carbon=0.08),
+        "steel mixed": load_law("kozlowski_zhu_mixed", el, carbon=0.12),
         **hardening_laws(el),
     }
 

@@ -27,7 +27,9 @@ from castfem.physics.constitutive.curves import (
     modified_norton_hoff,
     yield_limit,
 )
+from castfem.physics.constitutive.parameters import DeltaShare
 from castfem.physics.constitutive.uniaxial import pull
+from castfem.physics.materials import load_steel
 
 from .samples import ZERO, norton_relaxation, one
 
@@ -344,6 +346,36 @@ def test_mixed_steel_carries_the_weighted_stress() -> None:
     gamma, delta = Austenite.at(t, carbon), DeltaFerrite.at(t, carbon)
     expected = 0.5 * (gamma.stress(p[1:], rate) + delta.stress(p[1:], rate))
     np.testing.assert_allclose(found.axial_stress[1:, 0], expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.04, 0.3, 0.8, 1.0])
+def test_shipped_mixture_weights_the_stresses_by_the_fractions(share: float) -> None:
+    """Beside it the set that switches has one of the two stresses, whatever the share."""
+    celsius, carbon, rate = 1480.0, 0.12, 1e-3
+    gamma, delta = (f.at(celsius + ZERO, carbon) for f in (Austenite, DeltaFerrite))
+    time = np.linspace(0.0, 30.0, 151)
+    found = {}
+    for name in ("kozlowski_zhu_mixed", "kozlowski_zhu"):
+        law = load_law(name, EL, carbon=carbon, delta_share=lambda t: np.full_like(t, share))
+        pulled = pull(law, time, rate * time, celsius + ZERO)
+        p = pulled.state[:, 0, 0]
+        parts = [f.stress(p[1:], np.diff(p) / np.diff(time)) for f in (gamma, delta)]
+        found[name] = pulled.axial_stress[1:, 0], parts
+    stress, (by_gamma, by_delta) = found["kozlowski_zhu_mixed"]
+    np.testing.assert_allclose(stress, (1 - share) * by_gamma + share * by_delta, rtol=1e-9)
+    stress, parts = found["kozlowski_zhu"]
+    np.testing.assert_allclose(stress, parts[share > 0.1], rtol=1e-9)
+
+
+def test_mixture_goes_by_the_fractions_of_the_steel() -> None:
+    steel = load_steel("plain_carbon", composition={"C": 0.12})
+    assert steel.diagram is not None
+    share = DeltaShare(steel.diagram)
+    law = load_law("kozlowski_zhu_mixed", EL, carbon=0.12, delta_share=share)
+    assert isinstance(law, UnifiedSteel)
+    t = np.linspace(1450.0, 1494.0, 45) + ZERO
+    np.testing.assert_allclose(law.delta_weight(t), steel.diagram.phases(t).delta, atol=1e-12)
+    assert law.delta_weight(t)[-1] > 0.6 > law.delta_weight(t)[25] > 0.1
 
 
 # -- units -------------------------------------------------------------------------------------

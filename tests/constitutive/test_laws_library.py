@@ -40,6 +40,7 @@ def test_every_shipped_law_loads_and_pulls() -> None:
         assert 1e6 < found.axial_stress[-1, 0] < 60e6
     assert kinds == {
         "kozlowski_zhu": UnifiedSteel,
+        "kozlowski_zhu_mixed": UnifiedSteel,
         "kozlowski_zhu_signed": UnifiedSteel,
         "norton_hoff_kozlowski": NortonHoff,
         "norton_hoff_kozlowski_p1": NortonHoff,

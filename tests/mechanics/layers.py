@@ -43,6 +43,25 @@ def delta_ferrite(stress: Array, strain: Array, kelvin: Array, carbon: float) ->
     return np.asarray(0.1 * (stress / hardened) ** (1.0 / (1.617e-4 * kelvin - 0.06166)))
 
 
+def mixture(stress: Array, strain: Array, kelvin: Array, carbon: float) -> Array:
+    """The rate at which both phases, by their fractions, bear a stress together, 1/s; halved to."""
+    beside = np.clip((kelvin - 1667.15) / 101.0, 1e-9, 1.0)  # carbon of each by the lever
+    delta = np.clip((0.18 * beside - carbon) / (0.08 * beside), 0.0, 1.0)
+    slow, fast = np.full_like(stress, -60.0), np.full_like(stress, 5.0)
+    back = (130.5 - 5.128e-3 * kelvin) * strain ** (-0.6289 + 1.114e-3 * kelvin)
+    by_austenite = austenite(back + 1.0, strain, kelvin, carbon)  # 1/s at 1 MPa beyond
+    by_delta = delta_ferrite(np.ones_like(stress), strain, kelvin, carbon)
+    for _ in range(50):
+        middle = 0.5 * (slow + fast)
+        rate = np.exp(middle)
+        borne = (1.0 - delta) * (
+            back + (rate / by_austenite) ** (1.0 / (8.132 - 1.540e-3 * kelvin))
+        )
+        borne += delta * (rate / by_delta) ** (1.617e-4 * kelvin - 0.06166)
+        slow, fast = np.where(borne < stress, middle, slow), np.where(borne < stress, fast, middle)
+    return np.exp(slow)
+
+
 def turns_to_delta(carbon: float) -> float:
     """Temperature above which more than a tenth of the solid is delta ferrite, degC.
 
@@ -63,13 +82,16 @@ class Shell:
     strain: float
 
 
-def shell(times: list[float], carbon: float, layer: float = 0.05e-3) -> list[Shell]:
+def shell(
+    times: list[float], carbon: float, layer: float = 0.05e-3, mixed: bool = False
+) -> list[Shell]:
     """Shells at increasing times.
 
     Args:
         times: s.
         carbon: wt%.
         layer: Thickness of a layer, m.
+        mixed: Whether both phases bear by their fractions.
     """
     count = int(2.0 * FRONT * np.sqrt(DIFFUSIVITY * times[-1]) / layer + 0.5)
     depth = layer * (np.arange(count) + 0.5)
@@ -84,7 +106,10 @@ def shell(times: list[float], carbon: float, layer: float = 0.05e-3) -> list[She
         celsius = SURFACE + RISE * erf(zeta)
         cooling = -RISE * np.exp(-(zeta**2)) * zeta / (np.sqrt(np.pi) * time)
         now = np.abs(stress), flow, celsius + 273.15, carbon
-        flowing = np.where(celsius > limit, delta_ferrite(*now), austenite(*now))
+        if mixed:
+            flowing = mixture(*now)
+        else:
+            flowing = np.where(celsius > limit, delta_ferrite(*now), austenite(*now))
         alone = STIFFNESS * (-ALPHA * cooling - 0.5 * np.sign(stress) * flowing)
         common = -alone.mean()
         return np.concatenate([alone + common, flowing, [common / STIFFNESS]])

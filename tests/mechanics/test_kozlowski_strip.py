@@ -108,6 +108,20 @@ def test_delta_ferrite_behind_the_front() -> None:
     assert strip.stress[hot, 2] == pytest.approx(1e6 * theirs, rel=0.1)
 
 
+def test_both_phases_by_their_fractions() -> None:
+    """0.10 %C: from 1450 degC on delta ferrite takes over, its weight going with its fraction."""
+    (expected,) = shell([5.0], 0.10, 0.1e-3, mixed=True)
+    strip = Strip(0.25e-3, law="kozlowski_zhu_mixed", carbon=0.10)
+    for end, step in (*START, (5.0, 0.1)):
+        advance(strip, end, step, True)
+    whole, inner = errors(strip, expected)
+    assert whole < 0.02
+    assert inner < 0.01
+    hot = (strip.depth > 6.9e-3) & (strip.depth < 7.5e-3)
+    theirs = np.interp(strip.depth[hot], expected.depth, expected.stress)
+    assert strip.stress[hot, 2] == pytest.approx(1e6 * theirs, rel=0.1)
+
+
 def test_own_heat_balance() -> None:
     """Cells of 0.1 mm: as good, but for pulses of the rate as the front passes from cell to cell.
 

@@ -94,10 +94,11 @@ def test_it_is_remembered(tmp_path: Path) -> None:
 
 def test_a_law_that_does_not_say_has_no_share() -> None:
     assert load_law("weiner_boley", load_elasticity()).data is None
-    data = load_law("kozlowski_zhu_signed", load_elasticity(), carbon=0.1).data
-    assert data is not None
-    assert data.temperature == (950.0 + 273.15, 1400.0 + 273.15)
-    assert data.rate == (1e-6, 1e-3)
+    for name in ("kozlowski_zhu_signed", "kozlowski_zhu_mixed"):
+        data = load_law(name, load_elasticity(), carbon=0.1).data
+        assert data is not None
+        assert data.temperature == (950.0 + 273.15, 1400.0 + 273.15)
+        assert data.rate == (1e-6, 1e-3)
     kept = run_in_memory(billet("idealised", "mechanics.law=weiner_boley", "casting.length=30 mm"))
     assert kept.summary is not None
     assert not any(name.endswith("than_data") for name in kept.summary.quantities)

@@ -175,8 +175,9 @@ class UnifiedSteel(Hardening):
 
     Austenite: q = f1 p^f2 + (dp/dt / c)^(1/f3);  delta ferrite: q = d (1 + 1000 p)^m (dp/dt)^(1/n).
     The share of delta ferrite in the solid chooses: delta above `threshold`, austenite below.  With
-    a `blend` the two flow stresses are mixed smoothly (both phases strain alike) while the share
-    goes from threshold - blend/2 to threshold + blend/2.
+    a `blend` the two flow stresses are added by weight (both phases strain alike), and the weight
+    of delta goes linearly from 0 to 1 while the share goes from threshold - blend/2 to
+    threshold + blend/2: a threshold of 0.5 with a blend of 1 mixes them by their fractions.
 
     With accumulated `hardening` p never decreases, and a reversed load meets the hardened curve;
     signed, f1 p^f2 is a back stress along the strain tensor, which helps a reversed load.
@@ -212,8 +213,7 @@ class UnifiedSteel(Hardening):
         share = self.delta_share(temperature)
         if self.blend <= 0.0:
             return np.where(share > self.threshold, 1.0, 0.0)
-        x = np.clip((share - self.threshold) / self.blend + 0.5, 0.0, 1.0)
-        return np.asarray(x * x * (3.0 - 2.0 * x))
+        return np.clip((share - self.threshold) / self.blend + 0.5, 0.0, 1.0)
 
     def own_columns(self, temperature: Array) -> list[Array]:
         """See `RadialReturn.own_columns`."""

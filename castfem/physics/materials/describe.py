@@ -5,6 +5,10 @@ from __future__ import annotations
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.physics.materials.steel import Steel
 
+CONTRACTED = (
+    1200.0 + ZERO_CELSIUS
+)  # K: the surface of a shell in its mould, down to which it is told
+
 _LABELS = (
     ("density", "density", "{:.0f}", 1.0, " kg/m³"),
     ("specific_heat", "specific heat", "{:.0f}", 1.0, " J/(kg K)"),
@@ -53,6 +57,11 @@ def describe_steel(steel: Steel) -> list[tuple[str, str]]:
         mean = 1e6 * float(steel.thermal_expansion(1273.15))
         note = _origin_note(steel, "thermal_expansion")
         rows.append(("thermal expansion", f"{mean:.1f}e-6 1/K from solidus to 1000 °C{note}"))
+        share = 100.0 * float(steel.transformation_strain(CONTRACTED))
+        if share < -5e-4:
+            total = 100.0 * float(steel.thermal_strain(CONTRACTED))
+            text = f"{-total:.3f} % from solidus to {celsius(CONTRACTED)} °C, {-share:.3f} % of it"
+            rows.append(("contraction", f"{text} by δ to γ"))
     if steel.origins:
         rows.append(("sources", ", ".join(f"{code}: {text}" for code, text in _STATUS.items())))
     return rows

@@ -12,6 +12,7 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -21,8 +22,9 @@ import numpy.typing as npt
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.tables import Table
 from castfem.base.types import Array
+from castfem.physics.materials import knots
 from castfem.physics.materials.iron_carbon import IronCarbon, Phases, Side
-from castfem.physics.materials.properties import Property
+from castfem.physics.materials.properties import ByFormula, Property
 
 IRON_MASS, CARBON_MASS = 55.845, 12.011  # g/mol
 AVOGADRO = 6.02214076e23
@@ -156,15 +158,74 @@ class ChandraExpansion:
     def specific_volume(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
         """Specific volume of the solid phases together, m3/kg (liquid left out)."""
         t = np.asarray(temperature, float)
-        phases = self.diagram.phases(t, side)
+        return self.volume_of(t, self.diagram.phases(t, side))
+
+    def volume_of(self, temperature: Array, phases: Phases) -> Array:
+        """Specific volume of given solid phases at temperatures in K, m3/kg."""
         solid = np.maximum(1.0 - phases.liquid, 1e-300)
-        delta, gamma = _cell_volumes(t - ZERO_CELSIUS, phases)
+        delta, gamma = _cell_volumes(temperature - ZERO_CELSIUS, phases)
         return np.asarray(1e-3 * (phases.delta * delta + phases.gamma * gamma) / solid)
 
     def strain(self, temperature: npt.ArrayLike, reference: float) -> Array:
         """Linear strain since `reference` (K)."""
         ratio = self.specific_volume(temperature) / self.specific_volume(reference, "below")
         return np.cbrt(ratio) - 1.0
+
+
+def without_transformation(
+    law: Expansion, temperature: npt.ArrayLike, reference: float
+) -> Array | None:
+    """Strain that a steel would have if each of its phases only cooled.
+
+    With v the specific volume at the temperature T and the phases p (fractions, carbon of each),
+    3 d(ln L) = (1/v) (dv/dT at given p) dT + (1/v) (change of v with p at given T). This is the
+    first of the two, integrated from the reference; the rest of `Expansion.strain` is what delta
+    ferrite contracts by as it turns to austenite.
+
+    Args:
+        law: Of the contraction.
+        temperature: K, any shape.
+        reference: Temperature at which the strain is 0, K.
+
+    Returns:
+        Of the shape of `temperature`; None for a law that does not go by phase.
+    """
+    by_phase = _volume_by_phase(law)
+    if by_phase is None:
+        return None
+    diagram, volume = by_phase
+    t = np.asarray(temperature, float)
+    coldest, hottest = float(t.min(initial=reference)), float(t.max(initial=reference))
+    if coldest == hottest:
+        return np.zeros_like(t)
+    breaks = knots.merged(law.kinks, diagram.reactions, coldest, hottest)
+    grid = np.union1d(knots.grid(breaks, coldest, hottest, True), t)
+    cold, hot = grid[:-1], grid[1:]
+    # On each piece the mean of what its first and its last phases would expand by.
+    gain = np.zeros_like(cold)
+    for phases in (diagram.phases(cold, "above"), diagram.phases(hot, "below")):
+        gain += np.log(volume(hot, phases) / volume(cold, phases)) / 6.0
+    length = np.concatenate([[0.0], np.cumsum(gain)])
+    return np.expm1(np.interp(t, grid, length) - np.interp(reference, grid, length))
+
+
+def _volume_by_phase(
+    law: Expansion,
+) -> tuple[IronCarbon, Callable[[Array, Phases], Array]] | None:
+    """The diagram of a law, and its specific volume at given phases, m3/kg (or in proportion)."""
+    if isinstance(law, ChandraExpansion):
+        return law.diagram, law.volume_of
+    density = law.density if isinstance(law, DensityExpansion) else None
+    if not isinstance(density, ByFormula) or density.diagram is None:
+        return None
+    if not density.formula.by_phase:
+        return None
+
+    def volume(temperature: Array, phases: Phases) -> Array:
+        evaluate = density.formula.evaluate
+        return np.reciprocal(evaluate(temperature, phases, **density.parameters))
+
+    return density.diagram, volume
 
 
 def _cell_volumes(celsius: Array, phases: Phases) -> tuple[Array, Array]:

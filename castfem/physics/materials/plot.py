@@ -237,5 +237,8 @@ def _expansion(axis: Axes, steel: Steel) -> None:
         ls="--",
         label="thermal strain",
     )
+    by_phase = 1e2 * steel.transformation_strain(t)
+    if np.any(np.abs(by_phase) > 1e-3):
+        other.plot(t - ZERO_CELSIUS, by_phase, color=DELTA, ls=":", label="by δ → γ")
     other.set_ylabel("thermal strain [%]")
     _legend(axis, extra=other)

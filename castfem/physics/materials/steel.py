@@ -21,7 +21,7 @@ from castfem.base.tables import Constant
 from castfem.base.types import Array
 from castfem.physics.materials import knots
 from castfem.physics.materials.curve import ThermalCurve
-from castfem.physics.materials.expansion import Expansion
+from castfem.physics.materials.expansion import Expansion, without_transformation
 from castfem.physics.materials.iron_carbon import IronCarbon, Side
 from castfem.physics.materials.properties import Property
 from castfem.physics.materials.solid_fraction import SolidFraction
@@ -131,6 +131,17 @@ class Steel:
         t = np.asarray(temperature, float)
         solid = np.minimum(t, self.solidus)
         return np.where(t < self.solidus, self.expansion.strain(solid, self.solidus), 0.0)
+
+    def transformation_strain(self, temperature: npt.ArrayLike) -> Array:
+        """Part of `thermal_strain` by the change from delta ferrite to austenite.
+
+        It is 0 above the solidus, and for a contraction that does not go by phase.
+        """
+        total = self.thermal_strain(temperature)
+        assert self.expansion is not None
+        solid = np.minimum(np.asarray(temperature, float), self.solidus)
+        thermal = without_transformation(self.expansion, solid, self.solidus)
+        return np.zeros_like(total) if thermal is None else total - thermal
 
     def thermal_expansion(self, temperature: npt.ArrayLike) -> Array:
         """Mean coefficient of thermal linear expansion since the solidus, 1/K.

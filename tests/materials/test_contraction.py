@@ -1,0 +1,156 @@
+"""Free contraction of peritectic and other steels, by hand from phases and their volumes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+from castfem.physics.materials import Steel, load_steel
+from castfem.physics.materials.describe import describe_steel
+
+ZERO = 273.15
+COLD = 1200.0  # degC, down to which the steels contract
+PERITECTIC = 1767.75 - ZERO  # degC, of the assessed diagram
+DELTA_END, GAMMA_END = 0.0929, 0.1717  # wt%, of delta and gamma at the peritectic
+
+
+def solidus(carbon: float) -> float:
+    """Where the line of delta or of gamma beside the liquid has a carbon content, degC."""
+    if DELTA_END <= carbon <= GAMMA_END:
+        return PERITECTIC
+    hot, cold, first, last, b0, b1 = (
+        (1810.95, 1767.75, 0.0, DELTA_END, 0.0074, 0.0006) if carbon < DELTA_END else
+        (1767.75, 1408.9, GAMMA_END, 2.11, 0.0306, 0.2564)
+    )  # fmt: skip
+
+    def too_rich(s: float) -> float:
+        return first + (last - first) * s + s * (1.0 - s) * (b0 + b1 * s) - carbon
+
+    return hot + (cold - hot) * float(brentq(too_rich, 0.0, 1.0)) - ZERO
+
+
+def steel(carbon: float, expansion: str = "chandra") -> Steel:
+    law = {"thermal_expansion": {"formula": expansion}}
+    return load_steel("plain_carbon", composition={"C": carbon}, overrides=law)
+
+
+def chandra(celsius: float, carbon: float, phase: str) -> float:
+    """Volume of a gram of delta (two atoms in a cell) or gamma iron (four) with carbon, cm3."""
+    start, slope, atoms = (0.1234, 9.38e-6, 2) if phase == "delta" else (0.1225, 9.45e-6, 4)
+    pure = start + slope * (celsius - 20)
+    edge = (pure * atoms * 55.845 / 6.02214076e23) ** (1 / 3) * 1e8  # Angstrom
+    atomic = 100 * (carbon / 12.011) / (carbon / 12.011 + (100 - carbon) / 55.845)
+    wider = 8.4e-3 * atomic
+    if phase == "gamma":
+        wider = (0.0317 - 11.65e-7 * celsius - 0.05e-7 * celsius**2) * carbon
+    return pure * (1 + wider / edge) ** 3 * (1 - carbon / 100)
+
+
+def harste(celsius: float, carbon: float, phase: str) -> float:
+    """Volume of a kilogram by Harste's densities, m3."""
+    start, slope, widening = (8011, 0.47, 0.013) if phase == "delta" else (8106, 0.51, 0.008)
+    return (100 - carbon) * (1 + widening * carbon) ** 3 / (100 * (start - slope * celsius))
+
+
+VOLUMES = {"chandra": chandra, "density": harste}
+
+
+def by_hand(carbon: float, formula: str) -> float:
+    """Contraction from the solidus to 1200 degC, per cent, positive.
+
+    0.05 %C freezes to delta alone and turns to gamma in the solid; 0.12 %C is left by the last
+    liquid, at the peritectic, as delta and gamma by the lever rule; 0.25 %C freezes to gamma alone.
+    """
+    volume = VOLUMES[formula]
+    if carbon == 0.05:
+        hot = volume(solidus(carbon), carbon, "delta")
+    elif carbon == 0.12:
+        gamma = (carbon - DELTA_END) / (GAMMA_END - DELTA_END)
+        hot = (1 - gamma) * volume(PERITECTIC, DELTA_END, "delta")
+        hot += gamma * volume(PERITECTIC, GAMMA_END, "gamma")
+    else:
+        hot = volume(solidus(carbon), carbon, "gamma")
+    return 100 * (1 - (volume(COLD, carbon, "gamma") / hot) ** (1 / 3))
+
+
+@pytest.mark.parametrize("formula", VOLUMES)
+@pytest.mark.parametrize("carbon", [0.05, 0.12, 0.25])
+def test_free_contraction_by_hand(carbon: float, formula: str) -> None:
+    found = steel(carbon, formula)
+    assert found.solidus - ZERO == pytest.approx(solidus(carbon), abs=1e-9)
+    contraction = -100.0 * float(found.thermal_strain(COLD + ZERO))
+    assert contraction == pytest.approx(by_hand(carbon, formula), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("formula", "expected"),
+    [("chandra", (0.9589, 0.8463, 0.6238)), ("density", (0.9009, 0.8075, 0.6402))],
+)
+def test_less_contracts_the_steel_that_has_more_austenite_when_it_freezes(
+    formula: str, expected: tuple[float, ...]
+) -> None:
+    """0.05, 0.12 and 0.25 %C to 1200 degC, per cent."""
+    found = [by_hand(carbon, formula) for carbon in (0.05, 0.12, 0.25)]
+    assert found == pytest.approx(expected, abs=1e-4)
+
+
+@pytest.mark.parametrize("formula", VOLUMES)
+def test_delta_to_gamma_contracts_where_it_happens(formula: str) -> None:
+    """0.12 %C: within 25 K of its solidus; 0.05 %C: far below; 0.25 %C: before it is solid."""
+    first, ends = {}, {}
+    for carbon in (0.05, 0.12, 0.25):
+        found = steel(carbon, formula)
+        assert found.diagram is not None
+        start, end = found.diagram.gamma_start, found.diagram.gamma_end
+        assert start is not None and end is not None
+        at = np.array([start, end, end - 100.0])
+        by_phase = found.transformation_strain(at)
+        by_phase /= 1.0 + found.thermal_strain(at) - by_phase  # of the length as it has cooled
+        assert by_phase[0] == pytest.approx(0.0, abs=1e-12)
+        assert by_phase[2] == pytest.approx(by_phase[1], abs=1e-12)
+        if carbon < 0.25:
+            assert 0.0012 < -by_phase[1] < 0.0025
+        ends[carbon] = end
+        first[carbon] = -float(found.thermal_strain(found.solidus - 25.0))
+    assert first[0.12] > 3.0 * max(first[0.05], first[0.25])
+    # Of 0.12 %C all of it lies within those 25 K.
+    assert PERITECTIC - 25.0 < ends[0.12] - ZERO < PERITECTIC - 24.0
+
+
+@pytest.mark.parametrize("formula", VOLUMES)
+@pytest.mark.parametrize("carbon", [0.0, 0.05, 0.12, 0.17, 0.25])
+def test_thermal_part_is_the_integral_at_given_phases(carbon: float, formula: str) -> None:
+    """By a quadrature of its own over slopes at fixed fractions and carbon contents."""
+    found = steel(carbon, formula)
+    assert found.diagram is not None
+
+    def slope(kelvin: float) -> float:
+        p = found.diagram.phases(kelvin)  # type: ignore[union-attr]
+
+        def whole(celsius: float) -> float:
+            parts = ((float(p.delta), float(p.carbon_delta), "delta"),
+                     (float(p.gamma), float(p.carbon_gamma), "gamma"))  # fmt: skip
+            return sum(f * VOLUMES[formula](celsius, c, name) for f, c, name in parts if f > 0.0)
+
+        t = kelvin - ZERO
+        return (whole(t + 0.5) - whole(t - 0.5)) / (3.0 * whole(t))
+
+    cold, hot = COLD + ZERO, found.solidus - 1e-9
+    kinks = [t for t in found.diagram.kinks if cold < t < hot]
+    thermal = -quad(slope, cold, hot, points=kinks or None, limit=200)[0]
+    by_phase = float(found.thermal_strain(cold) - found.transformation_strain(cold))
+    assert np.log1p(by_phase) == pytest.approx(thermal, rel=1e-6)
+
+
+def test_contraction_without_phases_has_no_part_by_them() -> None:
+    found = load_steel("carbon_042")
+    t = np.array([300.0, 1400.0, 1900.0])
+    assert not found.transformation_strain(t).any() and found.thermal_strain(t).any()
+
+
+def test_material_tells_what_the_phases_contract_by() -> None:
+    told = dict(describe_steel(steel(0.12)))["contraction"]
+    assert told == "0.846 % from solidus to 1200 °C, 0.176 % of it by δ to γ"
+    assert "contraction" not in dict(describe_steel(steel(0.25)))
