@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -93,6 +94,9 @@ def _check_keys(case: Case, keys: Sequence[Free]) -> None:
             raise InputError(problems)
 
 
+_NEAREST = 6  # results that are named for one that is not known
+
+
 def _check_results(case: Case, measured: Sequence[Measured]) -> None:
     """Refuse before anything runs what was measured of results that the case has not."""
     first = {one.name: one for one in reversed(measured)}
@@ -100,10 +104,13 @@ def _check_results(case: Case, measured: Sequence[Measured]) -> None:
     others = {name: one for name, one in first.items() if name not in at_probes}
     faults = dict(zip(others, faults_of(case, list(others)), strict=True))
     faults |= {name: missing_column(case, name) for name in at_probes}
+    every = list(result_registry.result_names())
+    known = [one for one, fault in zip(every, faults_of(case, every), strict=True) if not fault]
     for name in others:
         if result_registry.find(name) is None:
-            near = nearest(name, result_registry.result_names())
-            faults[name] = f"no such result of a run{near}"
+            some = ", ".join(difflib.get_close_matches(name, known, _NEAREST, 0.0))
+            allowed = f"allowed: {some} and other columns of its history.csv"
+            faults[name] = f"no such result of this case; {allowed}{nearest(name, known)}"
     problems = [f"{first[name].where}: {fault}" for name, fault in faults.items() if fault]
     if problems:
         raise InputError(problems)

@@ -227,6 +227,10 @@ def test_keys_that_cannot_be_fitted(twin: Path, free: list[str], message: str) -
     ("column", "line"),
     [
         ("gap_mid_face", r"gap_mid_face: is none of this case, for it has no \[mechanics\] and "),
+        (
+            "surface_temp",
+            r"surface_temp: no such (?!.*_tip).*allowed: .*surface_temperature_mid_face",
+        ),
         ("shel_mid_face", r"shel_mid_face: no such .* did you mean shell_mid"),
         ("shell_mid_fac", r'shell_mid_fac: has no place "mid_fac" .*did you mean mid_face'),
     ],

@@ -67,6 +67,19 @@ def test_every_roll_is_drawn(maps: SurfaceMaps) -> None:
     assert shades[0].get_clim() == pytest.approx((0.0, 30.0))
 
 
+def test_the_worst_place_is_named_where_it_may_be_out_of_sight(maps: SurfaceMaps) -> None:
+    with look():
+        figure = draw_caster(maps)
+    assert figure is not None and "I1" in maps.names()
+    row, vertex = np.unravel_index(int(maps["I1"].argmax()), maps["I1"].shape)
+    (title,) = [axes.get_title() for axes in figure.axes if axes.get_title()]
+    face = maps.heading.line.words(int(vertex))
+    assert title.startswith(f"largest: {face}, ")
+    number, unit = title.rsplit(", ", 1)[1].split()
+    factor = {"m": 1.0, "mm": 1e-3}[unit]
+    assert float(number) * factor == pytest.approx(maps.position[row], rel=1e-3)
+
+
 def test_rolls_are_numbered_and_those_with_a_defect_are_red(maps: SurfaceMaps) -> None:
     """A lost pair is not drawn, its number is."""
     count, pairs = len(rolls().pairs), list(rolls().pairs)

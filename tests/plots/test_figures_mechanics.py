@@ -203,6 +203,12 @@ def test_history_figures_say_what_they_draw(table, abscissa):
     assert figure.axes[0].get_legend().get_texts()[0].get_text() == "free slice, no axial force"
 
 
+def test_newtons_on_a_free_strand_are_not_drawn(table, abscissa):
+    for newtons, panels in ((3.0, 1), (300.0, 2)):
+        table["axial_force"] = 1e-3 * newtons
+        assert len(draw_axial(table, abscissa, None).axes) == panels
+
+
 def test_displacements_and_forces_are_drawn_where_they_say_something(table, abscissa):
     units = table.attrs["units"]
     half = table.drop(columns=["size_mid_face"])

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from castfem.base.constants import ZERO_CELSIUS
+from castfem.base.shown_units import place_said
 from castfem.base.types import Array, Indices
 from castfem.physics.machine.rolls import Pair, Rolls
 from castfem.physics.machine.side import Side
@@ -166,6 +167,9 @@ def _draw(panel: Axes, maps: SurfaceMaps, view: View, name: str) -> None:
         # White on white the strand would not be seen.
         colours = index_colours().with_extremes(bad=_NOTHING)
         options = {"cmap": colours, "clim": (0.0, float(values.max()) or 1.0)}
+        row, vertex = np.unravel_index(int(values.argmax()), values.shape)  # may not be in sight
+        where = f"{maps.heading.line.words(int(vertex))}, {place_said(maps.position[row])}"
+        panel.set_title(f"largest: {where}", fontsize=8.5)
     _draw_rolls(panel, view, inner=False)
     corners: Any = view.corners
     strand = PolyCollection(corners, array=shown, edgecolors="face", linewidths=0.3, **options)

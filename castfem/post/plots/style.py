@@ -58,7 +58,8 @@ class Style:
     slices: int = 4  #: of a stack at least: its colours run straight from each to the next
     gap: float = 0.01  #: least span of the axis of the gap, mm: what is less is no gap to look at
     held: float = 1e-6  #: motion of a surface that is held, as that of a strip, mm
-    force: float = 1e-6  #: that the solver leaves on a free strand, kN or kN/m
+    #: force on a free strand, kN or kN/m: some newtons while slivers of solid freeze
+    force: float = 0.01
     #: length of a roll beyond the edge of the strand in the picture of a caster, m
     roll_end: float = 0.06
     caster: float = 0.3  #: left free around that picture, m
