@@ -235,7 +235,7 @@ def flow(share: float) -> dict[str, float]:
         "share": share, "mixed": 1e-6 * ((1.0 - share) * by_gamma + share * by_delta),
         "switched": 1e-6 * (by_delta if share > THRESHOLD else by_gamma),
         "equal_stress": 1e-6 * equal,
-        "rate_ratio": (by_gamma / by_delta) ** delta.stress_exponent[0],
+        "rate_ratio_thousand": 1e-3 * (by_gamma / by_delta) ** delta.stress_exponent[0],
     }  # fmt: skip
 
 
