@@ -62,6 +62,7 @@ slabs: env
 test:
 	@tools/env.sh ruff
 	-@tools/env.sh optimise
+	-@tools/env.sh calphad
 	@$(if $(SOLVER)$(DEBIAN)$(PYTHON)$(ARGS),,tools/env.sh choice | grep -q wheel || SOLVER=wheel tools/env.sh || true)
 	@tools/test.sh $(HOME_OF_ENV) all $(ARGS)
 

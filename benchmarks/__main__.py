@@ -48,6 +48,7 @@ STUDIES = {
     "systems": ("systems", "environment.md"),
     "diagrams": ("diagrams", "materials.md"),
     "peritectic": ("peritectic", "materials.md"),
+    "phases": ("phases", "materials.md"),
 }
 """Name -> module and page with its tables, in the order in which they run.
 

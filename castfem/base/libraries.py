@@ -15,6 +15,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from importlib.machinery import ModuleSpec
 from importlib.util import LazyLoader
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -105,3 +106,10 @@ def own_style(settings: Mapping[str, Any] | None = None) -> Iterator[None]:
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(settings or {})
         yield
+
+
+def cache_folder() -> Path:
+    """The user's cache folder for castfem."""
+    import platformdirs
+
+    return Path(platformdirs.user_cache_dir("castfem", appauthor=False))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -57,21 +58,38 @@ def mesh_rows(mesh: SectionMesh) -> list[tuple[str, str]]:
 _LACKS = "is needed by"  # of an element that a composition does not have
 
 
-def draw_material(name: str, composition: Iterable[str], picture: Path) -> None:
-    """Describe a steel and plot its properties."""
+def draw_material(
+    name: str,
+    composition: Iterable[str],
+    picture: Path,
+    database: Path | None = None,
+    scheil: bool = False,
+) -> None:
+    """Describe a steel and plot its properties; by a database, beside those of the set itself."""
+    if scheil and database is None:
+        raise InputError("--scheil: freezes by a thermodynamic database; give --database FILE")
     amounts = _composition(composition)
     check_picture(picture)
     from castfem.physics.materials import describe_steel, load_steel
+    from castfem.physics.materials.phase_table import Request, Scheil
     from castfem.physics.materials.plot import plot_steel
 
+    load = partial(load_steel, name, Path.cwd(), composition=amounts, origin="steel")
+    beside = None
     try:
-        steel = load_steel(name, Path.cwd(), composition=amounts, origin="steel")
+        if database is None:
+            steel = load()
+        else:
+            request = Request(str(database), scheil=Scheil() if scheil else None)
+            steel = load(overrides={"database": request})
+            with suppress(InputError):  # the set itself does not go as far, as for stainless steel
+                beside = load()
     except InputError as error:
         told = [f"{one}, here by -c C=0.2" if _LACKS in one else one for one in error.problems]
         raise InputError(told) from None
     say(parallel.console(), pairs(describe_steel(steel)))
     with drawing(picture):
-        plot_steel(steel, picture)
+        plot_steel(steel, picture, beside)
 
 
 def check_picture(picture: Path) -> None:

@@ -95,11 +95,23 @@ def machine(case: str, output: Path | None, run: Path | None, overrides: tuple[s
 @click.option(
     "--composition", "-c", metavar="C=0.42", multiple=True, help="Weight percent of an element."
 )
-def material(name: str, output: Path | None, composition: tuple[str, ...]) -> None:
+@click.option(
+    "--database", type=PATH, metavar="FILE",
+    help="Thermodynamic database (.tdb) for phases and heat, drawn beside those of the set.",
+)  # fmt: skip
+@click.option("--scheil", is_flag=True, help="Freeze by Scheil, with a database.")
+def material(
+    name: str,
+    output: Path | None,
+    composition: tuple[str, ...],
+    database: Path | None,
+    scheil: bool,
+) -> None:
     """Describe a steel and plot its properties."""
     from castfem.cli.drawing import draw_material
 
-    draw_material(name, composition, file_for(output, f"{Path(name).stem}.png"))
+    target = file_for(output, f"{Path(name).stem}.png")
+    draw_material(name, composition, target, database, scheil)
 
 
 @command('strand results/slab1200/reference --every "50 mm"')

@@ -6,7 +6,6 @@ import gc
 from collections.abc import Callable
 from functools import lru_cache
 from itertools import count
-from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 from mpi4py import MPI
@@ -19,6 +18,7 @@ import ufl
 from dolfinx import cpp, fem, la
 from dolfinx import mesh as dmesh
 
+from castfem.base.libraries import cache_folder
 from castfem.fem import form_cache
 
 T = TypeVar("T")
@@ -37,13 +37,13 @@ def jit_options() -> dict[str, Any]:
     bubble depend on the BLAS it was made with. DOLFINx looks forms up by name alone and refuses
     what another BLAS has left in its cache.
     """
-    import platformdirs
-
     quadratic = basix.ufl.element("Lagrange", "triangle", 2)
     bubble = basix.ufl.element("Bubble", "triangle", 3)
     bits = basix.ufl.enriched_element([quadratic, bubble]).basix_hash()
-    cache = Path(platformdirs.user_cache_dir("castfem", appauthor=False))
-    return {"cache_dir": cache / "forms" / f"{version()}-{bits:x}", "timeout": form_cache.WAIT}
+    return {
+        "cache_dir": cache_folder() / "forms" / f"{version()}-{bits:x}",
+        "timeout": form_cache.WAIT,
+    }
 
 
 def _compiled(comm: MPI.Comm, folder: str, make: Callable[[dict[str, Any]], T]) -> T:

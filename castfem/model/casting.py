@@ -18,6 +18,7 @@ from castfem.model.base import TableModel
 from castfem.model.checks import Faults, check, check_test, one_of
 from castfem.model.probe import Probe
 from castfem.physics.machine.travel import Changing, Steady, Travel
+from castfem.physics.materials.phase_table import Request, Scheil
 
 if TYPE_CHECKING:
     from castfem.model.case import Case
@@ -126,6 +127,16 @@ class Casting(TableModel):
         return self.travel.time_at(self.length)
 
 
+class ScheilFreezing(TableModel):
+    """Freezing without diffusion in the solid, which is equilibrated at its mean composition."""
+
+    end: Annotated[float, Kind("1", above=0.0, most=0.5, label="fraction", sample="0.01")] = 0.01
+    """mass fraction of liquid at which the path ends: the rest freezes at that temperature"""
+    carbon_diffuses: bool = Field(True, strict=True)
+    """keep carbon at one chemical potential in liquid and solid (back diffusion), or let it stay
+    where it has frozen"""
+
+
 class Steel(TableModel):
     """The steel that is cast: a property set, its composition and changes for this case."""
 
@@ -141,11 +152,38 @@ class Steel(TableModel):
     """iron-carbon diagram of a steel with a composition: curves fitted to an assessed database, or
     the straight lines of the thesis; by default that of the set, which is assessed unless its file
     has `diagram`"""
+    database: str | None = Field(None, examples=["steel.tdb"])
+    """thermodynamic database (.tdb, with the extra calphad), relative to this file, by which
+    phases, freezing and heat go instead of the diagram; or the table that an earlier run has kept,
+    properties/steel/phases.csv"""
+    phases: tuple[str, ...] | None = Field(
+        None, examples=[["LIQUID", "BCC_A2", "FCC_A1", "CEMENTITE"]]
+    )
+    """phases of the database that are counted with, by its names; by default liquid, ferrite,
+    austenite, carbides and MnS"""
+    scheil: ScheilFreezing | None = None
+    """with a database: freeze by Scheil; left out: in equilibrium"""
 
     @property
     def changes(self) -> dict[str, Any]:
-        """What is changed of the set, written as in its file."""
-        return self.overrides | ({} if self.diagram is None else {"diagram": self.diagram})
+        """What is changed of the set, written as in its file; a database as a `Request`."""
+        changes = dict(self.overrides)
+        if self.diagram is not None:
+            changes["diagram"] = self.diagram
+        if self.database is not None:
+            path = None
+            if self.scheil is not None:
+                path = Scheil(self.scheil.end, self.scheil.carbon_diffuses)
+            changes["database"] = Request(self.database, self.phases or (), path)
+        return changes
+
+
+@check("steel")
+def _with_database(_: Any, steel: Steel) -> Faults:
+    """Yield keys that ask something of a database where there is none."""
+    for key in ("phases", "scheil"):
+        if getattr(steel, key) and steel.database is None:
+            yield key, 'is of a thermodynamic database; give one, database = "steel.tdb"'
 
 
 def _whole_percent(fraction: float | None) -> float | None:

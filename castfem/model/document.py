@@ -187,16 +187,17 @@ def _heading(line: str) -> str:
 def _anchor(data: dict[str, Any], folder: Path) -> None:
     """Make the paths written in a file independent of where castfem is started.
 
-    Those are the names of property files (`PROPERTY_FILES`), the rolls of a machine and every
-    `file` of a table.
+    Those are the names of property files (`PROPERTY_FILES`), the rolls of a machine, the database
+    of a steel and every `file` of a table.
     """
     for table, key in PROPERTY_FILES:
         inner = data.get(table)
         if isinstance(inner, dict) and isinstance(inner.get(key), str):
             inner[key] = anchored_set(inner[key], folder)
-    machine = data.get("machine")
-    if isinstance(machine, dict) and isinstance(machine.get("rolls"), str):
-        machine["rolls"] = os.path.abspath(folder / machine["rolls"])
+    for table, key in (("machine", "rolls"), ("steel", "database")):
+        inner = data.get(table)
+        if isinstance(inner, dict) and isinstance(inner.get(key), str):
+            inner[key] = os.path.abspath(folder / inner[key])
     _anchor_files(data, folder)
 
 

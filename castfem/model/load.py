@@ -33,6 +33,7 @@ from castfem.model.checks import check, check_test
 from castfem.model.document import PROPERTY_FILES, is_path
 from castfem.model.problems import Problem
 from castfem.model.tensile import TensileCase
+from castfem.physics.materials.phase_table import PhaseTable
 
 _NAMED = (
     (("cooling",), "zone"),
@@ -248,7 +249,26 @@ def portable(case: AnyCase, beside: str) -> tuple[str, dict[str, bytes]]:
             raise InputError(f"{table}.{key}: {name}: cannot be read ({error.strerror})") from error
         tables[table][key] = place = f"{beside}/{kind}/{source.name}"
         files[place] = content
+    if isinstance(case, Case) and case.steel.database is not None:
+        tables["steel"]["database"] = place = f"{beside}/steel/{PHASES_NAME}"
+        files[place] = _phases(case).to_text().encode()
     return tomli_w.dumps(tables), files
+
+
+PHASES_NAME = "phases.csv"
+
+
+def _phases(case: Case) -> PhaseTable:
+    """The table of phases by the database of a case."""
+    from castfem.physics.materials import load_steel
+
+    given = case.steel
+    table = load_steel(
+        given.name, composition=given.composition or None, overrides=given.changes,
+        origin=f"{case.title}: steel",
+    ).diagram  # fmt: skip
+    assert isinstance(table, PhaseTable)
+    return table
 
 
 _FIX = "; a number is varied: name a key that has one, such as casting.speed"

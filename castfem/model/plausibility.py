@@ -23,6 +23,7 @@ from castfem.model.extraction import COUPLED, Extraction
 from castfem.model.mechanics import Coupling, Mechanics, Way
 from castfem.model.mould import Mould
 from castfem.model.problems import Problem
+from castfem.physics.materials.phase_table import PhaseTable
 from castfem.physics.thermal.sprays import CORRELATIONS
 
 if TYPE_CHECKING:
@@ -57,6 +58,9 @@ def warnings_with(
         names = ", ".join(steel.left_out)
         text = f"there are no data for {names}; the steel is computed without"
         yield Problem(("steel", "composition"), text)
+    if isinstance(steel.diagram, PhaseTable) and (outside := steel.diagram.header.get("outside")):
+        text = f"is beyond what {steel.diagram.header['database']} is stated to cover: {outside}"
+        yield Problem(("steel", "composition"), f"{text} wt%; its phases are extrapolated")
     start = case.casting.temperature
     if start is not None and start < steel.liquidus:
         yield Problem(

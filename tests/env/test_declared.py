@@ -26,7 +26,10 @@ DISTRIBUTION = {
     "gmsh": "python3-gmsh",
 }
 
-EXTRA = {"optuna": "optimise"}  # imported where a case asks for it; the extra that brings it
+EXTRA = {
+    "optuna": "optimise",
+    "pycalphad": "calphad",
+}  # imported where a case asks for it; the extra that brings it
 COMES_WITH = {"PIL": "matplotlib", "pydantic_core": "pydantic"}  # which stand on them
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import MutableMapping
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mpi4py import MPI
@@ -13,6 +12,7 @@ from mpi4py import MPI
 import numpy as np
 
 from castfem.base.constants import EXACT, ROUNDING
+from castfem.base.libraries import cache_folder
 from castfem.base.stopwatch import Stopwatch
 from castfem.fem import reductions
 from castfem.fem.probes import LineProbes
@@ -364,10 +364,3 @@ def build_mesh(case: Case) -> SectionMesh:
 
     with meshing():
         return meshes.cached(meshes.build, cache_folder() / "meshes", **case.mesh_parameters())
-
-
-def cache_folder() -> Path:
-    """The user's cache folder for castfem."""
-    import platformdirs
-
-    return Path(platformdirs.user_cache_dir("castfem", appauthor=False))

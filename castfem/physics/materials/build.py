@@ -28,6 +28,7 @@ from castfem.physics.materials.expansion import (
     MeanExpansion,
 )
 from castfem.physics.materials.formulas import FORMULAS
+from castfem.physics.materials.phase_table import PhaseTable, TableCurve
 from castfem.physics.materials.plausible import COLDEST, HOTTEST, implausible
 from castfem.physics.materials.properties import ByFormula, Property
 from castfem.physics.materials.schema import (
@@ -51,6 +52,8 @@ CURVES = ("density", "specific_heat", "enthalpy", "conductivity", "emissivity", 
           "poisson_ratio")  # fmt: skip
 NEEDED = ("density", "specific_heat", "conductivity")
 BY_DIAGRAM = ("lever_rule", "iron_carbon")  # formulas that are the iron-carbon diagram
+BY_DATABASE = "database"  # formula of what comes from the table of a database
+BY_PHASE = ("lever_rule", BY_DATABASE)  # solid fractions that agree with an enthalpy by phase
 
 
 class Faulty(Exception):
@@ -64,8 +67,8 @@ class Workshop:
     given: MaterialFile  #: the material file
     name: str  #: name of the steel
     composition: Mapping[str, float]  #: wt%
-    #: iron-carbon diagram, None without carbon content
-    diagram: iron_carbon.IronCarbon | None = None
+    #: iron-carbon diagram, None without carbon content; or the table of a database
+    diagram: iron_carbon.Diagram | None = None
     left_out: tuple[str, ...] = ()  #: elements that are stated, but of which nothing is known
     problems: list[Problem] = field(default_factory=list)  #: what was found so far
 
@@ -116,15 +119,22 @@ class Workshop:
             return None
 
     def _make_diagram(self) -> None:
-        if "C" not in self.composition:
+        if "C" not in self.composition or self.diagram is not None or self._by_database_failed():
             return
         try:
             self.diagram = alloying.alloyed(self.composition, self.given.diagram)
         except ValueError as error:
             self.fail("composition", text=str(error))
 
-    def _phases(self, key: str, formula: str) -> iron_carbon.IronCarbon:
+    def _by_database_failed(self) -> bool:
+        return any(problem.path[0] == "database" for problem in self.problems)
+
+    def _phases(self, key: str, formula: str) -> iron_carbon.Diagram:
         """Return the iron-carbon diagram for a formula that needs it."""
+        if self._by_database_failed():
+            raise Faulty  # the cause has been told
+        if formula == BY_DATABASE and not isinstance(self.diagram, PhaseTable):
+            raise self.fail(key, "formula", text="needs a database: set steel.database in the case")
         if self.diagram is not None:
             return self.diagram
         if any(problem.path[0] == "composition" for problem in self.problems):
@@ -215,6 +225,10 @@ class Workshop:
     def _curve(self, key: str, entry: Entry) -> Property:
         allowed = ("table", "formula") if key == "enthalpy" else ("value", "table", "formula")
         form = self._form(key, entry, allowed)
+        if entry.formula == BY_DATABASE and key in ("enthalpy", "specific_heat"):
+            self._phases(key, BY_DATABASE)
+            assert isinstance(self.diagram, PhaseTable)
+            return TableCurve(self.diagram, key)
         if form == "value":
             return Constant(self._constant(key, entry))
         if form == "table":
@@ -273,7 +287,7 @@ class Workshop:
         form = self._form("solid_fraction", entry, ("table", "formula"))
         name = "table"
         if form == "formula":
-            name = self._named("solid_fraction", entry, ("linear", "lever_rule"))
+            name = self._named("solid_fraction", entry, ("linear", "lever_rule", BY_DATABASE))
         if name == "linear":
             return self._linear()
         for key in ("solidus", "liquidus"):
@@ -309,7 +323,7 @@ class Workshop:
                 raise self.fail("latent_heat", text="is in the enthalpy already; leave one out")
             fraction = self.given.solid_fraction
             by_phase = enthalpy.formula is not None
-            if by_phase and (fraction is None or fraction.formula != "lever_rule"):
+            if by_phase and (fraction is None or fraction.formula not in BY_PHASE):
                 raise self.fail(
                     "enthalpy",
                     text="freezes by the lever rule; "
@@ -367,6 +381,9 @@ class Workshop:
             if entry.forms == ("value",):
                 law = str(entry.value)
             formula = FORMULAS.get(entry.formula or "")
+            if isinstance(self.diagram, PhaseTable) and entry.formula in (*BY_DIAGRAM, BY_DATABASE):
+                origins[key] = Origin(law, self.diagram.source, "C")
+                continue
             if entry.formula in BY_DIAGRAM and not entry.source:
                 origins[key] = Origin(law, *iron_carbon.SOURCES[self.given.diagram])
                 continue

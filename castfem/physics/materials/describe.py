@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from castfem.base.constants import ZERO_CELSIUS
+from castfem.physics.materials.phase_table import PhaseTable
 from castfem.physics.materials.steel import Steel
 
 CONTRACTED = (
@@ -41,7 +42,8 @@ def describe_steel(steel: Steel) -> list[tuple[str, str]]:
     if diagram is not None and diagram.gamma_start is not None and diagram.gamma_end is not None:
         span = celsius(diagram.gamma_start), celsius(diagram.gamma_end)
         text = f"{span[0]} to {span[1]} °C" if span[0] != span[1] else f"at {span[0]} °C"
-        rows.append(("δ to γ", f"{text}  [Fe-C diagram]"))
+        by = "database" if isinstance(diagram, PhaseTable) else "Fe-C diagram"
+        rows.append(("δ to γ", f"{text}  [{by}]"))
     latent = f"{steel.latent_heat / 1e3:.4g} kJ/kg"
     rows.append(("latent heat", f"{latent}{_origin_note(steel, 'latent_heat', 'enthalpy')}"))
     rows.append(("solid fraction", _origin_note(steel, "solid_fraction").strip()))

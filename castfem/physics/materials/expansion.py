@@ -23,7 +23,7 @@ from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.tables import Table
 from castfem.base.types import Array
 from castfem.physics.materials import knots
-from castfem.physics.materials.iron_carbon import IronCarbon, Phases, Side
+from castfem.physics.materials.iron_carbon import Diagram, Phases, Side
 from castfem.physics.materials.properties import ByFormula, Property
 
 IRON_MASS, CARBON_MASS = 55.845, 12.011  # g/mol
@@ -147,7 +147,7 @@ class ChandraExpansion:
         diagram: Iron-carbon diagram of the steel.
     """
 
-    diagram: IronCarbon
+    diagram: Diagram
     curved: bool = True
 
     @property
@@ -211,7 +211,7 @@ def without_transformation(
 
 def _volume_by_phase(
     law: Expansion,
-) -> tuple[IronCarbon, Callable[[Array, Phases], Array]] | None:
+) -> tuple[Diagram, Callable[[Array, Phases], Array]] | None:
     """The diagram of a law, and its specific volume at given phases, m3/kg (or in proportion)."""
     if isinstance(law, ChandraExpansion):
         return law.diagram, law.volume_of

@@ -26,7 +26,7 @@ import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -127,6 +127,41 @@ class Phases:
     carbon_liquid: Array  #: carbon in the liquid, wt%; NaN where there is none of it
     carbon_delta: Array  #: carbon in the delta ferrite, wt%; NaN where there is none of it
     carbon_gamma: Array  #: carbon in the austenite, wt%; NaN where there is none of it
+
+
+class Diagram(Protocol):
+    """What properties by phase need of a steel: the diagram, or a table of its phases."""
+
+    @property
+    def carbon(self) -> float:
+        """Carbon content, wt%."""
+
+    @property
+    def liquidus(self) -> float:
+        """Temperature at which the last solid melts on heating, K."""
+
+    @property
+    def solidus(self) -> float:
+        """Temperature below which no liquid is left, K."""
+
+    @property
+    def gamma_start(self) -> float | None:
+        """Temperature at which delta begins to turn to gamma on cooling, K; None without delta."""
+
+    @property
+    def gamma_end(self) -> float | None:
+        """Temperature below which no delta is left, K; None if there never was any."""
+
+    @property
+    def reactions(self) -> tuple[float, ...]:
+        """Temperatures at which the fractions jump, K."""
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Temperatures at which a fraction has a kink or a jump, K, increasing."""
+
+    def phases(self, temperature: npt.ArrayLike, side: Side = "above") -> Phases:
+        """Fractions of the phases and their carbon."""
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import copy
 import os
 import tomllib
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,9 @@ from castfem.base.errors import InputError, choices, dotted, shown
 from castfem.base.units import nearest
 from castfem.physics.materials import schema
 from castfem.physics.materials.alloying import ELEMENTS, MAX_ALLOYING
-from castfem.physics.materials.build import Workshop
+from castfem.physics.materials.build import BY_DATABASE, Workshop
 from castfem.physics.materials.iron_carbon import MAX_CARBON
+from castfem.physics.materials.phase_table import PhaseTable, Request
 from castfem.physics.materials.schema import Keys, MaterialFile, Problem
 from castfem.physics.materials.steel import Steel
 
@@ -51,7 +53,8 @@ def load_steel(
         base_dir: Folder of the case file; the working folder if left out.
         composition: wt% by element symbol, for a set that is computed from it.
         overrides: Keys of the set to change, written as in its file.  One that brings a value, a
-            table or a formula replaces the whole property, others are merged into it.
+            table or a formula replaces the whole property, others are merged into it. A
+            `Request` as "database" makes phases and heat those of a thermodynamic database.
         origin: Where name, composition and overrides were written ("billet.toml: steel"), for
             messages.
         where: The same of single keys below, ("overrides", "density"); `origin` for all if None.
@@ -62,11 +65,23 @@ def load_steel(
     path = _locate(name, Path(base_dir or "."), origin)
     label = _label(path)
     changes = dict(overrides or {})
+    request = changes.get("database")
+    if isinstance(request, Request):
+        changes = _by_database(changes)
+    else:
+        request = None
     data = _merged(_parse(path, label), changes)
     given, problems = schema.read(data)
-    amounts, faults = _composition(given, composition, path.stem)
-    left_out = tuple(e for e in {**given.composition, **(composition or {})} if e in TRACES)
-    shop = Workshop(given, path.stem, amounts, left_out=left_out, problems=problems + faults)
+    amounts, faults = _composition(given, composition, path.stem, request)
+    problems += faults
+    table = (
+        None
+        if request is None or problems
+        else _table(request, Path(base_dir or "."), amounts, problems)
+    )
+    stated = {**given.composition, **(composition or {})}
+    left_out = tuple(e for e in stated if e in TRACES and request is None)
+    shop = Workshop(given, path.stem, amounts, table, left_out, problems)
     steel = shop.steel()
     if steel is None:
         asked = composition or {}
@@ -75,6 +90,28 @@ def load_steel(
         ]
         raise InputError(dict.fromkeys(lines))
     return steel
+
+
+def _by_database(changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Changes that take solid fraction and heat from a database, but for what the case has."""
+    own = changes.keys() & {"enthalpy", "latent_heat"}
+    keys = ("solid_fraction",) if own else ("solid_fraction", "enthalpy", "specific_heat")
+    wanted = {key: {"formula": BY_DATABASE} for key in keys}
+    return wanted | {key: given for key, given in changes.items() if key != "database"}
+
+
+def _table(
+    request: Request, base: Path, composition: Mapping[str, float], problems: list[Problem]
+) -> PhaseTable | None:
+    """Return the phases by a database, or note why there are none."""
+    from castfem.physics.materials.calphad import table_of
+
+    file = os.path.join(base, request.file)
+    try:
+        return table_of(replace(request, file=file), composition)
+    except ValueError as error:
+        problems.append(Problem(("database",), f'("{request.file}"): {error}'))
+        return None
 
 
 def given_steel(name: str) -> dict[str, Any]:
@@ -174,11 +211,11 @@ def _merged(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _composition(
-    given: MaterialFile, asked: Mapping[str, Any] | None, name: str
+    given: MaterialFile, asked: Mapping[str, Any] | None, name: str, request: Request | None
 ) -> tuple[dict[str, float], list[Problem]]:
     """Return the composition in wt%, the case's over the file's, and what is wrong with it."""
     problems, amounts = [], {}
-    if asked and not given.from_composition:
+    if asked and not given.from_composition and request is None:
         sets = ", ".join(s for s in available_steels() if "plain_carbon" in s)
         text = f"{name} is not computed from a composition; leave it out, take {sets}, or write "
         text += "the composition into the file of your own steel: its laws then go by it"
@@ -187,6 +224,8 @@ def _composition(
         return sound, [Problem(("composition",), text)]
     for element, value in {**given.composition, **(asked or {})}.items():
         most = MAX_CARBON if element == "C" else MAX_ALLOYING
+        if request is not None:
+            most = 50.0  # iron is the rest; what the database covers is said by itself
         if element not in ELEMENTS and element not in TRACES:
             text = f"no data for this element; known: {choices(ELEMENTS)}"
             text += nearest(element, ELEMENTS)
@@ -195,7 +234,7 @@ def _composition(
         elif not 0.0 <= value <= most:
             text = f"({value:g}) is out of range; 0 to {most:g} weight percent"
         else:
-            if element in ELEMENTS:
+            if element in ELEMENTS or request is not None:
                 amounts[element] = float(value)
             continue
         problems.append(Problem(("composition", element), text))
@@ -215,6 +254,8 @@ def _line(
 ) -> str:
     """Return "where: key: text": where the user wrote it, in the case or in the material file."""
     path: Keys = problem.path
+    if path[0] == "database":
+        return f"{where(path)}.{dotted(path)} {problem.text}"
     if path[0] in changes:
         return f"{where(('overrides', *path))}.overrides.{dotted(path)}: {problem.text}"
     if path[0] == "composition" and (asked or "is needed" in problem.text):

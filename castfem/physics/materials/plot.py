@@ -14,7 +14,8 @@ from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.libraries import own_style
 from castfem.base.types import Array
 from castfem.physics.materials.describe import celsius
-from castfem.physics.materials.iron_carbon import IronCarbon, Side
+from castfem.physics.materials.iron_carbon import Diagram, Side
+from castfem.physics.materials.phase_table import FRACTIONS, PhaseTable
 from castfem.physics.materials.solid_fraction import LeverFraction
 from castfem.physics.materials.steel import Steel
 
@@ -26,16 +27,18 @@ LIQUID, DELTA, GAMMA, SOLID = "#c1272d", "#0072b2", "#2e8b57", "#333333"
 
 
 @own_style()
-def plot_steel(steel: Steel, path: str | os.PathLike[str]) -> Path:
+def plot_steel(steel: Steel, path: str | os.PathLike[str], beside: Steel | None = None) -> Path:
     """Draw the properties of a steel over temperature into one picture.
 
     Panels: fractions of the phases (thesis Figs 23-25) or the solid fraction; carbon in each phase;
     effective specific heat and enthalpy (Fig. 29); conductivity and density; mean coefficient of
-    thermal linear expansion (Fig. 28).  Those without data are left out.
+    thermal linear expansion (Fig. 28).  Those without data are left out.  Of a steel by a database
+    all phases from the cold on, too.
 
     Args:
         steel: The steel.
         path: File to write; its ending chooses the format (png, svg, pdf).
+        beside: The steel without its database, whose solid fraction and heat are drawn, too.
 
     Returns:
         The path written.
@@ -46,6 +49,8 @@ def plot_steel(steel: Steel, path: str | os.PathLike[str]) -> Path:
     panels: list[Callable[[Axes, Steel], None]] = [_fractions]
     if steel.diagram is not None and steel.diagram.carbon > 0.0:
         panels.append(_carbon)
+    if isinstance(steel.diagram, PhaseTable):
+        panels.append(_all_phases)
     panels += [_effective_heat, _enthalpy, _conductivity]
     if steel.expansion is not None:
         panels.append(_expansion)
@@ -54,6 +59,9 @@ def plot_steel(steel: Steel, path: str | os.PathLike[str]) -> Path:
     axes = figure.subplots(rows, 2, squeeze=False).ravel()
     for draw, axis in zip(panels, axes, strict=False):
         draw(axis, steel)
+        if beside is not None and draw in _COMPARED:
+            _COMPARED[draw](axis, beside)
+            _legend(axis, 4 if draw is _fractions else 3)
         axis.set_xlabel("temperature [°C]")
         axis.xaxis.set_major_locator(MaxNLocator(6))
         axis.grid(True, color="0.92")
@@ -106,7 +114,9 @@ def _freezing_range(steel: Steel) -> tuple[float, float]:
     """Temperatures around melting and delta -> gamma, K, for the narrow panels."""
     lowest, highest = steel.solidus, steel.liquidus
     if steel.diagram is not None:
-        lowest, highest = min(lowest, *steel.diagram.kinks), max(highest, *steel.diagram.kinks)
+        transforms = steel.diagram.gamma_start, steel.diagram.gamma_end
+        ends = [lowest, highest, *(t for t in transforms if t is not None)]
+        lowest, highest = min(ends), max(ends)
     margin = max(0.15 * (highest - lowest), 10.0)
     return lowest - margin, highest + margin
 
@@ -136,12 +146,25 @@ _PHASES = (
 )
 
 
-def _of_phase(diagram: IronCarbon, name: str) -> Callable[[Array, Side], Array]:
+def _of_phase(diagram: Diagram, name: str) -> Callable[[Array, Side], Array]:
     def values(temperature: Array, side: Side) -> Array:
         found: Array = getattr(diagram.phases(temperature, side), name)
         return found
 
     return values
+
+
+def _all_phases(axis: Axes, steel: Steel) -> None:
+    table = steel.diagram
+    assert isinstance(table, PhaseTable)
+    t = table.temperature - ZERO_CELSIUS
+    colours = dict(zip(FRACTIONS, (LIQUID, DELTA, GAMMA, "#e69f00", "#9467bd", "0.5"), strict=True))
+    labels = {"delta": "δ ferrite", "gamma": "austenite", "alpha": "α ferrite"}
+    for name, colour in colours.items():
+        if table.columns[name].any():
+            axis.plot(t, table.columns[name], color=colour, label=labels.get(name, name))
+    axis.set_ylabel("mass fraction [-]")
+    _legend(axis)
 
 
 def _carbon(axis: Axes, steel: Steel) -> None:
@@ -185,13 +208,17 @@ def _effective_heat(axis: Axes, steel: Steel) -> None:
     _legend(axis)
 
 
-def _enthalpy(axis: Axes, steel: Steel) -> None:
-    lower, upper = steel.solidus - 120.0, steel.liquidus + 80.0
+def _heat_content(steel: Steel, lower: float, upper: float) -> tuple[Array, Array]:
+    """Temperatures, degC, twice at jumps, and the heat taken up since the first, J/m3."""
     t, left, right, latent, jump = steel.enthalpy_knots(lower, upper)
     gain = (0.5 * (left + right) + latent) * np.diff(t)
     total = np.concatenate([[0.0], np.cumsum(gain)]) + np.cumsum(jump) - jump
-    at = np.repeat(t - ZERO_CELSIUS, 2)
-    values = np.ravel(np.column_stack([total, total + jump]))
+    return np.repeat(t - ZERO_CELSIUS, 2), np.ravel(np.column_stack([total, total + jump]))
+
+
+def _enthalpy(axis: Axes, steel: Steel) -> None:
+    lower, upper = steel.solidus - 120.0, steel.liquidus + 80.0
+    at, values = _heat_content(steel, lower, upper)
     axis.plot(at, values / 1e9, color=LIQUID, label=f"from {lower - ZERO_CELSIUS:.0f} °C on")
     limits = {"solidus": (steel.solidus, "--"), "liquidus": (steel.liquidus, ":")}
     if steel.solidus == steel.liquidus:
@@ -201,6 +228,25 @@ def _enthalpy(axis: Axes, steel: Steel) -> None:
         axis.axvline(value - ZERO_CELSIUS, color="0.5", lw=1.0, ls=style, label=text)
     axis.set_ylabel("enthalpy [GJ/m³]")
     _legend(axis)
+
+
+def _compare_fractions(axis: Axes, beside: Steel) -> None:
+    lower, upper = (t + ZERO_CELSIUS for t in axis.get_xlim())
+    own = _curve(beside.solid_fraction, lower, upper, beside.breakpoints(lower, upper))
+    axis.plot(*own, color="0.4", ls="--", lw=1.2, label="solid, built-in")
+
+
+def _compare_enthalpy(axis: Axes, beside: Steel) -> None:
+    drawn = np.asarray(axis.lines[0].get_xdata())
+    lower, upper = (float(t) + ZERO_CELSIUS for t in (drawn[0], drawn[-1]))
+    at, values = _heat_content(beside, lower, upper)
+    axis.plot(at, values / 1e9, color="0.4", ls="--", lw=1.2, label="built-in")
+
+
+_COMPARED: dict[Callable[..., None], Callable[[Axes, Steel], None]] = {
+    _fractions: _compare_fractions,
+    _enthalpy: _compare_enthalpy,
+}
 
 
 def _conductivity(axis: Axes, steel: Steel) -> None:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from castfem.base.types import Array
 from castfem.physics.materials.formulas import FORMULAS, Formula
-from castfem.physics.materials.iron_carbon import IronCarbon, Side
+from castfem.physics.materials.iron_carbon import Diagram, Side
 
 
 class Property(Protocol):
@@ -53,7 +53,7 @@ class ByFormula:
 
     formula: Formula
     parameters: Mapping[str, float]
-    diagram: IronCarbon | None = None
+    diagram: Diagram | None = None
 
     def __post_init__(self) -> None:
         if self.formula.by_phase and self.diagram is None:
@@ -89,7 +89,7 @@ class ByFormula:
         return self.formula.evaluate(t, **self.parameters)
 
 
-def named(name: str, diagram: IronCarbon | None = None, **parameters: float) -> ByFormula:
+def named(name: str, diagram: Diagram | None = None, **parameters: float) -> ByFormula:
     """Return the property by the formula `name`, with defaults for parameters left out."""
     formula = FORMULAS[name]
     defaults = {key: p.default for key, p in formula.parameters.items()}

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from castfem.base.tables import Table
 from castfem.base.types import Array
-from castfem.physics.materials.iron_carbon import IronCarbon, Side
+from castfem.physics.materials.iron_carbon import Diagram, Side
 from castfem.physics.materials.properties import Property
 
 NARROWEST = 1e-6  # K: of a freezing range, and between two rows of a table; `knots` merges less
@@ -130,7 +130,7 @@ class LeverFraction:
         diagram: Iron-carbon diagram of the steel.
     """
 
-    diagram: IronCarbon
+    diagram: Diagram
     curved: bool = True
     span: tuple[float, float] = (0.0, np.inf)
 

@@ -22,7 +22,7 @@ from castfem.base.types import Array
 from castfem.physics.materials import knots
 from castfem.physics.materials.curve import ThermalCurve
 from castfem.physics.materials.expansion import Expansion, without_transformation
-from castfem.physics.materials.iron_carbon import IronCarbon, Side
+from castfem.physics.materials.iron_carbon import Diagram, Side
 from castfem.physics.materials.properties import Property
 from castfem.physics.materials.solid_fraction import SolidFraction
 
@@ -59,7 +59,7 @@ class Steel:
     expansion: Expansion | None = None  #: law of the thermal contraction, if there is one
     #: wt% by element; empty if not stated
     composition: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
-    diagram: IronCarbon | None = None  #: iron-carbon diagram, if a composition is stated
+    diagram: Diagram | None = None  #: iron-carbon diagram, if a composition is stated
     #: source and status by property
     origins: Mapping[str, Origin] = field(default_factory=lambda: MappingProxyType({}))
     #: elements that were stated, but of whose effect nothing is known here

@@ -1,0 +1,181 @@
+"""Tables of phases (`castfem.physics.materials.phase_table`) from thermodynamic databases."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from functools import lru_cache
+from hashlib import sha256
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from castfem.base.atomic_files import replacing, taken
+from castfem.base.errors import CannotWrite
+from castfem.base.libraries import cache_folder
+from castfem.base.types import Array
+from castfem.physics.materials.equilibria import Equilibria, State, content
+from castfem.physics.materials.freezing_paths import equilibrium_rows, scheil_rows
+from castfem.physics.materials.phase_table import (
+    CARBON,
+    FORMAT,
+    FRACTIONS,
+    PhaseTable,
+    Request,
+    read,
+    written,
+)
+
+
+def table_of(request: Request, composition: Mapping[str, float]) -> PhaseTable:
+    """Table of the phases of a steel: a stored one as it is, another computed once and cached.
+
+    Args:
+        request: The database, or a table that was computed from one.
+        composition: wt% by element, the rest iron.
+
+    Raises:
+        ValueError: It cannot be had, in one line; what is said is of the file of the request.
+    """
+    path = Path(request.file)
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise ValueError(f"cannot be read ({error.strerror})") from None
+    if path.suffix.lower() == ".csv":
+        return _stored(content, request, composition)
+    return _cached(request, written(composition), sha256(content).hexdigest())
+
+
+def _stored(content: bytes, request: Request, composition: Mapping[str, float]) -> PhaseTable:
+    """Read a table, which must be of this steel."""
+    table = read(content.decode("utf-8-sig", "replace"))
+    asked = {"composition": written(composition), "freezing": request.freezing}
+    if request.phases:
+        asked["phases"] = " ".join(sorted(request.phases))
+    for key, text in asked.items():
+        if table.header[key] != text:
+            raise ValueError(
+                f"was computed for another {key} ({table.header[key]}) than asked for ({text}); "
+                "name the database itself"
+            )
+    return table
+
+
+@lru_cache(maxsize=32)
+def _cached(request: Request, composition: str, digest: str) -> PhaseTable:
+    """The table from the user's cache; one process at a time computes what is not there."""
+    from filelock import FileLock
+
+    asked = (FORMAT, digest, composition, request.freezing, *request.phases)
+    folder = cache_folder() / "phases"
+    file = folder / f"{sha256(repr(asked).encode()).hexdigest()[:24]}.csv"
+    amounts = {e: float(w) for e, w in (one.split() for one in composition.split(", ") if one)}
+    with suppress(OSError):  # a cache that cannot be written is done without
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(file.with_suffix(".lock"))
+        taken(lock)
+        try:
+            with suppress(OSError, ValueError):  # it is not there, or not whole: computed anew
+                return read(file.read_text(encoding="utf-8"))
+            text = compute(request, amounts).to_text()
+            with suppress(CannotWrite), replacing(file) as temporary:
+                temporary.write_text(text, encoding="utf-8")
+            return read(text)  # so that a run and its repetition have the same digits
+        finally:
+            lock.release()
+    return read(compute(request, amounts).to_text())
+
+
+def compute(request: Request, composition: Mapping[str, float]) -> PhaseTable:
+    """Table of the phases of a steel of a composition in wt%, the rest iron.
+
+    Raises:
+        ValueError: It cannot be had, in one line; what is said is of the database.
+    """
+    if importlib.util.find_spec("pycalphad") is None:
+        raise ValueError(
+            'pycalphad is not installed; pip install "castfem[calphad]" (in a checkout '
+            "tools/env.sh calphad), or name the table that an earlier run keeps in "
+            "properties/steel/phases.csv"
+        )
+    path = Path(request.file)
+    text = path.read_bytes()
+    amounts = {e: w for e, w in composition.items() if w > 0.0}
+    solve = Equilibria(path, ["Fe", *sorted(amounts)], request.phases)
+    moles = solve.moles(amounts)
+    scheil = request.scheil
+    rows = equilibrium_rows(solve, moles) if scheil is None else scheil_rows(solve, moles, scheil)
+    import pycalphad
+
+    header = {
+        **described(path.name, text), "composition": written(amounts),
+        "freezing": request.freezing, "phases": " ".join(solve.phases),
+        "by": f"pycalphad {pycalphad.__version__}",
+    }  # fmt: skip
+    if outside := ", ".join(beyond_range(text.decode("utf-8", "replace"), amounts)):
+        header["outside"] = outside
+    return PhaseTable(MappingProxyType(header), *_columns(rows))
+
+
+def _columns(rows: Sequence[State]) -> tuple[Array, Mapping[str, Array]]:
+    """Temperatures and columns of a table, K and as in `PhaseTable`."""
+    temperature = np.array([row.temperature for row in rows])
+    mass = np.array([row.mass / row.mass.sum() for row in rows]).T
+    of_phase = np.array([row.carbon for row in rows]).T
+    hot = temperature >= temperature[_least_ferrite(mass[1])]
+    delta = np.where(hot, mass[1], 0.0)
+    fractions = (mass[0], delta, mass[2], mass[1] - delta, mass[3], mass[4])
+    rest = np.array([np.where(hot, 0.0, mass[1]), *mass[2:]])
+    of_rest = np.array([np.where(hot, np.nan, of_phase[1]), *of_phase[2:]])
+    there = np.where(rest.sum(axis=0) > 0.0, rest, ~np.isnan(of_rest))
+    carbon = (
+        of_phase[0],
+        np.where(hot, of_phase[1], np.nan),
+        content((np.nan_to_num(of_rest) * there).sum(axis=0), there.sum(axis=0)),
+    )
+    enthalpy = np.array([row.enthalpy for row in rows])
+    capacity = np.array([row.capacity for row in rows])
+    columns = {
+        "enthalpy": enthalpy - enthalpy[0], "specific_heat": capacity,
+        **dict(zip(FRACTIONS, fractions, strict=True)),
+        **dict(zip(CARBON, carbon, strict=True)),
+    }  # fmt: skip
+    return temperature, MappingProxyType(columns)
+
+
+def _least_ferrite(ferrite: Array) -> int:
+    """The row from which on ferrite is called delta: of the least, or 0 if there always is some."""
+    least = np.flatnonzero(ferrite <= ferrite.min())
+    return int(least[len(least) // 2]) if ferrite.min() == 0.0 else 0
+
+
+def described(name: str, content: bytes) -> dict[str, str]:
+    """What a database says of itself: name, version, hash and licence."""
+    text = content.decode("utf-8", "replace")
+    comments = [line.strip("$* \t\r") for line in text.splitlines() if line[:1] == "$"]
+    version = re.search(
+        r"(?<![a-z])(?:version|v)[ .]*(\d[\w.]*)", " ".join([*comments[:40], name]), re.I
+    )
+    licence = next((line for line in comments if re.search(r"licen[cs]e", line, re.I)), "")
+    return {
+        "database": name, "version": version[1] if version else "not stated",
+        "sha256": sha256(content).hexdigest(), "licence": licence or "licence not stated",
+    }  # fmt: skip
+
+
+def beyond_range(text: str, composition: Mapping[str, float]) -> list[str]:
+    """Contents beyond the limits that the comments of a database state, "C 1 (to 0.5)", wt%.
+
+    They are looked for after "wt.%" or "weight", as `Cr<25`; most databases state none.
+    """
+    comments = "\n".join(line for line in text.splitlines() if line[:1] == "$")
+    stated = re.search(
+        r"(?:wt\.? ?%|weight).*?((?:[A-Z][A-Za-z]? *< *[\d.]+[\s$,;]*)+)", comments, re.S
+    )
+    pairs = re.findall(r"([A-Z][A-Za-z]?) *< *(\d+(?:\.\d+)?)", stated[1]) if stated else []
+    most = {element.capitalize(): float(limit) for element, limit in pairs}
+    return [f"{e} {w:g} (to {most[e]:g})" for e, w in composition.items() if w > most.get(e, w)]

@@ -1,0 +1,226 @@
+"""Phases and heat as a table of a thermodynamic database; none of it needs pycalphad.
+
+`fe_c_017.csv` is of 0.17 % C by the Fe-C database among pycalphad's tests, with few rows.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from castfem.base.errors import InputError
+from castfem.base.tables import Constant
+from castfem.model.load import load_case, portable
+from castfem.physics.materials import load_steel
+from castfem.physics.materials.alloying import alloyed
+from castfem.physics.materials.calphad import beyond_range, described
+from castfem.physics.materials.phase_table import FRACTIONS, Request, Scheil, read
+
+FILE = Path(__file__).with_name("fe_c_017.csv")
+TEXT = FILE.read_text()
+TABLE = read(TEXT)
+ZERO = 273.15
+WARM = np.linspace(1380.0, 1560.0, 400) + ZERO
+
+
+def steel(composition=None, overrides=None, **request):
+    asked = Request(str(FILE), **request)
+    return load_steel(
+        "plain_carbon", composition=composition or {"C": 0.17},
+        overrides={"database": asked, **(overrides or {})},
+    )  # fmt: skip
+
+
+def test_a_table_survives_its_file():
+    again = read(TABLE.to_text())
+    assert again.to_text() == TEXT and again.header == TABLE.header
+    assert np.array_equal(again.temperature, TABLE.temperature)
+
+
+def test_it_is_near_the_built_in_diagram():
+    """Two assessments of iron and carbon: the built-in lines are fitted to the other one."""
+    ours, theirs = TABLE, alloyed({"C": 0.17})
+    assert ours.liquidus == pytest.approx(theirs.liquidus, abs=1.0)
+    assert ours.solidus == pytest.approx(theirs.solidus, abs=1.0)
+    assert ours.gamma_start == pytest.approx(theirs.gamma_start, abs=1.0)
+    assert ours.gamma_end == pytest.approx(theirs.gamma_end, abs=2.0)
+    away = WARM[np.abs(WARM - theirs.peritectic) > 1.0]
+    for name in ("liquid", "delta", "gamma"):
+        one, other = (getattr(d.phases(away), name) for d in (ours, theirs))
+        assert np.abs(one - other).max() < 0.03
+
+
+@pytest.mark.parametrize("side", ["above", "below"])
+def test_fractions_sum_up_and_carbon_is_kept(side):
+    t = np.concatenate([WARM, TABLE.temperature, [200.0, 3000.0]])
+    p = TABLE.phases(t, side)
+    parts = ((p.liquid, p.carbon_liquid), (p.delta, p.carbon_delta), (p.gamma, p.carbon_gamma))
+    assert np.allclose(sum(part for part, _ in parts), 1.0, atol=1e-8)
+    carbon = sum(part * np.nan_to_num(content) for part, content in parts)
+    assert carbon == pytest.approx(0.17, abs=3e-3)
+    assert all(np.array_equal(part > 0.0, ~np.isnan(content)) for part, content in parts)
+    assert sum(TABLE.fraction(name, t, side) for name in FRACTIONS) == pytest.approx(1.0)
+
+
+def test_the_peritectic_is_a_jump():
+    (at,) = (t for t in TABLE.reactions if t > 1600.0)
+    above, below = TABLE.phases(at, "above"), TABLE.phases(at, "below")
+    assert float(above.liquid) == pytest.approx(0.176, abs=5e-3) and above.gamma == 0.0
+    assert below.liquid == 0.0 and 0.0 < below.delta < 0.05
+    assert at == TABLE.solidus and at in TABLE.kinks
+    near = TABLE.phases(at + 1e-6), TABLE.phases(at - 1e-6)
+    assert near[0].liquid == pytest.approx(above.liquid, abs=1e-6)
+    assert near[1].delta == pytest.approx(below.delta, abs=1e-3)
+
+
+def test_heat_of_the_steel_is_that_of_the_table():
+    """The enthalpy density of a constant density is the table's, from the cold to the liquid."""
+    made = steel(overrides={"density": "7000 kg/m^3"})
+    assert isinstance(made.properties["density"], Constant)
+    t, left, right, constant, jump = made.enthalpy_knots(298.15, 1850.0)
+    gain = (0.5 * (left + right) + constant) * np.diff(t)
+    below = np.concatenate([[0.0], np.cumsum(gain)]) + np.cumsum(jump) - jump
+    wanted = TABLE.value("enthalpy", t, "below") - TABLE.value("enthalpy", 298.15)
+    assert below == pytest.approx(7000.0 * wanted, rel=1e-9, abs=1.0)
+    assert made.solidus == TABLE.solidus and made.liquidus == TABLE.liquidus
+    assert 240e3 < made.latent_heat < 280e3
+    assert "cfe_broshe.tdb" in made.origins["solid_fraction"].source
+
+
+def test_the_enthalpy_goes_on_beyond_the_rows():
+    last = TABLE.temperature[-1]
+    slope = np.diff(TABLE.columns["enthalpy"])[-1] / np.diff(TABLE.temperature)[-1]
+    gain = TABLE.value("enthalpy", last + 100.0) - TABLE.value("enthalpy", last)
+    assert gain == pytest.approx(100.0 * slope)
+    assert TABLE.value("specific_heat", last + 100.0) == TABLE.columns["specific_heat"][-1]
+
+
+def test_an_enthalpy_of_the_case_stays():
+    made = steel(overrides={"latent_heat": "272 kJ/kg", "specific_heat": "700 J/(kg K)"})
+    assert made.latent_heat == 272e3 and float(made.specific_heat(1000.0)) == 700.0
+    assert made.solidus == TABLE.solidus
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("# castfem phases 1", "# something"), "no table of phases"),
+        (("# licence: licence not stated\n", ""), 'no "licence"'),
+        (("liquid [1]", "liquid [%]"), "names or units"),
+        (("\n74.21875,", "\n24,"), "temperatures must rise"),
+        (("74.21875,22615.6931", "74.21875,-1"), "enthalpy must rise"),
+        (("0,0,0,0.974586762,0.0254132378", "0,0,0,0.974586762,0.5"), "sum to 1"),
+        (("74.21875,22615.6931,", "74.21875,"), "not complete"),
+        (("\n25,0,448.916508,0,0,0,0.9", "\n25,0,448.916508,0.9,0,0,0."), "sum to 1|from solid"),
+    ],
+)
+def test_a_changed_table_is_refused_in_one_line(tmp_path, change, said):
+    assert change[0] in TEXT
+    file = tmp_path / "mine.csv"
+    file.write_text(TEXT.replace(*change))
+    with pytest.raises(InputError, match=said) as told:
+        load_steel(
+            "plain_carbon", tmp_path, {"C": 0.17}, {"database": Request("mine.csv")}, origin="steel"
+        )
+    (line,) = told.value.problems
+    assert line.startswith('steel.database ("mine.csv"): ')
+
+
+@pytest.mark.parametrize(
+    ("asked", "key"),
+    [
+        ({"composition": {"C": 0.2}}, "composition"),
+        ({"composition": {"C": 0.17, "Mn": 0.5}}, "composition"),
+        ({"scheil": Scheil()}, "freezing"),
+        ({"phases": ("LIQUID", "FCC_A1", "BCC_A2")}, "phases"),
+    ],
+)
+def test_a_table_of_another_steel_is_refused(asked, key):
+    with pytest.raises(InputError, match=f"another {key}") as told:
+        steel(**asked)
+    assert len(told.value.problems) == 1
+
+
+def test_what_there_is_not_is_said_in_one_line(tmp_path, monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    (tmp_path / "x.tdb").write_text("$ nothing")
+    for file, said in (("none.tdb", "cannot be read"), ("x.tdb", "pycalphad is not installed")):
+        with pytest.raises(InputError, match=said) as told:
+            load_steel("plain_carbon", tmp_path, {"C": 0.17}, {"database": Request(file)})
+        assert len(told.value.problems) == 1
+
+
+def test_a_formula_by_a_database_needs_one():
+    with pytest.raises(InputError, match=r"solid_fraction.*steel\.database"):
+        load_steel(
+            "plain_carbon", composition={"C": 0.17},
+            overrides={"solid_fraction": {"formula": "database"}},
+        )  # fmt: skip
+
+
+CASE = """
+extends = "billet180/peritectic"
+[steel]
+composition = { C = 0.17, Mn = 0, Si = 0 }
+database = "fe_c.csv"
+"""
+
+
+def test_a_run_keeps_the_table_and_can_be_repeated_from_its_folder(tmp_path):
+    (tmp_path / "fe_c.csv").write_text(TEXT)
+    (tmp_path / "case.toml").write_text(CASE)
+    text, files = portable(load_case(tmp_path / "case.toml"), "properties")
+    folder = tmp_path / "run"
+    for name, content in {"case.toml": text.encode(), **files}.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    (tmp_path / "fe_c.csv").unlink()
+    again, same = portable(load_case(folder / "case.toml"), "properties")
+    assert (again, same) == (text, files)
+    assert files["properties/steel/phases.csv"].decode() == TEXT
+
+
+def test_keys_of_a_database_need_one(tmp_path):
+    bare = CASE.replace('database = "fe_c.csv"', 'phases = ["LIQUID"]\nscheil = {}')
+    (tmp_path / "case.toml").write_text(bare)
+    with pytest.raises(InputError) as told:
+        load_case(tmp_path / "case.toml")
+    lines = told.value.problems
+    assert len(lines) == 2 and all("database" in line for line in lines)
+    assert "steel.phases" in lines[0] and "steel.scheil" in lines[1]
+
+
+def test_a_steel_without_a_database_imports_nothing_of_it():
+    code = """
+import sys
+from castfem.physics.materials import load_steel
+load_steel("plain_carbon", composition={"C": 0.17})
+names = ("pycalphad", "scheil", "castfem.physics.materials.calphad",
+         "castfem.physics.materials.equilibria", "castfem.physics.materials.freezing_paths")
+sys.exit(str([n for n in names if n in sys.modules] or ""))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stderr.strip() == ""
+
+
+DATABASE = """$ steel_v3.2
+$ created long ago; made available under the
+$ Open Licence 1.0
+$ Alloy composition (wt.%): Al<3  C<0.5  Cr<25
+$ MN<25  P<0.005
+$ Typical: Si < 99 is not of the list
+"""
+
+
+def test_a_database_says_what_it_is_and_covers():
+    said = described("steel.tdb", DATABASE.encode())
+    assert said["version"] == "3.2" and said["licence"] == "Open Licence 1.0"
+    assert described("x.tdb", b"ELEMENT FE")["licence"] == "licence not stated"
+    steel = {"C": 1.0, "Mn": 25.0, "P": 0.01, "Si": 100.0}
+    assert beyond_range(DATABASE, steel) == ["C 1 (to 0.5)", "P 0.01 (to 0.005)"]
+    assert beyond_range("$ nothing\nPARAMETER Cr<1", steel) == []
