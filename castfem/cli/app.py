@@ -117,7 +117,7 @@ def show(folder: Path, at: tuple[str, ...], units: tuple[str, ...]) -> int:
             show_errors(folder)
         return 0
     if (folder / CASTER_NAME).is_file():
-        from castfem.cli.caster import show_caster
+        from castfem.cli.running import show_caster
 
         if at:
             raise InputError(f"{folder}: --at is of a run; {STRAND_ROWS_NAME} has all positions")
@@ -198,7 +198,8 @@ def compare(
     from castfem.base.table import say
     from castfem.cli import parallel
     from castfem.cli.options import chosen
-    from castfem.post.compare import drawing, table
+    from castfem.post.compare import figures as drawing
+    from castfem.post.compare import table
     from castfem.post.compare.runs import base_of, read_runs
     from castfem.post.compare.table import remarks
     from castfem.runs.results.places import read_positions
@@ -270,7 +271,7 @@ def schema(markdown: bool) -> None:
 @click.argument("shell", metavar="SHELL", help="bash, zsh or fish.", cls=Argument)
 def completion(shell: str) -> None:
     """Print what lets a shell complete commands, names of cases and keys of --set."""
-    from castfem.cli.completion import script
+    from castfem.cli.command import script
 
     print(script(shell))
 

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from castfem.base.errors import CaseError, InputError
-from castfem.cli import completion
-from castfem.cli.command import Argument
+from castfem.cli.command import Argument, Assignment, CaseName
 
 if TYPE_CHECKING:
     from castfem.model import Case
@@ -117,7 +116,7 @@ PATH = _Path(path_type=Path)
 case_name: Decorator = click.argument(
     "case",
     metavar="CASE",
-    type=completion.CaseName(),
+    type=CaseName(),
     help="A case file, or the name of a shipped case.",
     cls=Argument,
 )
@@ -135,7 +134,7 @@ overrides: Decorator = click.option(
     "--set",
     metavar="KEY=VALUE",
     multiple=True,
-    type=completion.Assignment(),
+    type=Assignment(),
     help="Change a key, e.g. casting.length='20 m'.",
 )
 accuracy: Decorator = click.option(

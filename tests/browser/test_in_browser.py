@@ -159,7 +159,7 @@ def test_a_page_at_work_is_read_again_until_the_run_has_ended(
     import shutil
 
     from castfem.post.watch.page import Page as Written
-    from castfem.post.watch.run_status import Watcher
+    from castfem.post.watch.status import Watcher
 
     folder = tmp_path / "run"
     shutil.copytree(runs / "billet", folder)

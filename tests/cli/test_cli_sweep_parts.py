@@ -20,10 +20,9 @@ from castfem.base.errors import InputError
 from castfem.cli import sweeping
 from castfem.cli.sweeping import Share
 from castfem.studies.accuracy.sizes import MESH, factors_of
-from castfem.studies.sweep.groups import check
 from castfem.studies.sweep.plan import plan
 from castfem.studies.sweep.work import Job
-from castfem.studies.sweep.workers import Workers
+from castfem.studies.sweep.workers import Workers, check
 
 pytestmark = pytest.mark.slow
 

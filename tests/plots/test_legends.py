@@ -8,7 +8,7 @@ import pytest
 from matplotlib.lines import Line2D
 
 from castfem.post.plots.along_strand import draw_contact, draw_shell
-from castfem.post.plots.legend import low_legend, place_legend
+from castfem.post.plots.history import low_legend, place_legend
 from castfem.post.plots.style import Abscissa, new_figure, new_panels
 
 X = np.linspace(0.0, 1.0, 51)

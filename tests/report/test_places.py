@@ -22,7 +22,7 @@ from castfem.runs.output.folder import OutputFolder
 from castfem.runs.output.history import read_history
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.places import quantities_at, read_positions
-from castfem.studies.sweep.results import Row
+from castfem.studies.sweep.record import Row
 
 WIDTH = 80
 

@@ -19,8 +19,7 @@ from castfem.base.errors import InputError
 from castfem.base.progress import Progress
 from castfem.cli import execute
 from castfem.post.watch.page import Page
-from castfem.post.watch.run_status import RunStatus, Watcher
-from castfem.post.watch.sweep_status import PATIENCE, SweepWatcher, unfinished
+from castfem.post.watch.status import PATIENCE, RunStatus, SweepWatcher, Watcher, unfinished
 from castfem.post.watch.terminal import Viewing, watch
 from castfem.runs.loop import run
 from castfem.runs.output.folder import OutputFolder

@@ -16,7 +16,7 @@ from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.shown_units import plain_unit, scale_of
 from castfem.base.types import Array
 from castfem.post.plots.deformation import SOFT, STRESS_MAP, stress_levels
-from castfem.post.plots.legend import low_legend
+from castfem.post.plots.history import low_legend
 from castfem.post.plots.section import Steel, section_triangles, shade
 from castfem.post.plots.shape import Outline, displacement, magnification, von_mises
 from castfem.post.plots.style import LIQUIDUS_COLOUR, SOLIDUS_COLOUR, STYLE, new_figure

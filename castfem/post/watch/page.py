@@ -13,8 +13,16 @@ from castfem.base.atomic_files import write_text
 from castfem.base.errors import InputError
 from castfem.post.compare.runs import Run, read_runs
 from castfem.post.html.page import AtWork, Progress, rendered
-from castfem.post.watch.run_status import FINISHED, RUNNING, RunStatus, brief, ending, left, where
-from castfem.post.watch.sweep_status import SweepStatus
+from castfem.post.watch.status import (
+    FINISHED,
+    RUNNING,
+    RunStatus,
+    SweepStatus,
+    brief,
+    ending,
+    left,
+    where,
+)
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.derived import derived
 

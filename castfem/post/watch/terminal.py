@@ -14,29 +14,27 @@ from castfem.base.errors import InputError
 from castfem.base.shown_units import shown_in
 from castfem.base.table import FAILED as RED
 from castfem.base.table import Table
-from castfem.post.watch.run_status import (
+from castfem.post.watch.status import (
     COLUMNS,
     FAILED,
     FINISHED,
     KILLED,
+    PATIENCE,
     RUNNING,
+    WAITING,
     RunStatus,
+    SweepStatus,
+    SweepWatcher,
     Watcher,
     brief,
+    counts,
     ending,
     left,
     line,
     percent,
     results,
-    where,
-)
-from castfem.post.watch.sweep_status import (
-    PATIENCE,
-    WAITING,
-    SweepStatus,
-    SweepWatcher,
-    counts,
     unfinished,
+    where,
 )
 from castfem.runs.output.run_record import RUN_NAME
 from castfem.runs.results.run_case import units_of_run

@@ -21,8 +21,7 @@ from castfem.physics.mechanics.bent_planes import BentPlanes
 from castfem.physics.mechanics.parts import StrainedSlice
 from castfem.physics.mechanics.state import MechanicalResult, MechanicalState
 from castfem.physics.mechanics.surface_gap import SurfaceGap
-from castfem.runs.results.mould_extremes import SMOOTH_ORDER, SmoothPeak
-from castfem.runs.results.sample import MechanicalSample
+from castfem.runs.results.sample import SMOOTH_ORDER, MechanicalSample, SmoothPeak
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -32,7 +32,7 @@ from castfem.studies.calibration.measured import (
     thermocouples,
     value_at,
 )
-from castfem.studies.mould_fit.thermocouples import CopperTemperatures
+from castfem.studies.mould_fit.coupled import CopperTemperatures
 from castfem.studies.optimisation.evaluator import Evaluator, variant
 from castfem.studies.sweep.workers import nothing
 
