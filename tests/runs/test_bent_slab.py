@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from billet_runs import Kept, run_in_memory
+from runs.billet_runs import Kept, run_in_memory
 
 from castfem.model import load_case
 from castfem.model.load import from_document
