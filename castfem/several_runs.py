@@ -70,7 +70,7 @@ def comparison(
     """
     from castfem.post.compare.runs import base_of, read_runs
     from castfem.post.compare.table import in_si, lines
-    from castfem.runs.results.places import read_number
+    from castfem.runs.results.labels import read_number
 
     several: Any = [folders] if isinstance(folders, str | Path) else folders
     if not isinstance(several, Sequence) or not all(isinstance(f, str | Path) for f in several):
@@ -331,7 +331,7 @@ def find_section(
     """
     from mpi4py import MPI
 
-    from castfem.runs.results.places import read_number
+    from castfem.runs.results.labels import read_number
     from castfem.studies.mould_fit import section
 
     sound = as_case(case, "find_section")

@@ -125,7 +125,7 @@ def show(folder: Path, at: tuple[str, ...], units: tuple[str, ...]) -> int:
         return 0
     if (folder / SWEEP_NAME).is_file() and not (folder / RUN_NAME).is_file():
         raise InputError(f"{folder}: is a sweep; use castfem compare {folder}")
-    from castfem.runs.results.places import read_positions
+    from castfem.runs.results.labels import read_positions
 
     with chosen(units):
         sound = show_folder(folder, parallel.console(), at=read_positions(at))
@@ -202,7 +202,7 @@ def compare(
     from castfem.post.compare import table
     from castfem.post.compare.runs import base_of, read_runs
     from castfem.post.compare.table import remarks
-    from castfem.runs.results.places import read_positions
+    from castfem.runs.results.labels import read_positions
     from castfem.runs.results.run_case import error_lines, units_of_run
 
     places, runs = read_positions(at), read_runs(folders)
@@ -250,7 +250,7 @@ def report(
     """Write a run, or several side by side, as one HTML file that opens offline and prints."""
     from castfem.cli.options import chosen
     from castfem.post.html.page import REPORT_NAME, write
-    from castfem.runs.results.places import read_positions
+    from castfem.runs.results.labels import read_positions
 
     beside = folders[0] if len(folders) == 1 else folders[0].resolve().parent
     with chosen(units):

@@ -88,7 +88,7 @@ def asked(
     """What the words on a command line ask for; places and units are checked before it runs."""
     places: tuple[float, ...] = ()
     if at:
-        from castfem.runs.results.places import read_positions
+        from castfem.runs.results.labels import read_positions
 
         places = tuple(read_positions(at))
     found = {_ATTRIBUTES.get(name, name): value for name, value in given.items()}

@@ -1,4 +1,7 @@
-"""Strand and mould fitted to each other: the section at the meniscus, the ideal taper."""
+"""Strand and mould fitted to each other: the section at the meniscus, the ideal taper.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ from castfem.post.report.show import show
 from castfem.runs.output.folder import OutputFolder
 from castfem.runs.output.history import read_history
 from castfem.runs.output.summary import Summary
-from castfem.runs.results.places import quantities_at, read_positions
+from castfem.runs.results.labels import quantities_at, read_positions
 from castfem.studies.sweep.record import Row
 
 WIDTH = 80

@@ -17,9 +17,8 @@ from synthetic_run import write_run
 from castfem.base.errors import InputError
 from castfem.base.shown_quantity import Quantity
 from castfem.base.table import FAILED, Table, listed, pairs, say
-from castfem.post.report.places import table_names
-from castfem.post.report.results_table import result_rows
 from castfem.post.report.show import show
+from castfem.post.report.tables import result_rows, table_names
 from castfem.runs.output.folder import FIGURES, OutputFolder
 from castfem.runs.output.summary import Comparison, Reference, Summary
 from castfem.runs.results.headline import headline

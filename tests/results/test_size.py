@@ -21,8 +21,7 @@ from castfem.model import load_case
 from castfem.physics.contact.state import ContactSummary
 from castfem.post.report.show import show
 from castfem.runs.output.summary import Summary
-from castfem.runs.results.derived import derived
-from castfem.runs.results.headline import headline
+from castfem.runs.results.headline import derived, headline
 from castfem.runs.results.labels import last_quantities, resolved
 from castfem.runs.results.mechanical import opposite, with_vertices
 from castfem.runs.results.numbers import cells, finely, shown

@@ -1,4 +1,7 @@
-"""Runs with mechanics: what they write, the axial forces, steps, friction and the first shell."""
+"""Runs with mechanics: what they write, the axial forces, steps, friction and the first shell.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 
@@ -87,8 +90,6 @@ def test_a_skeleton_that_freezes_at_once_neither_folds_nor_bears() -> None:
 
 
 # The first of (38) as a reader can check it: stress, external force, accumulated friction, rest.
-#
-# Equation numbers are those of [Pascon2003] (docs/references.md).
 
 
 WITH_FRICTION = (

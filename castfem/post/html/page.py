@@ -32,8 +32,8 @@ from castfem.post.report.cautions import cautions, cautions_of_all
 from castfem.post.report.conclusions import conclusions
 from castfem.post.report.cracks import crack_places
 from castfem.post.report.remarks import remarks_of
-from castfem.post.report.results_table import balance_tables
 from castfem.post.report.show import how_it_ended
+from castfem.post.report.tables import balance_tables
 from castfem.runs.output.folder import FIGURES_NAME
 from castfem.runs.output.run_record import RunRecord
 from castfem.runs.output.summary import Summary

@@ -24,7 +24,7 @@ from castfem.post.watch.status import (
     where,
 )
 from castfem.runs.output.summary import Summary
-from castfem.runs.results.derived import derived
+from castfem.runs.results.headline import derived
 
 
 class Page:

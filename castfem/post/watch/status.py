@@ -17,8 +17,8 @@ from castfem.base.shown_quantity import Quantity
 from castfem.base.shown_units import plain_unit, scale_of
 from castfem.model import Case, read_case
 from castfem.model.shipped_cases import CASE_NAME
-from castfem.post.report.results_table import result_rows
 from castfem.post.report.show import how_it_ended
+from castfem.post.report.tables import result_rows
 from castfem.runs.output.folder import LOG_NAME, OutputFolder
 from castfem.runs.output.history import HISTORY_NAME, last_row
 from castfem.runs.output.run_record import RUN_NAME, RunRecord

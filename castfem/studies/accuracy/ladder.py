@@ -13,7 +13,7 @@ from castfem.base.shown_quantity import Quantity
 from castfem.model import Case
 from castfem.runs.output.history import HISTORY_NAME, read_columns
 from castfem.runs.output.summary import Summary
-from castfem.runs.results.places import quantities_at
+from castfem.runs.results.labels import quantities_at
 from castfem.studies.accuracy import sizes
 from castfem.studies.accuracy.sizes import COUPLING, MESH, STEP
 from castfem.studies.accuracy.table import ErrorTable, Ran, gather

@@ -24,7 +24,7 @@ from castfem.base.shown_quantity import Quantity, from_si, unit_of_difference
 from castfem.base.types import Array
 from castfem.model.load import value_of
 from castfem.runs.output.history import HISTORY_NAME, read_columns
-from castfem.runs.results.places import quantities_at
+from castfem.runs.results.labels import quantities_at
 from castfem.studies.calibration.measured import (
     Measured,
     is_of_probe,

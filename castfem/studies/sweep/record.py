@@ -22,8 +22,8 @@ from castfem.runs.output.folder import PROPERTIES_NAME, OutputFolder
 from castfem.runs.output.history import HISTORY_NAME, read_columns
 from castfem.runs.output.run_record import RUN_NAME, RunRecord
 from castfem.runs.output.summary import Summary
-from castfem.runs.results.derived import derived
-from castfem.runs.results.places import quantities_at
+from castfem.runs.results.headline import derived
+from castfem.runs.results.labels import quantities_at
 from castfem.studies.sweep.plan import Variant
 from castfem.studies.sweep.work import Job, Outcome
 

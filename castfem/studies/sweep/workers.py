@@ -18,8 +18,7 @@ import numpy as np
 
 from castfem.base.atomic_files import Closing
 from castfem.base.errors import InputError
-from castfem.studies.sweep.processes import ProcessEnded, Processes
-from castfem.studies.sweep.work import Job, Outcome, work
+from castfem.studies.sweep.work import Job, Outcome, ProcessEnded, Processes, work
 
 if TYPE_CHECKING:
     from mpi4py import MPI
