@@ -100,13 +100,12 @@ def headline(runs: Iterable[Mapping[str, Quantity]]) -> list[str]:
     found = [
         name
         for name in names
-        if any(name in run and _to_show(name, run[name]) for run in everything)
+        if any(
+            name in run and (name not in ENDS or math.isfinite(run[name].value))
+            for run in everything
+        )
     ]
     return [name for name in found if not repeats(name, everything)]
-
-
-def _to_show(name: str, quantity: Quantity) -> bool:
-    return name not in ENDS or math.isfinite(quantity.value)
 
 
 def plain_label(quantity: Quantity) -> str:
