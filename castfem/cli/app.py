@@ -154,9 +154,8 @@ def watch(folder: Path, html: Path | None, every: str, wait: bool, units: tuple[
     """Show how far a run has come, until it ends; with --html as a page that refreshes itself."""
     from castfem.cli import parallel
     from castfem.cli.options import above_zero, chosen
-    from castfem.post.watch.page import Page
-    from castfem.post.watch.terminal import Viewing
-    from castfem.post.watch.terminal import watch as watch_runs
+    from castfem.post.watch.show import Page, Viewing
+    from castfem.post.watch.show import watch as watch_runs
 
     console, page = parallel.console(), None
     usual = _TERMINAL if console.is_terminal else _LINES

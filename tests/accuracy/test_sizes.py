@@ -14,8 +14,7 @@ from castfem.model import load_case
 from castfem.runs.output.summary import Summary
 from castfem.studies.accuracy import sizes
 from castfem.studies.accuracy.estimate import RULES, Estimate, convergence_index, estimate
-from castfem.studies.accuracy.ladder import Level, levels
-from castfem.studies.accuracy.proposal import propose, read_share
+from castfem.studies.accuracy.ladder import Level, levels, propose, read_share
 from castfem.studies.accuracy.table import Entry, ErrorTable, Ran, gather
 
 CASES = Path(__file__).parents[2] / "cases"

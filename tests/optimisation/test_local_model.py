@@ -14,8 +14,8 @@ from castfem.base.types import Array
 from castfem.post.compare.optimum_tables import report
 from castfem.studies.optimisation import Evaluation, Optimum, RunRequest, Study
 from castfem.studies.optimisation.check_level import Check, CheckedOptimum
+from castfem.studies.optimisation.fidelity import NumericalError
 from castfem.studies.optimisation.local_model import MODEL, Binding, Quadratic, intervals, nearest
-from castfem.studies.optimisation.numerical_error import NumericalError
 
 CENTRE, STEP = np.array([0.5, 0.4]), np.array([0.05, 0.1])
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}

@@ -21,7 +21,7 @@ from castfem.runs.output.folder import SUMMARY_NAME
 from castfem.runs.output.run_record import RunRecord
 from castfem.runs.output.summary import Summary
 from castfem.studies.optimisation import Evaluation, Optimum, RunRequest, Study
-from castfem.studies.optimisation.numerical_error import Tilt
+from castfem.studies.optimisation.fidelity import Tilt
 
 
 def test_runs_that_fail_inside():

@@ -12,9 +12,9 @@ from castfem.base.shown_quantity import unit_of_difference
 from castfem.base.types import Array, Flags
 from castfem.studies.accuracy.sizes import LEVELS
 from castfem.studies.optimisation.check_level import CheckedOptimum
+from castfem.studies.optimisation.fidelity import NumericalError, error, next_of
 from castfem.studies.optimisation.global_search import GLOBAL
 from castfem.studies.optimisation.local_model import Binding, Interval, Quadratic, around, intervals
-from castfem.studies.optimisation.numerical_error import NumericalError, error, next_of
 from castfem.studies.optimisation.optimum import (
     CheckResult,
     ConstraintStatus,
