@@ -25,7 +25,6 @@ STUDIES = {
     "billet_cost": ("billet_cost", "benchmarks_mechanics.md"),
     "coupling": ("coupling", "coupling.md"),
     "windows": ("windows", "coupling.md"),
-    "corner_model": ("corner_model", "coupling.md"),
     "corner": ("corner", "coupling.md"),
     "billet_grid": ("billet_grid", "coupling.md"),
     "wall": ("wall_study", "contact.md"),

@@ -19,7 +19,7 @@ from castfem.base.errors import CastfemError
 from castfem.model import load_case
 from castfem.model.build.simulation import build
 from castfem.runs.loop import TimeLoop
-from castfem.runs.results.derived import OPEN, spells
+from castfem.runs.results.headline import OPEN, spells
 from castfem.runs.results.run_state import RunState
 from castfem.runs.results.sample import Sample
 from castfem.runs.results.summary import quantities

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.billet_run import NAMES, every, mesh, run, touch
-from benchmarks.plots import errors_over_time
-from benchmarks.report import PAGE, Output
+from benchmarks.report import PAGE, Output, errors_over_time
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -18,8 +18,7 @@ from mpi4py import MPI
 import numpy as np
 
 from benchmarks.finished_run import finished_run
-from benchmarks.plots import errors_over_time
-from benchmarks.report import ROOT, Columns, Output
+from benchmarks.report import ROOT, Columns, Output, errors_over_time
 from castfem.model import Case, load_case
 from castfem.model.build.simulation import build, build_mesh
 from castfem.runs import loop

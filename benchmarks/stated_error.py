@@ -16,8 +16,7 @@ from castfem.model import Case, load_case
 from castfem.post.compare.study_tables import main_names, quantity_of
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.headline import plain_label
-from castfem.studies.accuracy.ladder import Level, levels
-from castfem.studies.accuracy.ladder_runs import Ladder, prepare
+from castfem.studies.accuracy.ladder import Ladder, Level, levels, prepare
 from castfem.studies.accuracy.sizes import AXES, axes_of, changes
 from castfem.studies.accuracy.table import ErrorTable
 from castfem.studies.sweep.work import Job, Outcome

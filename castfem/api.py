@@ -233,7 +233,7 @@ class Result(RunResult):
         """
         from castfem.base.shown_units import shown_in
         from castfem.post.plots.interactive import plot_field
-        from castfem.runs.results.places import read_number
+        from castfem.runs.results.labels import read_number
         from castfem.runs.results.run_case import units_of_run
 
         place = read_number("at", at, "m")

@@ -70,7 +70,7 @@ def comparison(
     """
     from castfem.post.compare.runs import base_of, read_runs
     from castfem.post.compare.table import in_si, lines
-    from castfem.runs.results.places import read_number
+    from castfem.runs.results.labels import read_number
 
     several: Any = [folders] if isinstance(folders, str | Path) else folders
     if not isinstance(several, Sequence) or not all(isinstance(f, str | Path) for f in several):
@@ -129,8 +129,7 @@ def sweep(
     from castfem.base.errors import written
     from castfem.post.compare.study_tables import sweep_in_si
     from castfem.studies.sweep.plan import plan
-    from castfem.studies.sweep.record import check_own, prepare
-    from castfem.studies.sweep.results import TABLE_NAME, rows, write_table
+    from castfem.studies.sweep.record import TABLE_NAME, check_own, prepare, rows, write_table
 
     sound = as_case(case, "sweep")
     given = {} if values is None else values
@@ -212,8 +211,7 @@ def error_table(
         RunFailure: The case itself does not come to its end.
     """
     from castfem.post.compare.study_tables import errors_in_si
-    from castfem.studies.accuracy.ladder import BASE, levels
-    from castfem.studies.accuracy.ladder_runs import prepare
+    from castfem.studies.accuracy.ladder import BASE, levels, prepare
     from castfem.studies.accuracy.table import attach
 
     sound = as_case(case, "error_table")
@@ -333,7 +331,7 @@ def find_section(
     """
     from mpi4py import MPI
 
-    from castfem.runs.results.places import read_number
+    from castfem.runs.results.labels import read_number
     from castfem.studies.mould_fit import section
 
     sound = as_case(case, "find_section")

@@ -9,8 +9,7 @@ import numpy as np
 from castfem.meshes.build import build
 from castfem.physics.machine.rolls import Rolls, Segment, expand
 from castfem.physics.machine.stations import Stations
-from castfem.runs.output.surface_line import SurfaceLine
-from castfem.runs.output.surface_maps import Heading, MapWriter, SurfaceMap
+from castfem.runs.output.surface_maps import Heading, MapWriter, SurfaceLine, SurfaceMap
 
 WIDE, THICK = 0.4, 0.1  # m, of the whole slab
 ROWS, LENGTH, SPEED = 121, 3.0, 0.02

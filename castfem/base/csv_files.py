@@ -116,6 +116,15 @@ def read_csv(path: Path) -> CsvFile:
     return CsvFile(headings, head.line, first, tuple(body), separator)
 
 
+def with_unit(cell: str, unit: str) -> str:
+    """Return a number of a file with the unit of its column; anything else as it is."""
+    try:
+        float(cell)
+    except ValueError:
+        return cell
+    return f"{cell} {unit}".strip()
+
+
 def _rows(kept: list[tuple[int, str]], separator: str) -> list[Row]:
     """The header and the rows that have a filled cell, without the empty columns at the right."""
     reader = csv.reader((line for _, line in kept), delimiter=separator, skipinitialspace=True)

@@ -24,7 +24,7 @@ from typing import Any, NoReturn, TypeVar
 import numpy as np
 
 from castfem.base import units
-from castfem.base.csv_files import DECIMAL_COMMAS, UnreadableError, read_csv
+from castfem.base.csv_files import DECIMAL_COMMAS, UnreadableError, read_csv, with_unit
 from castfem.base.quantities import Kind, Notation
 from castfem.base.tables import ARGUMENTS, Table
 from castfem.base.types import Array
@@ -191,7 +191,7 @@ class Columns:
                 text = f"{len(row.cells)} cells, not {len(names)}"
                 raise ValueError(f"'{path}' line {row.line}: {text}")
         columns = {
-            heading.name: [_with_unit(row.cells[i], heading.unit) for row in file.rows]
+            heading.name: [with_unit(row.cells[i], heading.unit) for row in file.rows]
             for i, heading in enumerate(file.headings)
         }
         try:
@@ -222,15 +222,6 @@ class Columns:
             for name, kind in self.kinds.items()
         ]
         return np.transpose(columns), places
-
-
-def _with_unit(cell: str, unit: str) -> str:
-    """Return a number of a file with the unit of its column; anything else as it is."""
-    try:
-        float(cell)
-    except ValueError:
-        return cell
-    return f"{cell} {unit}".strip()
 
 
 def _cell(name: str, kind: Kind, cell: object, unit: object, where: str) -> float:

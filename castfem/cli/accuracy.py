@@ -20,9 +20,7 @@ from castfem.runs.output.run_record import RUN_NAME
 from castfem.runs.results.headline import plain_label
 from castfem.runs.results.numbers import duration
 from castfem.runs.results.run_case import units_of_run
-from castfem.studies.accuracy.ladder import BASE, levels
-from castfem.studies.accuracy.ladder_runs import Ladder, prepare
-from castfem.studies.accuracy.proposal import propose, read_share
+from castfem.studies.accuracy.ladder import BASE, Ladder, levels, prepare, propose, read_share
 from castfem.studies.accuracy.sizes import cell_count, changes
 from castfem.studies.accuracy.table import ErrorTable, attach
 from castfem.studies.sweep.record import check_folder

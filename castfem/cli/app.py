@@ -117,7 +117,7 @@ def show(folder: Path, at: tuple[str, ...], units: tuple[str, ...]) -> int:
             show_errors(folder)
         return 0
     if (folder / CASTER_NAME).is_file():
-        from castfem.cli.caster import show_caster
+        from castfem.cli.running import show_caster
 
         if at:
             raise InputError(f"{folder}: --at is of a run; {STRAND_ROWS_NAME} has all positions")
@@ -125,7 +125,7 @@ def show(folder: Path, at: tuple[str, ...], units: tuple[str, ...]) -> int:
         return 0
     if (folder / SWEEP_NAME).is_file() and not (folder / RUN_NAME).is_file():
         raise InputError(f"{folder}: is a sweep; use castfem compare {folder}")
-    from castfem.runs.results.places import read_positions
+    from castfem.runs.results.labels import read_positions
 
     with chosen(units):
         sound = show_folder(folder, parallel.console(), at=read_positions(at))
@@ -154,9 +154,8 @@ def watch(folder: Path, html: Path | None, every: str, wait: bool, units: tuple[
     """Show how far a run has come, until it ends; with --html as a page that refreshes itself."""
     from castfem.cli import parallel
     from castfem.cli.options import above_zero, chosen
-    from castfem.post.watch.page import Page
-    from castfem.post.watch.terminal import Viewing
-    from castfem.post.watch.terminal import watch as watch_runs
+    from castfem.post.watch.show import Page, Viewing
+    from castfem.post.watch.show import watch as watch_runs
 
     console, page = parallel.console(), None
     usual = _TERMINAL if console.is_terminal else _LINES
@@ -198,10 +197,11 @@ def compare(
     from castfem.base.table import say
     from castfem.cli import parallel
     from castfem.cli.options import chosen
-    from castfem.post.compare import drawing, table
+    from castfem.post.compare import figures as drawing
+    from castfem.post.compare import table
     from castfem.post.compare.runs import base_of, read_runs
     from castfem.post.compare.table import remarks
-    from castfem.runs.results.places import read_positions
+    from castfem.runs.results.labels import read_positions
     from castfem.runs.results.run_case import error_lines, units_of_run
 
     places, runs = read_positions(at), read_runs(folders)
@@ -249,7 +249,7 @@ def report(
     """Write a run, or several side by side, as one HTML file that opens offline and prints."""
     from castfem.cli.options import chosen
     from castfem.post.html.page import REPORT_NAME, write
-    from castfem.runs.results.places import read_positions
+    from castfem.runs.results.labels import read_positions
 
     beside = folders[0] if len(folders) == 1 else folders[0].resolve().parent
     with chosen(units):
@@ -270,7 +270,7 @@ def schema(markdown: bool) -> None:
 @click.argument("shell", metavar="SHELL", help="bash, zsh or fish.", cls=Argument)
 def completion(shell: str) -> None:
     """Print what lets a shell complete commands, names of cases and keys of --set."""
-    from castfem.cli.completion import script
+    from castfem.cli.command import script
 
     print(script(shell))
 

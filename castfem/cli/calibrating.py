@@ -16,8 +16,8 @@ from castfem.base.shown_units import scale_of, shown_in
 from castfem.base.table import Table, say
 from castfem.base.units import nearest
 from castfem.cli import many_runs, parallel
+from castfem.cli.many_runs import View
 from castfem.cli.options import chosen
-from castfem.cli.run_progress import View
 from castfem.model import Case, load_case, shipped_cases
 from castfem.model.load import faults_of_key
 from castfem.model.shown_units import units_of

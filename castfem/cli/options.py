@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from castfem.base.errors import CaseError, InputError
-from castfem.cli import completion
-from castfem.cli.command import Argument
+from castfem.cli.command import Argument, Assignment, CaseName
 
 if TYPE_CHECKING:
     from castfem.model import Case
@@ -89,7 +88,7 @@ def asked(
     """What the words on a command line ask for; places and units are checked before it runs."""
     places: tuple[float, ...] = ()
     if at:
-        from castfem.runs.results.places import read_positions
+        from castfem.runs.results.labels import read_positions
 
         places = tuple(read_positions(at))
     found = {_ATTRIBUTES.get(name, name): value for name, value in given.items()}
@@ -117,7 +116,7 @@ PATH = _Path(path_type=Path)
 case_name: Decorator = click.argument(
     "case",
     metavar="CASE",
-    type=completion.CaseName(),
+    type=CaseName(),
     help="A case file, or the name of a shipped case.",
     cls=Argument,
 )
@@ -135,7 +134,7 @@ overrides: Decorator = click.option(
     "--set",
     metavar="KEY=VALUE",
     multiple=True,
-    type=completion.Assignment(),
+    type=Assignment(),
     help="Change a key, e.g. casting.length='20 m'.",
 )
 accuracy: Decorator = click.option(

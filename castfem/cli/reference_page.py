@@ -54,13 +54,10 @@ def _row(parameter: click.Parameter) -> str:
         names = parameter.secondary_opts if on else parameter.opts
         words.insert(0, ", ".join(f"`{name}`" for name in names))
     about = re.sub(r"([|<>])", r"\\\1", str(getattr(parameter, "help", "")))
+    needed = isinstance(parameter, click.Option) and parameter.required
     if isinstance(parameter, click.Option) and words[0].startswith("`--no-"):
         about = f"Do not {about[0].lower()}{about[1:]}"
-    return f"| {' '.join(words)} | {about}{' Required.' * _is_needed(parameter)} |\n"
-
-
-def _is_needed(parameter: click.Parameter) -> bool:
-    return isinstance(parameter, click.Option) and parameter.required
+    return f"| {' '.join(words)} | {about}{' Required.' * needed} |\n"
 
 
 def _value(parameter: click.Parameter) -> str:

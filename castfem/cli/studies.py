@@ -11,8 +11,8 @@ from typing import Any
 import click
 
 from castfem.base.errors import InputError
-from castfem.cli import completion, options
-from castfem.cli.command import command
+from castfem.cli import options
+from castfem.cli.command import Assignment, command
 from castfem.cli.options import PATH, asked, case_name, jobs, output, overrides, quiet
 
 
@@ -23,7 +23,7 @@ from castfem.cli.options import PATH, asked, case_name, jobs, output, overrides,
     "--set",
     metavar="KEY=VALUE,...",
     multiple=True,
-    type=completion.Assignment(),
+    type=Assignment(),
     help="Values of a key; several keys: all combinations.",
 )
 @click.option(
@@ -123,7 +123,7 @@ def optimise(**given: Any) -> int:
     metavar="KEY=LOW..HIGH",
     multiple=True,
     required=True,
-    type=completion.Assignment(),
+    type=Assignment(),
     help='A key to fit, e.g. casting.speed="2..4 m/min"; repeatable.',
 )
 @output("Folder; by default results/<family>/<name>_calibration.")
@@ -177,7 +177,7 @@ def sensitivity(**given: Any) -> None:
 @quiet
 def caster(**given: Any) -> None:
     """Follow a whole strand through changes of speed, superheat and water, by [caster]."""
-    from castfem.cli.caster import caster_of_case
+    from castfem.cli.running import caster_of_case
 
     if given["resume"] and given["overwrite"]:
         raise InputError("--resume and --overwrite exclude each other")

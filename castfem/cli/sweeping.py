@@ -24,8 +24,15 @@ from castfem.post.report.cautions import cautions_of_all
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.run_case import units_of_run
 from castfem.studies.sweep.plan import Variant, plan
-from castfem.studies.sweep.record import Record, check_folder, check_own, prepare
-from castfem.studies.sweep.results import TABLE_NAME, rows, write_table
+from castfem.studies.sweep.record import (
+    TABLE_NAME,
+    Record,
+    check_folder,
+    check_own,
+    prepare,
+    rows,
+    write_table,
+)
 from castfem.studies.sweep.work import Job, Outcome
 
 if TYPE_CHECKING:

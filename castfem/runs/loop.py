@@ -205,7 +205,8 @@ class TimeLoop:
         if self.progress is not None:
             newton = sum(step.newton for step in (substeps, mechanical) if step is not None)
             length = 0.0 if substeps is None else substeps.step
-            self.progress.update(run.position, run.state.time, newton, length, self._note())
+            note = self.simulation.zones.name(run.zone)
+            self.progress.update(run.position, run.state.time, newton, length, note)
         if self.interrupt is not None:
             self.interrupt.check()
 
@@ -216,9 +217,6 @@ class TimeLoop:
             # Where the strand stands the slice is at a place more than once: the first time counts.
             if same_instant(sample.time, machine.time_at(position), self.simulation.control.end):
                 self.run_state.snapshots[position] = quantities(sample)
-
-    def _note(self) -> str:
-        return self.simulation.zones.name(self.run_state.zone)
 
 
 @one_at_a_time()

@@ -111,7 +111,7 @@ class RunResult(Closing):
         Raises:
             InputError: It is no position, or the run has not been there.
         """
-        from castfem.runs.results.places import quantities_at, read_number
+        from castfem.runs.results.labels import quantities_at, read_number
 
         place = read_number("at", position, "m")
         if place is None:
@@ -155,7 +155,7 @@ class RunResult(Closing):
         Raises:
             InputError: Both are given, one is none or beyond the run, or there are no fields.
         """
-        from castfem.runs.results.places import read_number
+        from castfem.runs.results.labels import read_number
 
         if time is not None and position is not None:
             raise InputError("fields: give the time or the position, not both")

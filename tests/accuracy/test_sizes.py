@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
 from small_case import small
 
+from castfem.base.errors import InputError
 from castfem.base.shown_quantity import Quantity
 from castfem.model import load_case
 from castfem.runs.output.summary import Summary
 from castfem.studies.accuracy import sizes
-from castfem.studies.accuracy.estimate import RULES
-from castfem.studies.accuracy.ladder import Level, levels
-from castfem.studies.accuracy.table import gather
+from castfem.studies.accuracy.estimate import RULES, Estimate, convergence_index, estimate
+from castfem.studies.accuracy.ladder import Level, levels, propose, read_share
+from castfem.studies.accuracy.table import Entry, ErrorTable, Ran, gather
 
 CASES = Path(__file__).parents[2] / "cases"
 TAPERED = CASES / "billet125" / "taper_0.toml"
@@ -122,3 +124,141 @@ def test_a_case_without_a_mould_is_told_nothing_of_its_gap() -> None:
     slab = load_case(CASES / "slab1200" / "slab.toml")
     assert "coupling.settled" not in sizes.changes(slab, {"coupling": 2.0})
     assert "coupling.settled" in sizes.changes(load_case(TAPERED), {"coupling": 2.0})
+
+
+# From values at several sizes to an error, and from an error that is asked for to sizes
+
+
+R = 2.0**0.5
+
+
+@pytest.mark.parametrize("order", [0.7, 1.0, 2.0])
+@pytest.mark.parametrize("sizes", [(2.0, R, 1.0, 1.0 / R), (2.0, 1.0, 0.5), (1.0, 0.5, 0.25)])
+def test_pure_power_is_found(order: float, sizes: tuple[float, ...]) -> None:
+    """Of v = 5 + 3 x^p the error at 1 is 3, and what is stated is that with its factor."""
+    found = estimate({x: 5.0 + 3.0 * x**order for x in sizes})
+    assert found.order == pytest.approx(order)
+    assert found.error == pytest.approx(RULES.safety * 3.0)
+    assert found.scaled(0.5) == pytest.approx(found.error * 0.5**order)
+
+
+def test_a_higher_order_than_the_schemes_have_is_not_believed() -> None:
+    """That of 2 is taken; and the spread speaks where two values agree by accident."""
+    some = {x: x**2.5 for x in (R, 1.0, 1.0 / R)}
+    assert estimate(some).error > RULES.safety * (some[1.0] - some[1.0 / R]) / (1.0 - 0.5**1.25)
+    lucky = estimate({R: 9.0, 1.0: 5.0, 1.0 / R: 4.6})
+    assert lucky.order is not None and lucky.order > 2.0
+    assert lucky.error == pytest.approx(RULES.least * 4.4)
+
+
+def test_without_an_order_the_differences_are_stated() -> None:
+    found = estimate({R: 4.0, 1.0: 5.0, 1.0 / R: 4.7})
+    assert found.order is None
+    assert found.error == pytest.approx(max(RULES.few * 0.3, 0.5))
+    coarse = estimate({R: 1.0, 1.0: 5.0, 1.0 / R: 4.7})
+    assert coarse.error == pytest.approx(2.0)
+    slow = estimate({R: 4.0, 1.0: 5.0, 1.0 / R: 6.0})  # goes on as fast as before
+    assert slow.order is None
+    assert slow.error == pytest.approx(RULES.few)
+    longest = estimate({1.0: 5.0, 0.5: 4.0, 0.25: 4.5})  # the case has the largest
+    assert longest.error == pytest.approx(RULES.few)
+    finest = estimate({1.0: 5.0, 2.0: 4.0, 4.0: 4.5})  # the finer run has failed
+    assert finest.error == pytest.approx(RULES.few)
+
+
+def test_few_sizes() -> None:
+    assert estimate({1.0: 5.0, 2.0: 5.5}).error == pytest.approx(RULES.few * 0.5)
+    assert math.isnan(estimate({1.0: 5.0}).error)
+    assert math.isnan(estimate({1.0: math.nan, 2.0: 5.5, 0.5: 5.0}).error)
+
+
+def test_sizes_need_not_have_one_ratio() -> None:
+    """Meshes have whole numbers of cells."""
+    found = estimate({x: 5.0 - 3.0 * x**1.5 for x in (1.9, 1.0, 0.77)})
+    assert found.order == pytest.approx(1.5)
+    assert found.error == pytest.approx(RULES.safety * 3.0)
+
+
+def test_the_same_everywhere_has_no_error() -> None:
+    assert estimate({R: 3.6, 1.0: 3.6, 1.0 / R: 3.6 * (1.0 + 1e-15)}).error == 0.0
+
+
+@pytest.mark.parametrize("order", [1.0, 1.5, 2.0])
+def test_convergence_index_of_a_pure_power(order: float) -> None:
+    """Of v = 5 + 3 x^p the error at 1 is 3, whatever the sizes; two of them take it for order 1."""
+    for of in ((1.0, 2 / 3, 5 / 12), (1.5, 1.0, 0.625), (2.4, 1.6, 1.0)):
+        found = convergence_index({x: 5.0 + 3.0 * x**order for x in of})
+        assert found == pytest.approx(RULES.safety * 3.0)
+    assert convergence_index({1.0: 8.0, 0.5: 6.5}) == pytest.approx(RULES.safety * 3.0)
+
+
+def test_convergence_index_without_an_order() -> None:
+    """The finest size tells, or the next coarser one; no finer one lies beyond what is stated."""
+    assert convergence_index({1.0: 0.0, 0.75: 1.0, 0.5: -1.0}) == pytest.approx(RULES.safety * 2.0)
+    assert convergence_index({1.0: 0.0, 0.75: 5.0, 0.5: 1.0}) == 5.0
+    assert convergence_index({1.5: 9.0, 1.0: 0.0, 0.5: 1.0}) == pytest.approx(RULES.safety * 2.0)
+    assert convergence_index({1.0: 0.0, 1.5: 1.0}) == pytest.approx(RULES.safety * 2.0)
+    assert convergence_index({1.0: 0.0, 0.5: math.nan, 2.0: 1.0}) == pytest.approx(RULES.safety)
+    assert math.isnan(convergence_index({1.0: 0.0, 0.5: math.nan}))
+    assert math.isnan(convergence_index({1.0: math.nan, 0.5: 0.0}))
+
+
+RUNS = (
+    Ran("base", "", 1.0, 10.0),
+    Ran("mesh_x0.707", "mesh", 0.5, 40.0),
+    Ran("step_x0.5", "step", 0.5, 10.0),
+    Ran("coupling_x0.5", "coupling", 0.5, 20.0),
+)
+
+
+def _table(**entries: tuple[float, float, float, float]) -> ErrorTable:
+    """Value 100, errors from mesh (second order), step, coupling (first order), and the scale."""
+    found = {
+        name: Entry(
+            name, "mm", 100.0,
+            {"mesh": Estimate(mesh, 2.0), "step": Estimate(step),
+             "coupling": Estimate(coupling, 1.0)},
+            scale,
+        )
+        for name, (mesh, step, coupling, scale) in entries.items()
+    }  # fmt: skip
+    return ErrorTable("case", "key", {}, RUNS, found)
+
+
+def test_errors_are_reached_at_the_least_time() -> None:
+    table = _table(shell=(4.0, 0.0, 1.0, 100.0))
+    found = propose(table, ["shell"], 0.01)
+    assert table.quantities["shell"].error(found.factors) <= 1.0
+    assert not found.unreached
+    for axis in ("mesh", "coupling"):  # one size coarser in either and it is not reached
+        coarser = {**found.factors, axis: found.factors[axis] * 2.0**0.25}
+        assert table.quantities["shell"].error(coarser) > 1.0
+    assert found.factors["step"] == pytest.approx(2.0)  # no error comes from it
+    dear = found.factors["mesh"] ** -2 * found.factors["coupling"] ** -1
+    assert found.seconds == pytest.approx(10.0 * dear)
+
+
+def test_what_is_good_enough_becomes_cheaper() -> None:
+    found = propose(_table(shell=(0.1, 0.1, 0.1, 100.0)), ["shell"], 0.02)
+    assert found.seconds < found.now
+    assert all(factor >= 1.0 for factor in found.factors.values())
+
+
+def test_a_number_out_of_reach_is_told_and_holds_nothing_up() -> None:
+    table = _table(shell=(4.0, 0.0, 0.0, 100.0), pressure=(900.0, 0.0, 0.0, 100.0))
+    found = propose(table, ["shell", "pressure"], 0.01)
+    assert found.unreached == {"pressure": pytest.approx(0.5625)}
+    assert table.quantities["shell"].error(found.factors) <= 1.0
+    assert found.factors == propose(table, ["shell"], 0.01).factors
+
+
+def test_a_number_that_is_nothing_is_left_out() -> None:
+    assert propose(_table(gap=(1.0, 0.0, 0.0, 0.0)), ["gap"], 0.01).seconds == 10.0
+
+
+def test_shares() -> None:
+    assert read_share("1%") == pytest.approx(0.01)
+    assert read_share(" 0.5 % ") == pytest.approx(0.005)
+    for text in ("1", "one%", "0%", "-1 %", "100%", "1% or so", "%"):
+        with pytest.raises(InputError, match="--to"):
+            read_share(text)

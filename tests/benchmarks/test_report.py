@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import csv
 import re
+import shutil
 from pathlib import Path
 
 import pytest
 
+from benchmarks.__main__ import tables
+from benchmarks.quoted import pages, quotations, rewrite, wrong
 from benchmarks.report import PAGE, Output, front, table
+from benchmarks.sensitivity_errors import within
 
 TEXT = """# Page
 
@@ -91,3 +95,129 @@ def test_table_and_csv(output: Output) -> None:
 def test_front_keeps_what_no_other_run_beats() -> None:
     rows = [{"seconds": s, "e": e} for s, e in ((3, 1.0), (1, 5.0), (2, 7.0), (4, 1.0), (5, 0.5))]
     assert front(rows, "e") == ([1, 3, 5], [5.0, 1.0, 0.5])
+
+
+# What the pages quote is what the data have: every table is made anew and compared
+
+
+DOCS = PAGE.parent
+BEGIN = re.compile(r"<!-- begin (.+?) -->\n(.*?)<!-- end \1 -->", re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The pages with nothing in their blocks, filled from a copy of the data."""
+    folder = tmp_path_factory.mktemp("docs")
+    shutil.copytree(DOCS / "data", folder / "data")
+    for page in DOCS.glob("*.md"):
+        text = BEGIN.sub(r"<!-- begin \1 -->\n<!-- end \1 -->", page.read_text(encoding="utf-8"))
+        (folder / page.name).write_text(text, encoding="utf-8")
+    tables(folder)
+    return folder
+
+
+@pytest.mark.parametrize("page", sorted(p.name for p in DOCS.glob("*.md")))
+def test_tables_are_those_of_the_data(page: str, made: Path) -> None:
+    """Byte for byte; `python -m benchmarks tables` mends a page whose data have changed."""
+    there, anew = (
+        {m[1]: m[2] for m in BEGIN.finditer((folder / page).read_text(encoding="utf-8"))}
+        for folder in (DOCS, made)
+    )
+    for name, text in there.items():
+        assert anew[name] == text, f"{page}: {name}: make it anew: python -m benchmarks tables"
+        assert text.strip(), name
+
+
+def test_changed_number_is_found(made: Path, tmp_path: Path) -> None:
+    """The comparison sees a cell of the data that is another one than on the page."""
+    shutil.copytree(made, tmp_path / "docs")
+    data = tmp_path / "docs" / "data" / "caster.csv"
+    text = data.read_text(encoding="utf-8")
+    data.write_text(text.replace(text.splitlines()[1].split(",")[3], "16.5"), encoding="utf-8")
+    tables(tmp_path / "docs")
+    page = (tmp_path / "docs" / "benchmarks.md").read_text(encoding="utf-8")
+    assert page != (made / "benchmarks.md").read_text(encoding="utf-8")
+
+
+def test_numbers_in_sentences_are_those_of_the_data() -> None:
+    found = wrong(DOCS)
+    assert not found, "\n".join(found)
+
+
+def test_sentence_that_differs_from_its_data_is_found(tmp_path: Path) -> None:
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "runs.csv").write_text("run,heat,peak\nslow,9.1234,12\nfast,8,6\n")
+    page = tmp_path / "page.md"
+    sentence = "Slow takes <!-- q: runs.csv[run=slow].heat .2f -->{} MJ out.\n"
+    page.write_text(sentence.format("9.12"))
+    assert wrong(tmp_path) == []
+    page.write_text(sentence.format("9.21"))
+    (told,) = wrong(tmp_path)
+    assert told == "page.md: line 1: 9.21 is quoted, runs.csv[run=slow].heat .2f is 9.12"
+    ratio = "<!-- q: runs.csv[run=slow].peak / runs.csv[run=fast].peak .1f -->{} times\n"
+    page.write_text(ratio.format("2.0"))
+    assert wrong(tmp_path) == []
+    page.write_text(sentence.format("9.12").replace("run=slow", "run=slower"))
+    assert "no row with run=slower" in wrong(tmp_path)[0]
+
+
+def test_source_of_a_number_stands_at_the_end_of_its_page(tmp_path: Path) -> None:
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "runs.csv").write_text("run,heat\nslow,9.1234\n")
+    page = tmp_path / "page.md"
+    source = "\n<!-- numbers of this page\nq1: runs.csv[run=slow].heat .2f\n-->\n"
+    page.write_text("It takes <!-- q1 -->9.21 MJ out.\n" + source)
+    (told,) = wrong(tmp_path)
+    assert told == "page.md: line 1: 9.21 is quoted, runs.csv[run=slow].heat .2f is 9.12"
+    rewrite(tmp_path)
+    assert wrong(tmp_path) == [] and "<!-- q1 -->9.12 MJ" in page.read_text()
+    page.write_text("It takes <!-- q2 -->9.12 MJ out.\n" + source)
+    unused, unknown = wrong(tmp_path)
+    assert unused == "page.md: no sentence has q1"
+    assert unknown.startswith("page.md: line 1: q2: write it as FILE.csv")
+
+
+def test_pages_quote_numbers() -> None:
+    assert sum(len(quotations(page)) for page in pages(DOCS)) > 10
+
+
+def test_pages_in_folders_are_held_to_their_data_too(tmp_path: Path) -> None:
+    """Found as another number there, and written anew."""
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "runs.csv").write_text("run,heat\nslow,9.1234\n")
+    page = tmp_path / "how_to" / "page.md"
+    page.parent.mkdir()
+    page.write_text("It takes <!-- q: runs.csv[run=slow].heat .2f -->9.21 MJ out.\n")
+    (told,) = wrong(tmp_path)
+    assert told.startswith("how_to/page.md: line 1: 9.21 is quoted")
+    rewrite(tmp_path)
+    assert wrong(tmp_path) == [] and "-->9.12 MJ" in page.read_text()
+
+
+def test_no_line_begins_with_a_comment() -> None:
+    """Markdown would take such a line for HTML and tear the sentence."""
+    for page in pages(DOCS):
+        for line in page.read_text(encoding="utf-8").splitlines():
+            assert not re.match(r"\s*<!-- q[\d:]", line), (page.name, line)
+
+
+def test_numbers_of_the_readme_are_tied_too(tmp_path: Path) -> None:
+    folder = tmp_path / "docs"
+    (folder / "data").mkdir(parents=True)
+    (folder / "data" / "runs.csv").write_text("run,heat\nslow,9.12\n")
+    page = tmp_path / "README.md"
+    page.write_text("It loses <!-- q: runs.csv[run=slow].heat .2f -->9.21 kJ.\n")
+    (told,) = wrong(folder)
+    assert told.startswith("../README.md: line 1: 9.21 is quoted")
+    rewrite(folder)
+    assert not wrong(folder) and "-->9.12 kJ" in page.read_text()
+    assert any(page.name == "README.md" for page in pages(DOCS))
+
+
+def test_nine_of_ten_differences_of_runs_are_within_the_error_of_a_derivative() -> None:
+    rows = Output(DOCS).rows("sensitivity_errors")
+    known = [row["within"] for row in rows if row["within"] != "error unknown"]
+    assert len(known) == 42 and known.count("yes") == 39
+    for row in rows:
+        apart = [row["near"], row["far"]]
+        assert within(row["derivative"], row["error"], apart) == row["within"]

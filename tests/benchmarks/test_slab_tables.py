@@ -15,7 +15,7 @@ from benchmarks.report import Output
 from castfem.model import load_case
 from castfem.physics.machine.rolls import Rolls
 from castfem.physics.machine.stations import Stations
-from castfem.runs.output.surface_line import SurfaceLine
+from castfem.runs.output.surface_maps import SurfaceLine
 
 CASES = Path(__file__).parents[2] / "cases" / "slab1200"
 

@@ -158,8 +158,8 @@ def test_a_page_at_work_is_read_again_until_the_run_has_ended(
     """`castfem watch --html`: the browser takes the new version by itself, then leaves it alone."""
     import shutil
 
-    from castfem.post.watch.page import Page as Written
-    from castfem.post.watch.run_status import Watcher
+    from castfem.post.watch.show import Page as Written
+    from castfem.post.watch.status import Watcher
 
     folder = tmp_path / "run"
     shutil.copytree(runs / "billet", folder)

@@ -15,7 +15,7 @@ from synthetic_maps import write_maps
 
 import castfem as package
 from castfem.base.shown_quantity import Quantity
-from castfem.post.compare import drawing
+from castfem.post.compare import figures as drawing
 from castfem.post.compare.figures import figures, parts
 from castfem.post.compare.runs import Run
 from castfem.post.compare.table import SHARE, csv_table, lines, remarks, table_of

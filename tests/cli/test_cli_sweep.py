@@ -18,8 +18,7 @@ from small_case import write_small
 
 from castfem.model import load_case
 from castfem.studies.sweep.plan import plan
-from castfem.studies.sweep.record import Record
-from castfem.studies.sweep.results import rows
+from castfem.studies.sweep.record import Record, rows
 from castfem.studies.sweep.work import Job
 from castfem.studies.sweep.workers import Workers
 

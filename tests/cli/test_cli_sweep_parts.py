@@ -20,10 +20,9 @@ from castfem.base.errors import InputError
 from castfem.cli import sweeping
 from castfem.cli.sweeping import Share
 from castfem.studies.accuracy.sizes import MESH, factors_of
-from castfem.studies.sweep.groups import check
 from castfem.studies.sweep.plan import plan
 from castfem.studies.sweep.work import Job
-from castfem.studies.sweep.workers import Workers
+from castfem.studies.sweep.workers import Workers, check_groups
 
 pytestmark = pytest.mark.slow
 
@@ -159,10 +158,10 @@ def test_shares() -> None:
 
 
 def test_groups_that_cannot_be() -> None:
-    check(2, 4)
+    check_groups(2, 4)
     for ranks, size, message in ((2, 1, "mpirun -n 4"), (2, 3, "mpirun -n 4"), (0, 2, "at least")):
         with pytest.raises(InputError, match=message):
-            check(ranks, size)
+            check_groups(ranks, size)
 
 
 @pytest.mark.parametrize(

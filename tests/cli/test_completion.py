@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from castfem.cli import execute
-from castfem.cli.completion import VARIABLE
+from castfem.cli.command import VARIABLE
 from castfem.cli.reference_page import markdown_page
 
 HEAVY = ("dolfinx", "petsc4py", "mpi4py", "numba", "scipy", "matplotlib", "pandas", "h5py")

@@ -16,8 +16,7 @@ from castfem.model import Case
 from castfem.runs.results.wall_flux import read_wall_flux
 from castfem.studies.calibration.fit import calibrate, computed, followed, read_free
 from castfem.studies.calibration.measured import Measured
-from castfem.studies.mould_fit.coupled import hot_mould_of
-from castfem.studies.mould_fit.thermocouples import CopperTemperatures
+from castfem.studies.mould_fit.coupled import CopperTemperatures, hot_mould_of
 from castfem.studies.optimisation.evaluator import Evaluator
 
 LENGTH = 0.06

@@ -18,9 +18,8 @@ from castfem.base.errors import InputError
 from castfem.cli import execute
 from castfem.model import load_case
 from castfem.model.shipped_cases import find
-from castfem.post.html.charts import Series, chart
+from castfem.post.html.graphics import Series, chart, sections
 from castfem.post.html.page import LARGEST, write
-from castfem.post.html.sections import sections
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.history import read_history
 from castfem.runs.results.run_case import error_lines as lines

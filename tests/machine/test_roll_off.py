@@ -15,7 +15,7 @@ from castfem.physics.machine.phases import off_stretches, phases
 from castfem.physics.machine.rolls import Rolls
 from castfem.physics.machine.stations import Stations
 from castfem.post.plots.secondary import close_by
-from castfem.post.report.places import places_of
+from castfem.post.report.tables import places_of
 from castfem.runs.results.crack_index import BENDS
 
 THICKNESS = 0.220

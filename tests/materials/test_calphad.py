@@ -140,7 +140,7 @@ def test_no_equilibrium_is_one_line_and_leaves_nothing(tmp_path, monkeypatch):
 
 
 def test_the_better_of_two_equilibria_counts(monkeypatch):
-    """pycalphad may end at a state that is not the most stable one."""
+    """Pycalphad may end at a state that is not the most stable one."""
     solve = equilibria.Equilibria(DATABASE, ["Fe", "C"], PHASES)
     moles = solve.moles({"C": 0.1})
     real = solve._solve

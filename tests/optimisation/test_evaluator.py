@@ -24,7 +24,7 @@ from castfem.studies.optimisation import Evaluator, evaluator, store
 from castfem.studies.optimisation.evaluator import lean
 from castfem.studies.optimisation.fidelity import at_level, idealised
 from castfem.studies.optimisation.store import key_of
-from castfem.studies.sweep import results
+from castfem.studies.sweep import record as results
 
 SHORT = {"casting.length": "6 mm"}
 # Colder than the steel's data go: the run ends on its way.

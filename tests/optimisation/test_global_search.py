@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,12 @@ from known_results import HEAT, SPEED, STRESS, Given, solve
 from small_case import small
 
 from castfem.base.errors import InputError
+from castfem.base.types import Array
 from castfem.post.compare.optimum_tables import report
-from castfem.studies.optimisation import Evaluation, RunRequest, Study
+from castfem.studies.optimisation import Evaluation, Optimum, RunRequest, Study
+from castfem.studies.optimisation.argument_checks import quantities_of
 from castfem.studies.optimisation.global_search import local_optima
+from castfem.studies.sensitivity.result import Slope
 
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
 installed = pytest.mark.skipif(
@@ -148,3 +152,149 @@ def test_a_valley_that_is_flat_is_one_valley() -> None:
         assert not found.other_optima
         assert "another place" not in str(next(iter(report(found))))
     assert found.values[0].low <= 2.2  # of the last, which is flat
+
+
+# The search by derivatives: known optima, kinks, runs that fail or tell none, what is refused
+
+
+COST = "surface_temperature_mid_face"  # K, whatever it is called: the case has no mechanics
+BY_SUPERHEAT = {"key": "casting.superheat", "range": ["20 K", "40 K"]}
+H = {
+    "key": "cooling.mould.surface.0.coefficient",
+    "range": ["1500 W/(m^2 K)", "1700 W/(m^2 K)"],
+    "start": "1600 W/(m^2 K)",
+}
+VARIABLES = (SPEED, BY_SUPERHEAT, H)
+RANGES = np.array([3.0, 20.0, 200.0])
+Results = Callable[[Array], tuple[tuple[float, float], Array]]
+"""Stress and heat at shares of the ranges, and their derivatives by these (2, n)."""
+
+
+def smooth(u: Array) -> tuple[tuple[float, float], Array]:
+    """Stress is least at 0.7, 0.3, 0.6, along a valley across the axes; heat grows with all."""
+    off = u - np.array([0.7, 0.3, 0.6])
+    bend = np.array([[3.0, 2.0, 0.5], [2.0, 3.0, 0.0], [0.5, 0.0, 1.0]])
+    stress = 1e3 * (1.0 + 0.5 * off @ bend @ off)
+    return (stress, 1e6 * float(np.sum(u))), np.array([1e3 * bend @ off, 1e6 * np.ones(3)])
+
+
+def kinked(u: Array) -> tuple[tuple[float, float], Array]:
+    """The larger of two slopes that meet along a line across the axes."""
+    one, other = 2.0 * u[0] + u[1] - 1.4, 1.3 - u[0] - 1.5 * u[1]
+    first = one > other
+    slope = np.array([2.0, 1.0, 0.0]) if first else np.array([-1.0, -1.5, 0.0])
+    bowl = 0.3 * (u[2] - 0.4) ** 2
+    by = slope + np.array([0.0, 0.0, 0.6 * (u[2] - 0.4)])
+    stress = 1e3 * (3.0 + (one if first else other) + bowl)
+    return (stress, 1e6), np.array([1e3 * by, np.zeros(3)])
+
+
+class Told:
+    """A study by derivatives that is told its results; what it has asked for is kept."""
+
+    def __init__(self, folder: Path | None, results: Results, **table: Any) -> None:
+        asked = {"minimise": COST, "variable": list(VARIABLES), "method": "slsqp", **table}
+        case = small({"casting.length": "6 mm", "optimise": asked})
+        self.study, self._results = Study(case, folder), results
+        self.runs: set[RunRequest] = set()
+
+    def answer(self, derivatives: bool = True, fails: float = 2.0) -> Optimum:
+        """The answer; runs whose first share is beyond a value fail, and may tell no slopes."""
+        while wanted := self.study.ask():
+            for one in wanted:
+                self.runs.add(one)
+                self.study.tell(one, self._given(one, derivatives, fails))
+        return self.study.result()
+
+    def _given(self, wanted: RunRequest, derivatives: bool, fails: float) -> Evaluation:
+        u = self.study.problem.shares(wanted)
+        if u[0] > fails:
+            return Evaluation({}, 0.9 - 0.5 * (u[0] - fails), "breakout")
+        (stress, heat), slopes = self._results(u)
+        told = quantities_of(self.study.problem, wanted, {COST: stress, HEAT: heat})
+        if not (derivatives and wanted.derivatives):
+            return Evaluation(told)
+        units = ("m/min", "K", "W/(m^2 K)")
+        found = {}
+        for name, row in zip((COST, HEAT), slopes, strict=True):
+            each = zip(VARIABLES, row / RANGES, wanted.values, units, strict=True)
+            found[name] = {v["key"]: Slope(by, at, unit) for v, by, at, unit in each}
+        return Evaluation(told, slopes=found)
+
+
+def shares(told: Told, found: Optimum) -> Array:
+    return told.study.problem.shares(RunRequest(tuple(v.value for v in found.values), "default"))
+
+
+def test_the_least_of_a_bowl(tmp_path: Path) -> None:
+    told = Told(tmp_path / "runs", smooth)
+    found = told.answer()
+    assert shares(told, found) == pytest.approx([0.7, 0.3, 0.6], abs=0.01)
+    plain = Told(tmp_path / "others", smooth, method="cobyqa")
+    assert shares(plain, plain.answer()) == pytest.approx([0.7, 0.3, 0.6], abs=0.03)
+    assert len(told.runs) < len(plain.runs)
+    assert any(run.derivatives for run in told.runs)
+    assert not any(run.derivatives for run in plain.runs)
+
+
+def test_a_bound_holds_it(tmp_path: Path) -> None:
+    """Heat of 2 MJ/m: bend @ off = lambda (1, 1, 1) and the shares add up to 2."""
+    told = Told(tmp_path / "runs", smooth, constraints=["heat_removed >= 2 MJ/m"])
+    found = told.answer()
+    bend = np.array([[3.0, 2.0, 0.5], [2.0, 3.0, 0.0], [0.5, 0.0, 1.0]])
+    along = np.linalg.solve(bend, np.ones(3))
+    best = np.array([0.7, 0.3, 0.6]) + 0.4 * along / np.sum(along)
+    assert shares(told, found) == pytest.approx(best, abs=0.02)
+    assert [one.binding for one in found.constraints] == [True]
+
+
+def test_a_kink_stops_no_search(tmp_path: Path) -> None:
+    """Both slopes are alike along a line; what is least on it COBYQA finds from there."""
+    told = Told(tmp_path / "runs", kinked)
+    found = told.answer()
+    u = shares(told, found)
+    best, _ = min(
+        (kinked(np.array([x, np.clip((2.7 - 3.0 * x) / 2.5, 0.0, 1.0), 0.4])) for x in
+         np.linspace(0.0, 1.0, 2001)),
+        key=lambda one: one[0][0],
+    )  # fmt: skip
+    (here, _), _ = kinked(u)
+    assert here < best[0] + 20.0
+
+
+def test_runs_that_fail_on_the_way(tmp_path: Path) -> None:
+    told = Told(tmp_path / "runs", smooth, constraints=["heat_removed >= 2 MJ/m"])
+    found = told.answer(fails=0.72)
+    u = shares(told, found)
+    assert u[0] <= 0.72
+    assert np.sum(u) >= 2.0 - 1e-3
+    (stress, _), _ = smooth(u)
+    free = np.array([0.72 - 0.7, *np.zeros(2)])
+    bend = np.array([[3.0, 0.0], [0.0, 1.0]])
+    pull = np.array([2.0, 0.5]) * free[0]
+    along = np.linalg.solve(bend, np.ones(2))
+    rest = np.linalg.solve(bend, -pull)
+    off = rest + (0.38 - np.sum(rest)) / np.sum(along) * along
+    (least, _), _ = smooth(np.array([0.72, 0.3 + off[0], 0.6 + off[1]]))
+    assert stress < least + 10.0
+
+
+def test_runs_that_tell_no_derivatives(tmp_path: Path) -> None:
+    """COBYQA takes over, with what it always finds."""
+    told = Told(tmp_path / "runs", smooth)
+    plain = Told(tmp_path / "others", smooth, method="cobyqa")
+    found, other = told.answer(derivatives=False), plain.answer()
+    assert shares(told, found) == pytest.approx(shares(plain, other), abs=1e-3)
+
+
+def test_what_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"optimise.method: slsqp needs the derivatives that"):
+        Told(None, smooth)
+    size = {"key": "mesh.surface_size", "range": ["4 mm", "5 mm"]}
+    asked = {"minimise": HEAT, "method": "slsqp", "variable": [size]}
+    case = small({"casting.length": "6 mm", "optimise": asked})
+    with pytest.raises(InputError) as error:
+        Study(case, tmp_path / "runs")
+    (problem,) = error.value.problems
+    assert "slsqp needs derivatives: --to mesh.surface_size: a run has no derivative" in problem
+    assert problem.endswith('or take method = "cobyqa"')

@@ -15,7 +15,7 @@ from castfem.post.compare.optimum_tables import report
 from castfem.studies.accuracy.estimate import RULES
 from castfem.studies.accuracy.sizes import LEVELS
 from castfem.studies.optimisation import Evaluation, RunRequest
-from castfem.studies.optimisation.numerical_error import NumericalError, error, sides
+from castfem.studies.optimisation.fidelity import NumericalError, error, sides
 
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
 

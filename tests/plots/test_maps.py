@@ -1,18 +1,31 @@
-"""The unrolled surface: colours by the band, white for zero, and each place where it belongs."""
+"""Figures of a strand in its machine: maps, the caster, what bending does."""
 
 from __future__ import annotations
 
+from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas
 import pytest
-from synthetic_maps import LENGTH, THICK, WIDE, write_maps
+from matplotlib.collections import PolyCollection
+from rolled_case import circuit, rolled, secondary
+from synthetic_maps import LENGTH, THICK, WIDE, rolls, write_maps
 
+from castfem.model import load_case
+from castfem.model.shipped_cases import load
+from castfem.physics.machine.side import Side
+from castfem.post.plots import figures
+from castfem.post.plots.along_strand import draw_bulging, draw_slice
+from castfem.post.plots.caster_view import draw_caster, mirrored, view_of
 from castfem.post.plots.figures import draw_figures
 from castfem.post.plots.maps import band_norm, draw_maps, edges, index_colours, temperature_colours
+from castfem.post.plots.secondary import close_by, faces_met
 from castfem.post.plots.style import Abscissa, look
+from castfem.runs.loop import run
 from castfem.runs.output.folder import ALL_FIGURES, OutputFolder
-from castfem.runs.output.surface_maps import SurfaceMaps
+from castfem.runs.output.surface_maps import Heading, MapWriter, SurfaceMaps
 
 
 @pytest.mark.parametrize(
@@ -82,3 +95,220 @@ def test_show_draws_them_and_castfem_takes_them_away_again(tmp_path: Path) -> No
         assert {path.name for path in tmp_path.iterdir()} <= {
             "case.toml", "run.json", ".castfem.lock",
         }  # fmt: skip
+
+
+# The picture of the strand in its caster: what faces the eye, no peak lost, every roll drawn
+
+
+@pytest.fixture
+def maps(tmp_path: Path) -> SurfaceMaps:
+    write_maps(tmp_path)
+    return SurfaceMaps(tmp_path)
+
+
+def test_half_a_slab_is_mirrored_to_a_whole_one(maps: SurfaceMaps) -> None:
+    assert mirrored(maps.heading.line) == [(1.0, 1.0), (-1.0, 1.0)]
+
+
+@pytest.mark.parametrize("every", [1, 7])
+def test_no_peak_is_lost_between_rows(maps: SurfaceMaps, every: int) -> None:
+    """The peak of the intrados is seen, with rows that leave it out, too; no extrados is."""
+    rows = np.append(np.arange(0, len(maps.time) - 1, every), len(maps.time) - 1)
+    view = view_of(maps, Side(rolls(), THICK, 3.0), rows)
+    values = maps["I1"]
+    assert view.on_pieces(values).max() == values.max()
+    faces = maps.heading.line.face[view.vertices]
+    hidden = (faces == maps.heading.line.faces.index("extrados")).all(axis=1)
+    assert not hidden.any()
+    assert view.half == pytest.approx(0.5 * WIDE)
+
+
+def test_what_faces_the_eye_is_drawn(maps: SurfaceMaps) -> None:
+    """Both halves of the intrados, one narrow face of the two."""
+    rows = np.arange(0, len(maps.time), 4)
+    view = view_of(maps, Side(rolls(), THICK, 3.0), rows)
+    line = maps.heading.line
+    for face, times in (("intrados", 2), ("narrow face", 1)):
+        segments = np.flatnonzero(line.face == line.faces.index(face))
+        # The corners count to the wide faces; a piece lies on a face if it has a vertex inside.
+        drawn = np.isin(view.vertices, segments[line.corner[segments] > 0.0]).any(axis=1)
+        inside = np.count_nonzero(line.corner[segments] > 0.0)
+        pieces = inside + 1 if face == "narrow face" else inside
+        assert np.count_nonzero(drawn) == times * pieces * (len(rows) - 1), face
+
+
+def test_every_roll_is_drawn(maps: SurfaceMaps) -> None:
+    with look():
+        figure = draw_caster(maps)
+    assert figure is not None
+    panels = figure.axes[:2]
+    for panel in panels:
+        drawn = [one for one in panel.collections if isinstance(one, PolyCollection)]
+        paths = [len(one.get_paths()) for one in drawn]
+        assert 2 * len(rolls().pairs) in paths and paths.count(len(rolls().pairs)) == 2
+    shades = [one for one in panels[1].collections if one.get_array() is not None]
+    assert shades[0].get_array().max() == pytest.approx(30.0)
+    assert shades[0].get_clim() == pytest.approx((0.0, 30.0))
+
+
+def test_the_worst_place_is_named_where_it_may_be_out_of_sight(maps: SurfaceMaps) -> None:
+    with look():
+        figure = draw_caster(maps)
+    assert figure is not None and "I1" in maps.names()
+    row, vertex = np.unravel_index(int(maps["I1"].argmax()), maps["I1"].shape)
+    (title,) = [axes.get_title() for axes in figure.axes if axes.get_title()]
+    face = maps.heading.line.words(int(vertex))
+    assert title.startswith(f"largest: {face}, ")
+    number, unit = title.rsplit(", ", 1)[1].split()
+    factor = {"m": 1.0, "mm": 1e-3}[unit]
+    assert float(number) * factor == pytest.approx(maps.position[row], rel=1e-3)
+
+
+def test_rolls_are_numbered_and_those_with_a_defect_are_red(maps: SurfaceMaps) -> None:
+    """A lost pair is not drawn, its number is."""
+    count, pairs = len(rolls().pairs), list(rolls().pairs)
+    pairs[1], pairs[2] = replace(pairs[1], lost=True), replace(pairs[2], locked=True)
+    with look():
+        figure = draw_caster(maps, replace(rolls(), pairs=tuple(pairs)))
+    assert figure is not None
+    panel = figure.axes[0]
+    red = {text.get_text() for text in panel.texts if text.get_color() == "#c1121f"}
+    assert red == {"#2", "#3"} and "#1" not in red
+    drawn = [one for one in panel.collections if isinstance(one, PolyCollection)]
+    paths = [len(one.get_paths()) for one in drawn]
+    assert paths.count(count - 1) == 2 and 2 in paths  # bodies of each face; the two red ends
+
+
+def test_a_strand_without_rolls_has_no_picture(tmp_path: Path, maps: SurfaceMaps) -> None:
+    there = maps.heading
+    with MapWriter(tmp_path, Heading(there.line, there.maps, there.band)) as writer:
+        for i in range(3):
+            writer.append(float(i), float(i), np.zeros((len(there.maps), len(there.line.nodes))))
+    assert draw_caster(SurfaceMaps(tmp_path)) is None
+
+
+# Figures of a strand in its rolls: thicknesses, neutral axis within its faces, stress; bulges
+
+
+def history() -> pandas.DataFrame:
+    """A strand that is bent from 1 to 2 m, its neutral axis 20 mm towards the intrados."""
+    position = np.linspace(0.0, 4.0, 41)
+    k = 0.1 * np.clip(position - 1.0, 0.0, 1.0)
+    table = pandas.DataFrame({"time": 50.0 * position, "position": position})
+    for place, y in (("intrados", 0.1), ("centre", 0.0), ("extrados", -0.1)):
+        table[f"slice_thickness_{place}"] = (1.0 - k * y) / (1.0 - k * 0.02)
+    table["neutral_axis"] = np.where((position > 1.0) & (position <= 2.0), 20.0, np.nan)
+    table["size_mid_face_intrados"] = 200.0
+    table["axial_stress_corner_intrados"] = -100.0 * k
+    table.attrs["units"] = {"neutral_axis": "mm", "axial_stress_corner_intrados": "MPa"}
+    return table
+
+
+def test_the_slice_is_drawn_over_the_strand() -> None:
+    table = history()
+    abscissa = Abscissa(table["time"].to_numpy(), table["position"].to_numpy())
+    with look():
+        figure = draw_slice(table, abscissa, None)
+        assert draw_slice(table.drop(columns="slice_thickness_centre"), abscissa, None) is None
+    assert figure is not None
+    thickness, axis, stress = figure.axes[:3]
+    drawn = {line.get_label(): line.get_ydata() for line in thickness.get_lines()}
+    for place in ("intrados", "centre", "extrados"):
+        assert drawn[place] == pytest.approx(table[f"slice_thickness_{place}"])
+    faces = [line.get_ydata()[0] for line in axis.get_lines()[1:]]
+    assert faces == [100.0, -100.0]
+    assert np.nanmax(axis.get_lines()[0].get_ydata()) == 20.0
+    assert {text.get_text() for text in axis.texts} == {"intrados", "extrados"}
+    assert axis.get_ylabel() == "neutral axis (y) [mm]"
+    assert stress.get_ylabel() == "axial stress [MPa]"
+
+
+def defects(folder: Path) -> tuple[tuple[float, str], ...]:
+    with ExitStack() as files:
+        return figures.RunData(folder, None, files).defects
+
+
+def test_rolls_with_a_defect_are_marked(tmp_path: Path) -> None:
+    """Those of the run's case, on the way that is drawn."""
+    case = load("slab1200/locked_48_52")
+    (tmp_path / "case.toml").write_text(case.resolved_toml(), encoding="utf-8")
+    found = defects(tmp_path)
+    assert [name for _, name in found] == ["#48 locked", "#52 locked"]
+    assert case.machine is not None and (rolls := case.machine.pairs()) is not None
+    assert [place for place, _ in found] == [rolls.pairs[i - 1].position for i in (48, 52)]
+    (tmp_path / "case.toml").write_text(load("slab1200/slab").resolved_toml(), encoding="utf-8")
+    assert defects(tmp_path) == () == defects(tmp_path / "nowhere")
+    table = history()
+    way = table["time"].to_numpy(), table["position"].to_numpy()
+    with look():
+        plain = draw_slice(table, Abscissa(*way), None)
+        marked = draw_slice(table, Abscissa(*way, (), ((3.0, "#7 lost"), (9.0, "#8 off"))), None)
+    assert plain is not None and marked is not None
+    for one, other in zip(plain.axes[:3], marked.axes[:3], strict=True):
+        assert len(other.get_lines()) == len(one.get_lines()) + 1
+        assert list(other.get_lines()[-1].get_xdata()) == [3.0, 3.0]
+    assert [text.get_text() for text in marked.axes[2].texts] == ["#7 lost"]
+
+
+def test_bulges_are_drawn_with_what_the_rolls_bear() -> None:
+    table = history()
+    for name, most in (("intrados", 0.1), ("extrados", 0.08), ("pitch", 0.12)):
+        table[f"bulge_{name}"] = most * np.sin(table["position"]) ** 2
+    table["roll_force"] = 20.0 * table["position"]
+    table.attrs["units"] |= {"bulge_pitch": "mm", "roll_force": "kN/m"}
+    abscissa = Abscissa(table["time"].to_numpy(), table["position"].to_numpy())
+    with look():
+        figure = draw_bulging(table, abscissa, None)
+        assert draw_bulging(history(), abscissa, None) is None
+    assert figure is not None
+    bulge, force = figure.axes[:2]
+    drawn = {line.get_label(): line.get_ydata() for line in bulge.get_lines()}
+    # A curve through few places of a pitch misses its largest bulge: the legend says what it is.
+    assert drawn["intrados, once a window"] == pytest.approx(table["bulge_intrados"])
+    assert drawn["largest of the pitch"] == pytest.approx(table["bulge_pitch"])
+    assert force.get_lines()[0].get_ydata() == pytest.approx(table["roll_force"])
+    assert (bulge.get_ylabel(), force.get_ylabel()) == ("bulge [mm]", "force on a roll [kN/m]")
+
+
+def test_every_figure_goes_with_the_run_it_is_of() -> None:
+    """A run that replaces another removes what it knows of, by name."""
+    assert set(figures.FIGURES) == set(ALL_FIGURES)
+    assert all(figure.title for figure in figures.FIGURES.values())
+
+
+SLAB = Path(__file__).parents[2] / "cases" / "slab1200" / "sprays.toml"
+
+
+def test_it_is_drawn_of_a_run_below_its_mould(tmp_path: Path) -> None:
+    short = rolled(casting__length="0.2 m")
+    run(short, tmp_path / "short")
+    assert "roll_to_roll.png" not in [path.name for path in draw_figures(tmp_path / "short")]
+    run(rolled(casting__length="0.5 m"), tmp_path / "run")
+    drawn = {path.name: path for path in draw_figures(tmp_path / "run")}
+    assert drawn["roll_to_roll.png"].stat().st_size > 10_000
+    bare = rolled(secondary=None, cooling__0__to="0.25 m", casting__length="0.25 m")
+    run(bare, tmp_path / "bare")
+    assert "roll_to_roll.png" not in [path.name for path in draw_figures(tmp_path / "bare")]
+
+
+def test_a_face_is_shown_what_it_meets() -> None:
+    case = rolled(secondary=secondary(circuit=[circuit(on=["wide_face_intrados"])]))
+    assert case.machine is not None
+    met = faces_met(case, case.machine.pairs(), 0.65)
+    kinds = {name: [stretch.kind for stretch in found] for name, found in met.items()}
+    pitch = ["contact", "shade", "spray", "run_off"]
+    assert kinds["intrados"] == ["shade", *pitch, *pitch]
+    assert kinds["extrados"] == ["shade", "contact", "shade", "contact", "shade"]
+    assert set(kinds["narrow face"]) == {"shade"}
+
+
+def test_straightening_is_shown_close_by() -> None:
+    case = load_case(SLAB)
+    assert case.machine is not None
+    rolls = case.machine.pairs()
+    assert rolls is not None
+    low, high = close_by(rolls, 0.8, 26.4)
+    assert rolls.pairs[47].position < low < rolls.pairs[48].position
+    assert rolls.pairs[56].position < high < rolls.pairs[57].position
+    low, high = close_by(rolls, 0.8, 10.0)
+    assert (low, high) == (pytest.approx(rolls.pairs[27].position), 10.0)

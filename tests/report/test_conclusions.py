@@ -14,8 +14,8 @@ from synthetic_run import summary, write_run
 
 from castfem.base.shown_quantity import Quantity
 from castfem.model.shipped_cases import CASE_NAME, load
+from castfem.post.html.graphics import sections
 from castfem.post.html.page import write
-from castfem.post.html.sections import sections
 from castfem.post.report.conclusions import conclusions
 from castfem.post.report.remarks import THINNEST, Remark, remarks_of
 from castfem.runs.output.history import HISTORY_NAME

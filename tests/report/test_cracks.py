@@ -25,7 +25,7 @@ from castfem.runs.output.folder import OutputFolder
 from castfem.runs.output.history import HISTORY_NAME
 from castfem.runs.output.summary import Summary
 from castfem.runs.output.surface_maps import SurfaceMaps
-from castfem.runs.results.derived import derived
+from castfem.runs.results.headline import derived
 from castfem.runs.results.roll_load import RollLoads, heaviest_roll
 
 

@@ -1,22 +1,35 @@
-"""The last row of an unfinished run reads like the table of a finished one."""
+"""Labels of results, which a case has, and what a run warns of."""
 
 from __future__ import annotations
 
 import io
 import re
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+from mpi4py import MPI
 
 import pytest
 from rich.console import Console
+from small_case import small
 from strained_run import write_strained
 
 import castfem
+from castfem.base.result_registry import result_names
 from castfem.base.shown_quantity import Quantity
 from castfem.model import load_case
-from castfem.model.shipped_cases import find
+from castfem.model.build.simulation import Simulation, build
+from castfem.model.shipped_cases import find, load
+from castfem.physics.mechanics.planes import PlainPlanes
 from castfem.post.report.show import show
 from castfem.runs.output.run_record import RunRecord
+from castfem.runs.output.summary import Summary
 from castfem.runs.results.headline import plain_label
 from castfem.runs.results.labels import last_quantities
+from castfem.runs.results.needs import fault_of, faults_of
+from castfem.runs.results.registry import columns_of, results_of
+from castfem.runs.results.summary import run_warnings
 
 
 def test_an_interrupted_run_is_told_in_the_words_of_a_finished_one(tmp_path):
@@ -75,3 +88,94 @@ def test_the_words_are_those_of_the_report(tmp_path):
 def test_a_plain_label_does_not_tell_the_place(label: str, plain: str) -> None:
     """Beside other runs the place of one of them would mislead."""
     assert plain_label(Quantity(1.0, "Pa", label)) == plain
+
+
+# What is told from the case alone of results that no run of it has, against what runs have
+
+
+@pytest.fixture(scope="module")
+def thermal() -> Iterator[Simulation]:
+    simulation = build(small({"output.shell_at": [0.7]}), MPI.COMM_SELF)
+    yield simulation
+    simulation.destroy()
+
+
+def names_of(simulation: Any) -> set[str]:
+    having = (*columns_of(simulation), *results_of(simulation))
+    return {definition.named(probe) for definition, probe in having}
+
+
+def test_results_of_a_thermal_run(thermal: Simulation) -> None:
+    case, having = thermal.case, sorted(names_of(thermal))
+    assert len(having) > 20 and "fs70_corner" in having
+    assert faults_of(case, having) == [""] * len(having)
+    others = [name for name in result_names() if name not in having]
+    refused = {name for name, fault in zip(others, faults_of(case, others), strict=True) if fault}
+    assert {"von_mises_max", "way_von_mises_max", "gap_corner", "mould_gap_max"} <= refused
+    assert {"surface_temperature_tip", "size_mid_face", "negative_strip_time"} <= refused
+
+
+def test_results_of_a_slice_in_its_mould(thermal: Simulation) -> None:
+    case = load("billet125/taper_1")
+    law = SimpleNamespace(data=object())
+    strained = SimpleNamespace(
+        slice=SimpleNamespace(
+            law=law, interactions=[SimpleNamespace(has_friction=True)], planes=PlainPlanes()
+        )
+    )
+    like = SimpleNamespace(
+        case=case, strained=strained, probes=thermal.probes,
+        centred_probes=thermal.centred_probes, zones=thermal.zones,
+    )  # fmt: skip
+    having = sorted(names_of(like))
+    assert "contact_sticking" in having and "gap_corner" in having
+    assert faults_of(case, having) == [""] * len(having)
+    assert fault_of(case, "negative_strip_time").startswith(
+        "is none of this case, for it has no [mould.oscillation]; "
+    )
+
+
+def test_what_is_missing_is_named() -> None:
+    case = small()
+    assert fault_of(case, "gap_max") == (
+        "is none of this case, for it has no [mechanics] and [mould]; "
+        "add it, or name another result"
+    )
+    assert fault_of(case, "shell_tip") == (
+        'has no place "tip" on this section; allowed: mid_face, narrow_face, corner'
+    )
+    assert fault_of(case, "fs70_corner") == "is not followed; give output.shell_at = [0.7]"
+
+
+# What a finished run says cannot be trusted in it
+
+
+OPEN = "does not close: its relative error is"
+
+
+@pytest.mark.parametrize(
+    ("heat", "force", "warmed", "told"),
+    [
+        (1e-12, 1e-10, 0.0, []),
+        (0.18, 1e-10, 0.0, ["the heat balance does not close: 1.8e-01 of the heat"]),
+        (float("nan"), 1e-10, 0.0, ["the heat balance does not close: nan of the heat"]),
+        (1e-12, 1.8e-6, 0.0, [f"the balance of forces in the plane {OPEN} 1.8e-06 (allowed: 1"]),
+        (
+            1e-12,
+            1e-10,
+            3.5,
+            ["the highest temperature of the strand has risen by 3.5 K above that of"],
+        ),
+    ],
+)
+def test_what_is_not_right_is_told(
+    heat: float, force: float, warmed: float, told: list[str]
+) -> None:
+    balances = {
+        "heat": {"whole": Quantity(heat, "-", "")},
+        "forces in the plane": {"error": Quantity(force, "-", "")},
+    }
+    summary = Summary("", "finished", {}, {}, balances=balances)
+    case = small({"mechanics": {}})
+    found = list(run_warnings(summary, case, warmed))
+    assert [line[: len(one)] for line, one in zip(found, told, strict=True)] == told

@@ -46,10 +46,9 @@ from castfem.runs.results import registry as of_simulation
 from castfem.runs.results.headline import HEADLINE
 from castfem.runs.results.labels import last_quantities, probes_with
 from castfem.runs.results.mechanical import smooth_peak
-from castfem.runs.results.mould_extremes import SmoothPeak, SmoothStress
 from castfem.runs.results.needs import are_met
 from castfem.runs.results.reference_table import written
-from castfem.runs.results.sample import Sample
+from castfem.runs.results.sample import Sample, SmoothPeak, SmoothStress
 
 ROOT = Path(__file__).parents[2]
 HALF_SPACE = ROOT / "cases" / "verification" / "weiner_boley_coarse.toml"

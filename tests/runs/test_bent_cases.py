@@ -14,7 +14,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from bent_case import HALF, RADIUS, SEGMENT, bent
-from billet_runs import run_in_memory
+from runs.billet_runs import run_in_memory
 
 from castfem.base.errors import InputError
 from castfem.model import Case, load_case

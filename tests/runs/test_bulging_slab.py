@@ -9,8 +9,8 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from billet_runs import Kept, run_in_memory
 from interrupted import history_of
+from runs.billet_runs import Kept, run_in_memory
 from small_case import small
 
 from castfem.base.errors import InputError, RunFailure

@@ -10,7 +10,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from bent_case import BENT, bent
-from billet_runs import Kept, run_in_memory
+from runs.billet_runs import Kept, run_in_memory
 
 from castfem.base.errors import InputError, RunFailure
 from castfem.model import Case, load_case

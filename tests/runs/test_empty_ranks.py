@@ -8,8 +8,8 @@ from pathlib import Path
 from mpi4py import MPI
 
 import pytest
-from billet_runs import CASES
 from ranks import needs_mpirun, python_on
+from runs.billet_runs import CASES
 from test_run_on_ranks import COARSE, assert_same
 
 from castfem.model import load_case

@@ -10,7 +10,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from runs.billet_runs import CASES, COARSE, Kept, run_in_memory
-from runs.test_beam_blank import BEAM_BLANK
+from runs.test_unequal_sections import BEAM_BLANK
 
 from castfem.model import load_case
 from castfem.model.build.simulation import build

@@ -10,8 +10,8 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from billet_runs import COARSE
 from ranks import needs_mpirun, python_on
+from runs.billet_runs import COARSE
 
 from castfem.model import load_case
 from castfem.model.build.simulation import build

@@ -8,7 +8,7 @@ from hashlib import sha256
 from pathlib import Path
 
 import pytest
-from billet_runs import billet, run
+from runs.billet_runs import billet, run
 
 from castfem.base.errors import InputError
 from castfem.cli import execute

@@ -10,8 +10,8 @@ from mpi4py import MPI
 import numpy as np
 import pandas
 import pytest
-from billet_runs import billet, run
 from interrupted import stopped
+from runs.billet_runs import billet, run
 
 import castfem
 from castfem.base.errors import InputError

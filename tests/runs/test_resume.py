@@ -17,9 +17,9 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from billet_runs import billet, run
-from interrupted import stopped
+from interrupted import history_of, stopped
 from ranks import needs_mpirun, python_on, started
+from runs.billet_runs import billet, run
 
 from castfem.base.errors import InputError, RunFailure
 from castfem.model import Case, load_case
@@ -353,3 +353,28 @@ def test_a_signal_to_mpirun_saves_the_step(tmp_path: Path, number: signal.Signal
     last = read_history(folder / "history.csv")["time"].iloc[-1]
     assert 0.0 < last < 10.0
     assert load_checkpoint(folder / "checkpoint.h5")[0]["time"] == pytest.approx(last)
+
+
+# A billet whose liquid is fed goes on from a checkpoint as if it had never been stopped
+
+
+CASES = Path(__file__).parents[2] / "cases" / "billet125"
+FED_COARSE = (
+    "mesh.surface_size=2 mm", "mesh.corner_size=2 mm", "mesh.face_size=10 mm",
+    "mesh.core_size=10 mm", "coupling.interval=0.4 s", "casting.length=240 mm",
+    "output.figures=false", "output.fields=[]",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def whole_fed(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The history of a run that was never stopped."""
+    return history_of(
+        load_case(CASES / "taper_1.toml", FED_COARSE), tmp_path_factory.mktemp("whole")
+    )
+
+
+@pytest.mark.parametrize("steps", [3, 6])
+def test_it_goes_on_byte_for_byte(tmp_path: Path, whole_fed: bytes, steps: int) -> None:
+    """Whether the checkpoint stands before or after another layer of cells has begun to freeze."""
+    assert history_of(load_case(CASES / "taper_1.toml", FED_COARSE), tmp_path, steps) == whole_fed

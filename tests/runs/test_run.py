@@ -1,4 +1,4 @@
-"""A run from case to folder: what it writes, how it resumes, how it fails, what it leaves out."""
+"""A run: what it writes, how it is stopped, and what is asked once."""
 
 from __future__ import annotations
 
@@ -8,15 +8,19 @@ import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
-from billet_runs import run
+from runs.billet_runs import run
+from small_case import small
 
 from castfem.base.errors import InputError, RunFailure
 from castfem.model import Case, load_case
+from castfem.runs import loop
+from castfem.runs.output.checkpoint import CHECKPOINT_NAME, load_checkpoint
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.history import read_history
 from castfem.runs.output.summary import Summary
@@ -338,3 +342,43 @@ def test_emissivity_that_the_steel_lacks_is_missed_before_the_run(tmp_path: Path
     )
     with pytest.raises(InputError, match="emissivity"):
         run(case, tmp_path)
+
+
+# What cannot change during a run is asked for once, however often a run saves
+
+
+def test_the_case_is_written_out_once_for_all_checkpoints(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = small({"output.checkpoint_every": 1})
+    tables, asked = case.physics(), 0
+
+    def physics(self: Case) -> dict[str, Any]:
+        nonlocal asked
+        asked += 1
+        return tables
+
+    monkeypatch.setattr(Case, "physics", physics)
+    loop.run(case, tmp_path, comm=MPI.COMM_SELF)
+    assert len((tmp_path / "history.csv").read_text().splitlines()) > 10  # a save for each
+    assert asked == 1
+    monkeypatch.undo()
+    # What is kept is still the case, and is held against it.
+    load_checkpoint(tmp_path / CHECKPOINT_NAME, physics=case.physics_hash(), case=tables)
+
+
+# An error that reads like the end of typed input is a failure, not an interruption
+
+
+@pytest.mark.parametrize("place", ["build", "TimeLoop.advance"])
+def test_an_end_of_file_is_not_an_interruption(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str
+) -> None:
+    def cut_off(*_: object) -> None:
+        raise EOFError("Ran out of input")
+
+    monkeypatch.setattr(f"castfem.runs.loop.{place}", cut_off)
+    with pytest.raises(EOFError, match="Ran out of input"):
+        loop.run(small(), tmp_path, comm=MPI.COMM_SELF)
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert record["status"] == "failed" and "Ran out of input" in record["reason"]

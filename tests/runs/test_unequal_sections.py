@@ -1,17 +1,25 @@
-"""Half and whole sections in moulds: the wall holds the strand, and nothing else does."""
+"""Sections in their moulds: unequal sides, rounds, beam blanks, and what symmetry leaves out."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
+
+from mpi4py import MPI
 
 import numpy as np
 import pytest
-from runs.billet_runs import Kept, billet, run_in_memory
+from runs.billet_runs import CASES, Kept, billet, run_in_memory
+from small_case import small
 
 from castfem.base.types import Array
+from castfem.model import load_case
 from castfem.model.build import mechanics as build_mechanics
+from castfem.model.build.simulation import build
 from castfem.physics.mould.wall import GapFunction, Wall
+from castfem.runs.loop import TimeLoop
 
 HALF = ("section.symmetry=half", "mesh.surface_size=3 mm", "mesh.corner_size=3 mm")
 WHOLE = ("section.symmetry=whole", "mesh.surface_size=4 mm", "mesh.corner_size=4 mm")
@@ -164,3 +172,144 @@ def test_a_section_held_on_one_side_alone() -> None:
     mechanics = kept.samples[-1].mechanics
     assert mechanics is not None and mechanics.balance is not None
     assert abs(mechanics.balance.support[1]) < 1e-6
+
+
+# A round in a straight mould, where the gap decides on the heat: whole as its quarter
+
+
+# What makes a round in a mould of its billet.
+ROUND: dict[str, Any] = {
+    "casting.length": "200 mm",
+    "section": {"shape": "round", "diameter": "150 mm"},
+    "mesh": {"order": 2, "surface_size": "3 mm", "face_size": "10 mm", "core_size": "10 mm"},
+    "cooling.0.surface.0.gap_conductivity": "0.15 W/(m K)",
+    "thermal.time.step": "0.25 s",
+    "mechanics": {},
+    "mould": {"length": "200 mm", "taper": "0 %/m"},
+    "coupling": {"interval": "0.25 s"},
+    "output": {"figures": False, "fields": []},
+}
+
+
+def test_the_gap_of_a_round_is_that_of_its_quarter() -> None:
+    """Windows are repeated, relaxed by sums over the surface: the same share of each vertex."""
+    case = small(ROUND)
+    quarter, whole = (
+        run_in_memory(case.with_({"section.symmetry": part})) for part in ("quarter", "whole")
+    )
+    for kept in (quarter, whole):
+        assert kept.summary is not None
+        assert kept.summary.steps["coupling iterations"] > len(kept.samples)
+    assert whole.value("heat_removed") == pytest.approx(quarter.value("heat_removed"), rel=1e-7)
+
+
+# A beam blank in its mould: a surface that is hollow between web and flange
+
+
+BEAM_BLANK = f"""
+extends = "{CASES / "tapered.toml"}"
+
+[casting]
+speed = "1 m/min"
+length = "40 mm"
+
+[section]
+shape = "beam_blank"
+width = "400 mm"
+height = "300 mm"
+web_thickness = "100 mm"
+flange_thickness = "60 mm"
+root_thickness = "90 mm"
+fillet_radius = "20 mm"
+shoulder_radius = "15 mm"
+corner_radius = "10 mm"
+
+[mesh]
+surface_size = "4 mm"
+corner_size = "6 mm"
+surface_depth = "4 mm"
+face_size = "20 mm"
+core_size = "20 mm"
+
+[mould]
+taper = "1 %/m"
+
+[coupling]
+interval = "0.6 s"
+
+[output]
+fields = []
+figures = false
+"""
+
+
+def test_beam_blank_in_its_mould(tmp_path: Path) -> None:
+    """Forces and heat balance, the wall is not entered, and it bears the liquid."""
+    (tmp_path / "beam_blank.toml").write_text(BEAM_BLANK)
+    kept = run_in_memory(load_case(tmp_path / "beam_blank.toml"))
+    for sample in kept.samples[1:]:
+        mechanics = sample.mechanics
+        assert mechanics is not None and mechanics.balance is not None
+        contact = mechanics.contact
+        assert contact is not None and contact.penetration < 1e-6 and contact.share > 0.5
+        assert mechanics.balance.forces_error < 1e-6 and mechanics.balance.axial_error < 1e-6
+        assert abs(sample.balance) < 1e-9
+        # The lines of symmetry carry what the wall bears.
+        left = mechanics.balance.support + contact.force
+        assert np.abs(left).max() < 1e-6 * np.abs(contact.force).max()
+    # At first there is next to no shell: one pressure, on half the width and half the web.
+    first = kept.samples[1].mechanics
+    assert first is not None and first.contact is not None
+    assert first.contact.force[1] / first.contact.force[0] == pytest.approx(200 / 50, rel=0.01)
+    assert kept.summary is not None
+    assert kept.summary.balances["heat"]["whole"].value < 1e-9
+
+
+# The coupled billet does not know how much of its section is modelled, nor by which cells
+
+
+CASE = Path(__file__).parents[2] / "cases" / "billet125" / "taper_0.toml"
+COARSE = (
+    'mesh.surface_size="2.5 mm"',
+    'mesh.corner_size="2.5 mm"',
+    'mesh.face_size="12 mm"',
+    'mesh.core_size="18 mm"',
+    'coupling.interval="0.2 s"',
+    'casting.length="120 mm"',
+    "output.fields=[]",
+)
+RUBBING = ("mould.contact=nitsche", "mould.friction.law=coulomb", "mould.friction.coefficient=0.3")
+
+
+@lru_cache
+def ends(*changes: str) -> dict[str, float]:
+    """What the run comes to: heat, stress, movement, contact."""
+    simulation = build(load_case(CASE, (*COARSE, *changes)), MPI.COMM_SELF)
+    try:
+        sample = TimeLoop(simulation).run()
+    finally:
+        simulation.destroy()
+    strained = sample.mechanics
+    assert strained is not None and strained.contact is not None
+    return {
+        "heat": sample.removed,
+        "peak": strained.peak,
+        "strain": strained.strain,
+        "corner": strained.moved["corner"],
+        "gap": strained.contact.gap,
+        "pressure": strained.contact.pressure,
+        "share": strained.contact.share,
+        "surface": float(sample.profiles["corner"].temperature[0]),
+        "friction": strained.contact.axial,
+    }
+
+
+@pytest.mark.parametrize(
+    ("symmetry", "touch"), [("whole", ()), ("half", RUBBING)], ids=["penalty", "nitsche, friction"]
+)
+def test_quarter_half_and_whole_are_one(symmetry: str, touch: tuple[str, ...]) -> None:
+    part, more = (ends(f'section.symmetry="{name}"', *touch) for name in ("quarter", symmetry))
+    assert part["gap"] > 1e-6 and (part["friction"] < 0.0) == bool(touch)
+    for name, value in part.items():
+        times = (2, 4)[symmetry == "whole"] if name == "friction" else 1  # of the part modelled
+        assert more[name] == pytest.approx(times * value, rel=1e-6), name

@@ -12,7 +12,8 @@ import h5py
 import pytest
 from filelock import FileLock, Timeout
 
-from castfem.base.atomic_files import taken
+from castfem.base.atomic_files import folder_refused, saving, taken
+from castfem.base.errors import RunFailure
 from castfem.runs.output.field_files import open_hdf5
 from castfem.runs.output.folder import OutputFolder
 from castfem.studies.sweep.record import Entry, Record
@@ -86,3 +87,15 @@ def test_fields_are_read_without_a_lock(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr(h5py, "File", opened)
     open_hdf5(tmp_path / "fields.h5")
     assert asked == [("r", {"locking": False})]
+
+
+# What is said of a folder that cannot be written
+
+
+def test_the_reason_stands_there_once() -> None:
+    full = OSError(errno.ENOSPC, "No space left on device")
+    said = "out: cannot be written (No space left on device); choose another with -o"
+    assert folder_refused(Path("out"), full) == said
+    with pytest.raises(RunFailure) as caught, saving(Path("out/sweep.json")):
+        raise full
+    assert folder_refused(Path("out"), caught.value) == said

@@ -11,7 +11,7 @@ import castfem
 from castfem.base.shown_quantity import Quantity
 from castfem.post.compare.study_tables import sweep_table
 from castfem.studies.sweep.plan import brief, plan, run_name, split_values
-from castfem.studies.sweep.results import Row
+from castfem.studies.sweep.record import Row
 
 
 @pytest.fixture(scope="module")

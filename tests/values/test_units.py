@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import importlib
 import math
+import pkgutil
+from typing import Annotated, Optional, get_args, get_origin
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
+import castfem.base
+import castfem.model
 from castfem.base import quantities, units
+from castfem.base.quantities import Notation
 from castfem.base.shown_units import below_meniscus
 
 
@@ -207,3 +213,26 @@ def test_a_name_is_proposed_where_it_is_near(name: str, near: str) -> None:
     assert proposed == (f"; did you mean {near}?" if near else "")
     files = units.nearest(f"{name}.toml", ["casting.toml", "cooling.toml", "mould.toml", "x.toml"])
     assert files == (f"; did you mean {near}.toml?" if near else "")
+
+
+# How values are written in files: the annotations of fields
+
+
+def annotations() -> dict[str, object]:
+    """Each annotated type that a module of case files names, by module and name."""
+    found = {}
+    for package in (castfem.model, castfem.base):
+        for module in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
+            for name, value in vars(importlib.import_module(module.name)).items():
+                if get_origin(value) is Annotated:
+                    found[f"{module.name}.{name}"] = value
+    return found
+
+
+def test_any_python_can_join_it_with_none() -> None:
+    """Early releases of Python 3.11 and 3.12 put the members of a union in a set."""
+    assert annotations()
+    for name, annotation in annotations().items():
+        marks = [mark for mark in get_args(annotation)[1:] if isinstance(mark, Notation)]
+        assert len({*marks, *marks}) == len(marks), name
+        assert type(None) in get_args(Optional[annotation]), name  # noqa: UP045

@@ -18,10 +18,8 @@ from synthetic_run import COLUMNS, LENGTH, rows, summary, write_run
 from castfem.base.errors import InputError
 from castfem.base.progress import Progress
 from castfem.cli import execute
-from castfem.post.watch.page import Page
-from castfem.post.watch.run_status import RunStatus, Watcher
-from castfem.post.watch.sweep_status import PATIENCE, SweepWatcher, unfinished
-from castfem.post.watch.terminal import Viewing, watch
+from castfem.post.watch.show import Page, Viewing, watch
+from castfem.post.watch.status import PATIENCE, RunStatus, SweepWatcher, Watcher, unfinished
 from castfem.runs.loop import run
 from castfem.runs.output.folder import OutputFolder
 from castfem.runs.output.history import History

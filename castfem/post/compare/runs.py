@@ -12,7 +12,7 @@ from castfem.runs.output.folder import CASTER_NAME
 from castfem.runs.output.history import HISTORY_NAME, read_history
 from castfem.runs.output.run_record import RunRecord
 from castfem.runs.output.summary import Summary
-from castfem.runs.results.derived import derived
+from castfem.runs.results.headline import derived
 from castfem.studies.sweep.plan import brief
 from castfem.studies.sweep.record import SWEEP_NAME, Record
 

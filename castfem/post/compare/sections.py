@@ -14,6 +14,7 @@ from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.shown_units import said, scale_of
 from castfem.post.compare.runs import Run
 from castfem.post.plots.deformation import cover_soft, draw_outlines, fill_stress, stress_levels
+from castfem.post.plots.history import low_legend
 from castfem.post.plots.section import (
     Steel,
     draw_isotherms,
@@ -23,7 +24,7 @@ from castfem.post.plots.section import (
     state_shares,
 )
 from castfem.post.plots.shape import Distortion, von_mises
-from castfem.post.plots.style import new_figure
+from castfem.post.plots.style import Margins, new_figure
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.xdmf import HDF5_NAME
 from castfem.runs.results.numbers import small_gap
@@ -34,19 +35,8 @@ if TYPE_CHECKING:
     from matplotlib.tri import Triangulation
 
 
-@dataclass(frozen=True, slots=True)
-class Grid:
-    """Inches around sections side by side (`right` with a scale of colours), and between them."""
-
-    left: float = 0.6
-    right: float = 1.0
-    above: float = 0.7
-    below: float = 1.0
-    beside: float = 0.4
-    between: float = 0.65
-
-
-GRID = Grid()
+GRID = Margins(left=0.6, right=1.0, above=0.7, below=1.0, beside=0.4, between=0.65)
+"""With a scale of colours to the right."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +168,7 @@ def _side_by_side(
         ax.set_title(name + (apart + found.words if found.words else ""), fontsize=9)
     if scale:
         bar(figure, shades, scale)
-    legend(figure, handles)
+    low_legend(figure, list(handles.values()))
     return figure
 
 
@@ -315,16 +305,3 @@ def bar(figure: Figure, shades: Any, label: str) -> None:
     tall = height - GRID.above - GRID.below
     place = figure.add_axes((left / width, GRID.below / height, 0.14 / width, tall / height))
     figure.colorbar(shades, cax=place, label=label)
-
-
-def legend(figure: Figure, handles: Mapping[str, Any]) -> None:
-    """The legend below everything, on as many lines as it needs."""
-    fitting = max(1, int(figure.get_size_inches()[0] / 1.7))  # inches of an entry
-    rows = math.ceil(len(handles) / fitting)
-    figure.legend(
-        list(handles.values()),
-        list(handles),
-        loc="lower center",
-        ncols=math.ceil(len(handles) / max(rows, 1)) or 1,
-        frameon=False,
-    )

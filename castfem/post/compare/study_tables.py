@@ -15,7 +15,7 @@ from castfem.runs.results.numbers import error_shown, resolution_in, shown, unit
 from castfem.studies.accuracy.estimate import Estimate
 from castfem.studies.accuracy.table import Entry, ErrorTable
 from castfem.studies.sweep.plan import shortened
-from castfem.studies.sweep.results import TABLE_NAME, Row, varied
+from castfem.studies.sweep.record import TABLE_NAME, Row, varied
 
 if TYPE_CHECKING:
     import pandas

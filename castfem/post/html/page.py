@@ -25,15 +25,15 @@ from castfem.base.table import Table, pairs
 from castfem.model.shipped_cases import CASE_NAME
 from castfem.post.compare.runs import Run, alone, heat_shared, read_runs
 from castfem.post.compare.table import SHARE, Line, cells, lines
-from castfem.post.html import charts as drawn
-from castfem.post.html.sections import Section, sections
+from castfem.post.html.graphics import FRAME, Section, sections
+from castfem.post.html.graphics import charts as charts_of
 from castfem.post.plots.figures import FIGURES
 from castfem.post.report.cautions import cautions, cautions_of_all
 from castfem.post.report.conclusions import conclusions
 from castfem.post.report.cracks import crack_places
 from castfem.post.report.remarks import remarks_of
-from castfem.post.report.results_table import balance_tables
 from castfem.post.report.show import how_it_ended
+from castfem.post.report.tables import balance_tables
 from castfem.runs.output.folder import FIGURES_NAME
 from castfem.runs.output.run_record import RunRecord
 from castfem.runs.output.summary import Summary
@@ -97,11 +97,11 @@ def _content(runs: Sequence[Run], at_work: AtWork | None, at: Sequence[float]) -
         if not there:
             raise InputError(f"{runs[0].folder}: the run has not been at {place_said(position)}")
         tables.append((f"place{number}", f"At {place_said(position)}", _numbers(runs, there)))
-    charts = drawn.charts(runs)[:60] if runs else []
+    charts = charts_of(runs)[:60] if runs else []
     drawn_sections = sections([run.folder for run in runs])
     keys = [(key, *values) for key, values in differing_keys(runs)] if len(runs) > 1 else []
     heads = ("key", *(run.label for run in runs))
-    size = asdict(drawn.FRAME)
+    size = asdict(FRAME)
     along = plain_unit(scale_of("m", "position").unit)
     in_mm = scale_of("mm", "position").unit == "mm"
     place = f'Number(x.toPrecision(4)) + " {along}"'

@@ -26,8 +26,7 @@ from castfem.post.plots.maps import (
     temperature_colours,
 )
 from castfem.post.plots.style import STYLE, new_figure
-from castfem.runs.output.surface_line import SurfaceLine
-from castfem.runs.output.surface_maps import SurfaceMaps
+from castfem.runs.output.surface_maps import SurfaceLine, SurfaceMaps
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -130,18 +130,27 @@ def _magnified(fields: Fields, index: int) -> tuple[Distortion, float]:
 
 def cover_soft(axes: Axes, mesh: Triangulation, kelvin: Array, steel: Steel) -> list[Line2D]:
     """Covers mushy zone and liquid with grey; returns the legend of what it drew."""
-    from matplotlib.lines import Line2D
-
     if kelvin.max() <= steel.solidus:
         return []
+    fill_soft(axes, mesh, kelvin, steel, float(kelvin.max()))
+    return [_draw_solidus(axes, mesh, kelvin, steel), *soft_handles()]
+
+
+def fill_soft(axes: Axes, mesh: Triangulation, kelvin: Array, steel: Steel, hottest: float) -> None:
+    """Fills what is mushy and what is liquid, of temperatures up to the hottest."""
     liquidus = max(steel.liquidus, float(np.nextafter(steel.solidus, np.inf)))
-    levels = [steel.solidus, liquidus, max(float(kelvin.max()), liquidus) + 1.0]
+    levels = [steel.solidus, liquidus, max(hottest, liquidus) + 1.0]
     axes.tricontourf(mesh, kelvin, levels=levels, colors=SOFT)
-    soft = [
+
+
+def soft_handles() -> list[Line2D]:
+    """The legend of what is mushy and of what is liquid."""
+    from matplotlib.lines import Line2D
+
+    return [
         Line2D([], [], color=colour, marker="s", markersize=8, linestyle="none", label=name)
         for name, colour in zip(("mushy", "liquid"), SOFT, strict=True)
     ]
-    return [_draw_solidus(axes, mesh, kelvin, steel), *soft]
 
 
 def _draw_solidus(axes: Axes, mesh: Triangulation, kelvin: Array, steel: Steel) -> Line2D:

@@ -160,10 +160,6 @@ def _stack(run: RunData) -> Picture | None:
     return None if len(run.fields.positions) < STYLE.slices else draw_stack(run.fields, run.steel)
 
 
-def _unrolled(run: RunData) -> Picture | None:
-    return draw_maps(run.maps, Abscissa(run.maps.time, run.maps.position, run.zones))
-
-
 FIGURES = {
     figure.name: figure
     for figure in (
@@ -192,7 +188,10 @@ FIGURES = {
         _along("bulging", "Bulge between rolls, force on the rolls", picture=True),
         Figure("roll_to_roll", "Surface temperature from roll to roll", "table", _roll_to_roll),
         Figure("maps", "Surface unrolled: temperature, low ductility, crack indexes", "maps",
-               _unrolled, picture=True),
+               lambda run: draw_maps(
+                   run.maps, Abscissa(run.maps.time, run.maps.position, run.zones)
+               ),
+               picture=True),
         Figure("caster", "Strand between its rolls", "maps",
                lambda run: draw_caster(run.maps, run.rolls), picture=True),
     )

@@ -18,8 +18,7 @@ from castfem.base.shown_units import plain_unit, scale_of
 from castfem.base.types import Array, Indices
 from castfem.physics.machine.stations import Stations
 from castfem.post.plots.style import STYLE, Abscissa, dress, new_panels
-from castfem.runs.output.surface_line import SurfaceLine
-from castfem.runs.output.surface_maps import IN_BAND, SurfaceMap, SurfaceMaps
+from castfem.runs.output.surface_maps import IN_BAND, SurfaceLine, SurfaceMap, SurfaceMaps
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,7 +5,6 @@ Figures are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -18,7 +17,7 @@ from castfem.base.types import Array
 from castfem.physics.mould.cavity import Sides
 from castfem.physics.mould.mould import Mould
 from castfem.physics.mould.perimeter import Places
-from castfem.post.plots.style import STYLE, head, look, new_figure
+from castfem.post.plots.style import STYLE, head, look, new_figure, round_factor
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -91,19 +90,13 @@ def _section(ax: Axes, mould: Mould) -> None:
     moved = [outline - outlines[0] for outline in outlines]
     most = max(float(np.hypot(*m.T).max()) for m in moved)
     small = min(float(np.ptp(outlines[0][:, axis])) for axis in (0, 1))
-    times = _round(0.12 * 0.5 * small / most) if most > 1e-9 * small else 1.0
+    times = round_factor(0.12 * 0.5 * small / most) if most > 1e-9 * small else 1.0
     for name, position, deviation, colour in zip(
         _STAGES, positions, moved, _STAGE_COLOURS, strict=True
     ):
         x, y = 1e3 * (outlines[0] + times * deviation).T
         ax.plot(x, y, color=colour, solid_capstyle="round", label=f"{name}, {1e3 * position:g} mm")
     _in_mm(ax, f"wall, deviation x {times:g}" if times != 1.0 else "wall")
-
-
-def _round(factor: float) -> float:
-    """The largest of 1, 2, 5, 10, 20 ... not above a factor, at least 1."""
-    decade = 10.0 ** math.floor(math.log10(factor)) if factor > 1.0 else 1.0
-    return max(m * decade for m in (1.0, 2.0, 5.0) if m * decade <= max(factor, 1.0))
 
 
 def _wall(ax: Axes, mould: Mould) -> None:

@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.shown_units import is_chosen, place_said, said
-from castfem.post.plots.style import LIQUIDUS_COLOUR, SOLIDUS_COLOUR, STYLE, new_figure
+from castfem.post.plots.style import (
+    LIQUIDUS_COLOUR,
+    SOLIDUS_COLOUR,
+    STYLE,
+    Margins,
+    new_figure,
+)
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.layout import triangulate
 
@@ -27,17 +33,7 @@ if TYPE_CHECKING:
 STATES = {"solid": "#5b6f82", "mushy": "#f2a541", "liquid": "#fbe7b2"}
 
 
-@dataclass(frozen=True, slots=True)
-class Margins:
-    """Inches around the frame of a section; `bar` for a scale of colours below it."""
-
-    left: float = 0.72
-    right: float = 0.15
-    below: float = 0.5
-    bar: float = 0.62
-
-
-MARGINS = Margins()
+MARGINS = Margins(left=0.72, right=0.15, above=0.15, below=0.5, between=0.62)
 _MIRRORED = {"quarter": ((1, 1), (-1, 1), (-1, -1), (1, -1)), "half": ((1, 1), (-1, 1))}
 
 
@@ -203,8 +199,8 @@ def frame(mesh: Triangulation, title: str, bar: bool) -> tuple[Figure, Axes]:
     if width < 4.0:
         title = title.replace(", ", ",\n").replace(" at ", "\nat ")
     right = 0.075 * width + 0.75 if bar and not flat else MARGINS.right
-    bottom = MARGINS.below + (MARGINS.bar if bar and flat else 0.0)
-    top = 0.15 + 0.2 * (title.count("\n") + 1)
+    bottom = MARGINS.below + (MARGINS.between if bar and flat else 0.0)
+    top = MARGINS.above + 0.2 * (title.count("\n") + 1)
     across, up = max(MARGINS.left + width + right, 3.6), bottom + height + top
     aside = 0.5 * (across - MARGINS.left - width - right)  # of a figure wider than what it shows
     figure = new_figure(across, up, layout="none")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from castfem.base.constants import ROUNDING
 from castfem.base.types import Array
 from castfem.model.shipped_cases import CASE_NAME
-from castfem.post.plots.style import STYLE
+from castfem.post.plots.style import STYLE, round_factor
 from castfem.runs.output.fields import Fields
 
 Indices = NDArray[np.intp]
@@ -153,11 +153,9 @@ def magnification(moved: Array, points: Array, share: float = STYLE.moves) -> fl
     """The largest factor 1, 2, 5, 10 ... that moves nothing by more than a share of a side."""
     largest = float(np.linalg.norm(moved, axis=-1).max(initial=0.0))
     room = share * float(np.ptp(points[:, :2], axis=0).min())
-    if largest <= 0.0 or not np.isfinite(largest) or room <= largest:
+    if largest <= 0.0 or not np.isfinite(largest):
         return 1.0
-    decade = 10.0 ** np.floor(np.log10(room / largest))
-    most = room * (1 + 1e-9)
-    return next(float(f * decade) for f in (5.0, 2.0, 1.0) if f * decade * largest <= most)
+    return round_factor(room / largest)
 
 
 def von_mises(fields: Fields, index: int = -1) -> Array | None:

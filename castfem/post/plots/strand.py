@@ -15,12 +15,19 @@ from numpy.typing import NDArray
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.shown_units import plain_unit, scale_of
 from castfem.base.types import Array
-from castfem.post.plots.deformation import SOFT, STRESS_MAP, stress_levels
-from castfem.post.plots.legend import low_legend
+from castfem.post.plots.deformation import STRESS_MAP, fill_soft, soft_handles, stress_levels
+from castfem.post.plots.history import low_legend
 from castfem.post.plots.section import Steel, section_triangles, shade
 from castfem.post.plots.shape import Outline, displacement, magnification, von_mises
-from castfem.post.plots.style import LIQUIDUS_COLOUR, SOLIDUS_COLOUR, STYLE, new_figure
+from castfem.post.plots.style import (
+    LIQUIDUS_COLOUR,
+    SOLIDUS_COLOUR,
+    STYLE,
+    Margins,
+    new_figure,
+)
 from castfem.runs.output.fields import Fields
+from castfem.runs.output.stacked_slices import at_rows
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,18 +41,8 @@ _OUTSIDE = 50.0  # degrees from x
 _INSIDE = {"quarter": 230.0, "half": 130.0}  # from where planes of symmetry are seen
 
 
-@dataclass(frozen=True, slots=True)
-class Pictures:
-    """Inches of the pictures of a strand: their height, around them, and from one to the next."""
-
-    height: float = 5.2
-    left: float = 0.95
-    beside: float = 0.25
-    below: float = 1.15
-    above: float = 0.35
-
-
-PICTURES = Pictures()
+PICTURES = Margins(left=0.95, right=0.0, above=0.35, below=1.15, beside=0.25)
+_HEIGHT = 5.2  # of a picture, inches
 _EDGE: dict[str, Any] = {"color": "#333333", "linewidth": 0.9}
 _RING: dict[str, Any] = {"color": "#555555", "linewidth": 0.45, "alpha": 0.55}
 
@@ -99,7 +96,7 @@ class Stack:
         rows = _between(position)
         fall = -1.6 * float(sides.sum()) / float(np.ptp(position))
         plane = fields.points[:, :2]
-        drawn = plane[nodes] + factor * _at_rows(rows, position, moved)
+        drawn = plane[nodes] + factor * at_rows(rows, position, moved)
         up = np.broadcast_to(fall * (rows - rows[0])[:, None, None], (*drawn.shape[:2], 1))
         last = np.full((len(plane), 1), fall * (rows[-1] - rows[0]))
         return cls(
@@ -108,9 +105,9 @@ class Stack:
             plane=1e3 * plane[nodes],
             position=rows,
             points=1e3 * np.concatenate([drawn, up], axis=2),
-            temperature=_at_rows(rows, position, np.array(kelvin)),
+            temperature=at_rows(rows, position, np.array(kelvin)),
             stress=(
-                _at_rows(rows, position, np.array(pascal))
+                at_rows(rows, position, np.array(pascal))
                 if strongest > 0.0 and len(pascal) == len(times)
                 else None
             ),
@@ -127,14 +124,6 @@ def _between(position: Array) -> Array:
     parts = np.arange(each) / each
     inner = position[:-1, None] + np.diff(position)[:, None] * parts
     return np.append(inner.ravel(), position[-1])
-
-
-def _at_rows(rows: Array, position: Array, values: Array) -> Array:
-    """Values (k, ...) of the slices at the positions of the rows, straight between them."""
-    upper = np.clip(np.searchsorted(position, rows, side="right"), 1, len(position) - 1)
-    weight = (rows - position[upper - 1]) / (position[upper] - position[upper - 1])
-    weight = weight.reshape(-1, *(1,) * (values.ndim - 1))
-    return np.asarray((1.0 - weight) * values[upper - 1] + weight * values[upper])
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,7 +180,7 @@ def draw_stack(fields: Fields, steel: Steel | None) -> Figure | None:
     kinds = ["temperature", *(["stress"] if stack.stress is not None else [])]
     extents = np.ptp([view.project(stack.points).reshape(-1, 2) for view in views], axis=1)
     widest, highest = extents.max(axis=0)
-    wide = max(PICTURES.height * widest / highest, 1.9)
+    wide = max(_HEIGHT * widest / highest, 1.9)
     figure, rows, bars = _places(len(kinds), len(views), wide)
     for number, (kind, bar) in enumerate(zip(kinds, bars, strict=True)):
         group = list(rows[number * len(views) : (number + 1) * len(views)])
@@ -213,14 +202,14 @@ def _places(kinds: int, views: int, wide: float) -> tuple[Figure, list[Axes], li
     """
     count = kinds * views
     width = PICTURES.left + count * (wide + PICTURES.beside)
-    height = PICTURES.below + PICTURES.height + PICTURES.above
+    height = PICTURES.below + _HEIGHT + PICTURES.above
     figure = new_figure(width, height, layout="none")
 
     def place(left: float, bottom: float, across: float, up: float) -> Axes:
         return figure.add_axes((left / width, bottom / height, across / width, up / height))
 
     lefts = [PICTURES.left + number * (wide + PICTURES.beside) for number in range(count)]
-    pictures = [place(left, PICTURES.below, wide, PICTURES.height) for left in lefts]
+    pictures = [place(left, PICTURES.below, wide, _HEIGHT) for left in lefts]
     span = views * (wide + PICTURES.beside) - PICTURES.beside
     scales = [place(left + 0.1 * span, 0.85, 0.8 * span, 0.12) for left in lefts[::views]]
     return figure, pictures, scales
@@ -279,10 +268,8 @@ def _draw_isotherms(
 ) -> None:
     """Solidus and liquidus; of the stress, what is soft is covered."""
     low, high = float(kelvin[mesh.triangles].min()), float(kelvin[mesh.triangles].max())
-    liquidus = max(steel.liquidus, float(np.nextafter(steel.solidus, np.inf)))
     if kind == "stress" and high > steel.solidus:
-        levels = [steel.solidus, liquidus, max(high, liquidus) + 1.0]
-        axes.tricontourf(mesh, kelvin, levels=levels, colors=SOFT)
+        fill_soft(axes, mesh, kelvin, steel, high)
     for level, colour in ((steel.solidus, SOLIDUS_COLOUR), (steel.liquidus, LIQUIDUS_COLOUR)):
         if low < level < high and (kind == "temperature" or level == steel.solidus):
             axes.tricontour(mesh, kelvin, levels=[level], colors=[colour], linewidths=[1.0])
@@ -324,7 +311,7 @@ def _draw_rings(axes: Axes, stack: Stack, view: View) -> None:
 
     ticks, scale, _ = _ticks(stack)
     inner = ticks[(ticks > scale * stack.position[0]) & (ticks < scale * stack.position[-1])]
-    points = _at_rows(inner / scale, stack.position, stack.points)
+    points = at_rows(inner / scale, stack.position, stack.points)
     rings = view.project(points)[:, view.pieces].reshape(-1, 2, 2)
     axes.add_collection(LineCollection([*rings], **_RING))
 
@@ -365,10 +352,7 @@ def _legend(stack: Stack, steel: Steel | None) -> list[Any]:
             Line2D([], [], color=LIQUIDUS_COLOUR, label="liquidus"),
         ]
     if stack.stress is not None:
-        handles += [
-            Line2D([], [], color=colour, marker="s", markersize=8, linestyle="none", label=name)
-            for name, colour in zip(("mushy", "liquid"), SOFT, strict=True)
-        ]
+        handles += soft_handles()
     if stack.factor > 0.0:
         handles.append(Line2D([], [], linestyle="none", label=f"displacement × {stack.factor:g}"))
     return handles

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -71,6 +72,18 @@ STYLE = Style()
 
 
 @dataclass(frozen=True, slots=True)
+class Margins:
+    """Room around pictures that are placed by hand, inches."""
+
+    left: float
+    right: float
+    above: float
+    below: float
+    beside: float = 0.0  #: from one to the next
+    between: float = 0.0  #: from one row to the next, or from a frame to the end of its scale
+
+
+@dataclass(frozen=True, slots=True)
 class Abscissa:
     """The way of the slice: what the x axis of every history is drawn over."""
 
@@ -106,6 +119,12 @@ class Abscissa:
         if not self.along:
             return "time since the meniscus [s]"
         return f"position below the meniscus [{'m' if self.scale == 1.0 else 'mm'}]"
+
+
+def round_factor(most: float) -> float:
+    """The largest of 1, 2, 5, 10, 20 ... not above a factor, at least 1."""
+    decade = 10.0 ** math.floor(math.log10(max(most, 1.0)))
+    return max(f * decade for f in (1.0, 2.0, 5.0) if f * decade <= max(most, 1.0) * (1.0 + 1e-9))
 
 
 @contextmanager

@@ -32,7 +32,7 @@ from castfem.post.report.remarks import (
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.history import HISTORY_NAME, Columns, read_columns
 from castfem.runs.output.summary import Summary
-from castfem.runs.results.derived import OPEN, Spell, spells
+from castfem.runs.results.headline import OPEN, Spell, spells
 from castfem.runs.results.labels import has_values, probes_with, unit_of
 from castfem.runs.results.run_case import case_with
 

@@ -12,9 +12,8 @@ from castfem.base.shown_units import place_said, said, shown_in
 from castfem.base.table import Table, listed, pairs, say
 from castfem.post.report.cautions import cautions
 from castfem.post.report.cracks import crack_places
-from castfem.post.report.places import table_along, table_at
 from castfem.post.report.remarks import remarks_of
-from castfem.post.report.results_table import balance_tables, result_tables
+from castfem.post.report.tables import balance_tables, result_tables, table_along, table_at
 from castfem.runs.output.folder import LOG_NAME, OutputFolder
 from castfem.runs.output.history import HISTORY_NAME, read_columns
 from castfem.runs.output.run_record import RunRecord

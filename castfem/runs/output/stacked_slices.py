@@ -122,7 +122,7 @@ def _fields(
             if name != "stress":
                 continue
             name, given = "axial_stress", given[..., 8]  # zz
-        values = _over(rows, slices, given)
+        values = at_rows(rows, slices, given)
         if values.ndim == 3:
             inward = side.inward_at(rows)[:, None]
             x, y = values[..., 0], values[..., 1]
@@ -140,12 +140,12 @@ def _mapped(maps: SurfaceMaps, nodes: Indices, rows: Array) -> dict[str, Array]:
     onward = np.flatnonzero(np.diff(maps.position, prepend=-1.0) > 0.0)
     for name in _indexes(maps):
         values = np.full((len(rows), len(nodes)), np.nan)
-        values[:, at] = _over(rows, maps.position[onward], maps[name][onward])
+        values[:, at] = at_rows(rows, maps.position[onward], maps[name][onward])
         found[name] = values.ravel()
     return found
 
 
-def _over(rows: Array, position: Array, values: Array) -> Array:
+def at_rows(rows: Array, position: Array, values: Array) -> Array:
     """Values (k, ...) at positions, straight between them, at the rows (rows, ...)."""
     upper = np.clip(np.searchsorted(position, rows, side="left"), 1, len(position) - 1)
     share = (rows - position[upper - 1]) / (position[upper] - position[upper - 1])

@@ -32,12 +32,15 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from castfem.base import units
 from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError
 from castfem.base.shown_quantity import Quantity, from_si, si_shown, to_si, unit_of_difference
+
+if TYPE_CHECKING:
+    from castfem.model.casting import Reference as GivenReference
 
 SUMMARY_NAME = "summary.json"
 
@@ -87,6 +90,14 @@ class Reference:
     kind: Kind = "value"
     note: str = ""
     changed: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, given: GivenReference, at: float | None = None) -> Reference:
+        """That of a case, where it holds."""
+        return cls(
+            given.quantity, given.si, given.unit or "-", given.source, at, given.kind, given.note,
+            given.changed or (),
+        )  # fmt: skip
 
     @property
     def unit(self) -> str:

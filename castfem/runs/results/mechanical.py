@@ -21,8 +21,7 @@ from castfem.physics.mechanics.bent_planes import BentPlanes
 from castfem.physics.mechanics.parts import StrainedSlice
 from castfem.physics.mechanics.state import MechanicalResult, MechanicalState
 from castfem.physics.mechanics.surface_gap import SurfaceGap
-from castfem.runs.results.mould_extremes import SMOOTH_ORDER, SmoothPeak
-from castfem.runs.results.sample import MechanicalSample
+from castfem.runs.results.sample import SMOOTH_ORDER, MechanicalSample, SmoothPeak
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -169,12 +168,10 @@ class MechanicalSampler:
             axial_stress=self._axial(recovered),
             bending=state.bending,
             bending_force=self.strained.slice.planes.bending_force(state.bending),
-            smooth=self._smoothed(stress) if self._smooth else None,
+            smooth=smooth_peak(self.section.comm, stress, self.strained.points.deviator.volume)
+            if self._smooth
+            else None,
         )
-
-    def _smoothed(self, stress: Array) -> SmoothPeak:
-        """Smooth twin of the largest of stresses at the deviator's points (collective)."""
-        return smooth_peak(self.section.comm, stress, self.strained.points.deviator.volume)
 
     def _load(self, state: MechanicalState) -> float:
         """External axial force, N, that of rolls and drives in it."""

@@ -140,7 +140,8 @@ def _fault(case: Case, name: str, places: Callable[[], list[str]]) -> str:
             "mould_gap_max)"
         )
     fraction = AT_FRACTION.fullmatch(name)
-    if fraction is not None and int(fraction[1]) not in _percents(case):
+    followed = [round(100.0 * part) for part in case.output.shell_at or ()]
+    if fraction is not None and int(fraction[1]) not in followed:
         return f"is not followed; give output.shell_at = [{int(fraction[1]) / 100:g}]"
     if definition.each and probe != "mid_face" and probe not in places():
         near = nearest(probe, places())
@@ -148,8 +149,3 @@ def _fault(case: Case, name: str, places: Callable[[], list[str]]) -> str:
             near = nearest(name, [one.name for one in declared() if not one.each])
         return f'has no place "{probe}" on this section; allowed: {choices(places())}{near}'
     return ""
-
-
-def _percents(case: Case) -> list[int]:
-    """Solid fractions to which the shell is followed, in percent."""
-    return [round(100.0 * fraction) for fraction in case.output.shell_at or ()]

@@ -14,8 +14,7 @@ from castfem.base.types import Array
 from castfem.fem import reductions
 from castfem.model.machine import thickness_of
 from castfem.physics.machine.stations import Stations
-from castfem.runs.output.surface_line import SurfaceLine
-from castfem.runs.output.surface_maps import Heading, SurfaceMap
+from castfem.runs.output.surface_maps import Heading, SurfaceLine, SurfaceMap
 from castfem.runs.results.crack_index import BENDS, CrackIndex, SliceStep, declared_indexes
 from castfem.runs.results.needs import are_met
 from castfem.runs.results.quality_quantities import POOL

@@ -109,10 +109,7 @@ def _comparisons(run: RunState, final: dict[str, Quantity]) -> tuple[Comparison,
         come = r.at is not None or same_instant(run.state.time, end, end)
         if here is not None and come:
             inner = None if r.at is None or same_instant(r.at, length, length) else r.at
-            reference = Reference(
-                r.quantity, r.si, r.unit or "-", r.source, inner, r.kind, r.note, r.changed or ()
-            )
-            found += compare([reference], here)
+            found += compare([Reference.of(r, inner)], here)
     exact, time = run.simulation.exact, run.state.thermal.time
     if exact is not None and time > 0.0:
         found += compare(_of_closed_form(exact, time), final)

@@ -14,13 +14,13 @@ from castfem.physics.coupling.staggered import StrandState
 from castfem.physics.coupling.subcycling import SubSteps
 from castfem.physics.mould.mould import is_below
 from castfem.physics.thermal.stepper import ThermalState
-from castfem.runs.results.mould_extremes import (
+from castfem.runs.results.sample import (
     BeyondData,
     LargestStress,
     MouldExtremes,
+    Sample,
     SmoothStress,
 )
-from castfem.runs.results.sample import Sample
 
 if TYPE_CHECKING:
     from castfem.physics.mechanics.state import MechanicalResult

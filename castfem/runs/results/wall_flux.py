@@ -13,7 +13,7 @@ from castfem.physics.mould.hot.flux import FluxMap, WallPlaces
 from castfem.physics.mould.perimeter import sides_of
 from castfem.runs.output.folder import WALL_FLUX_NAME
 from castfem.runs.output.history import read_columns
-from castfem.runs.output.surface_line import SurfaceLine
+from castfem.runs.output.surface_maps import SurfaceLine
 
 if TYPE_CHECKING:
     from castfem.model.build.simulation import Simulation

@@ -225,18 +225,7 @@ class _Writer:
 def _summary(case: TensileCase, status: str, writer: _Writer, wall: Mapping[str, float]) -> Summary:
     """What the test has found, as far as it has come."""
     found = {} if writer.record is None else _quantities(writer, writer.record)
-    references = [
-        Reference(
-            r.quantity,
-            r.si,
-            r.unit or "-",
-            r.source,
-            kind=r.kind,
-            note=r.note,
-            changed=r.changed or (),
-        )
-        for r in case.reference
-    ]
+    references = [Reference.of(given) for given in case.reference]
     return Summary(
         title=case.title,
         status=status,

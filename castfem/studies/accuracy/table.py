@@ -22,7 +22,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from castfem.base.atomic_files import write_json
 from castfem.base.errors import InputError
@@ -34,7 +34,9 @@ from castfem.runs.output.run_record import RunRecord
 from castfem.runs.output.summary import SUMMARY_NAME, Summary
 from castfem.studies.accuracy import sizes
 from castfem.studies.accuracy.estimate import Estimate, estimate
-from castfem.studies.accuracy.ladder import Level
+
+if TYPE_CHECKING:
+    from castfem.studies.accuracy.ladder import Level
 
 Results = Mapping[str, Quantity]
 _FORMAT = "castfem error"

@@ -24,7 +24,7 @@ from castfem.base.shown_quantity import Quantity, from_si, unit_of_difference
 from castfem.base.types import Array
 from castfem.model.load import value_of
 from castfem.runs.output.history import HISTORY_NAME, read_columns
-from castfem.runs.results.places import quantities_at
+from castfem.runs.results.labels import quantities_at
 from castfem.studies.calibration.measured import (
     Measured,
     is_of_probe,
@@ -32,7 +32,7 @@ from castfem.studies.calibration.measured import (
     thermocouples,
     value_at,
 )
-from castfem.studies.mould_fit.thermocouples import CopperTemperatures
+from castfem.studies.mould_fit.coupled import CopperTemperatures
 from castfem.studies.optimisation.evaluator import Evaluator, variant
 from castfem.studies.sweep.workers import nothing
 

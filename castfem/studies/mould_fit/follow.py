@@ -13,7 +13,7 @@ from castfem.base.types import Array
 from castfem.fem.root import on_root
 from castfem.model.build.simulation import Simulation, build
 from castfem.runs.loop import TimeLoop
-from castfem.runs.output.surface_line import SurfaceLine
+from castfem.runs.output.surface_maps import SurfaceLine
 from castfem.runs.results.summary import summarise
 from castfem.runs.results.wall_flux import surface_flux
 

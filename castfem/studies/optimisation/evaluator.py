@@ -16,10 +16,9 @@ from castfem.studies.accuracy.sizes import DEFAULT
 from castfem.studies.optimisation import argument_checks as check
 from castfem.studies.optimisation.fidelity import at_level, idealised
 from castfem.studies.optimisation.store import Evaluation, Store
-from castfem.studies.sweep.groups import check as check_groups
 from castfem.studies.sweep.record import check_folder
 from castfem.studies.sweep.work import Derivatives, Job, Outcome
-from castfem.studies.sweep.workers import LOG_NAME, CallExecutor, Workers, nothing
+from castfem.studies.sweep.workers import LOG_NAME, CallExecutor, Workers, check_groups, nothing
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from castfem.base.types import Array, Flags
-from castfem.studies.optimisation.numerical_error import NumericalError
+from castfem.studies.optimisation.fidelity import NumericalError
 from castfem.studies.optimisation.polynomial_fit import columns
 
 

@@ -14,9 +14,13 @@ from castfem.base.shown_quantity import Quantity, from_si, to_si, unit_of_differ
 from castfem.base.types import Array
 from castfem.model.optimise import Bound
 from castfem.studies.optimisation.evaluator import Evaluator, lean, variant
-from castfem.studies.optimisation.problem import DesignProblem, DesignVariable, RunRequest
+from castfem.studies.optimisation.problem import (
+    DesignProblem,
+    DesignVariable,
+    RunRequest,
+    UncertainInput,
+)
 from castfem.studies.optimisation.store import Evaluation
-from castfem.studies.optimisation.uncertain_inputs import UncertainInput
 from castfem.studies.sweep.work import Derivatives
 
 if TYPE_CHECKING:

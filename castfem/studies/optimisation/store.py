@@ -26,8 +26,15 @@ from castfem.runs.output.folder import PROPERTIES_NAME, RunRecord
 from castfem.runs.output.summary import CUT, Summary
 from castfem.studies.sensitivity.result import Slopes, read_slopes
 from castfem.studies.sweep.plan import Variant, run_name
-from castfem.studies.sweep.record import Entry, Record, check_own
-from castfem.studies.sweep.results import TABLE_NAME, Row, rows, write_table
+from castfem.studies.sweep.record import (
+    TABLE_NAME,
+    Entry,
+    Record,
+    Row,
+    check_own,
+    rows,
+    write_table,
+)
 from castfem.studies.sweep.work import Derivatives, Job, Outcome
 
 if TYPE_CHECKING:

@@ -12,9 +12,9 @@ from castfem.base.types import Array
 from castfem.studies.accuracy.sizes import LEVELS
 from castfem.studies.optimisation.assemble import Findings, assemble
 from castfem.studies.optimisation.check_level import Check, CheckedOptimum
+from castfem.studies.optimisation.fidelity import NumericalError, Tilt, next_of
 from castfem.studies.optimisation.front import FrontSearch
 from castfem.studies.optimisation.local_model import Binding, Quadratic, around, intervals
-from castfem.studies.optimisation.numerical_error import NumericalError, Tilt, next_of
 from castfem.studies.optimisation.optimum import Optimum
 from castfem.studies.optimisation.problem import DesignProblem, RunRequest
 from castfem.studies.optimisation.responses import KnownRuns, Obtain, Responses, obstacles

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from castfem.base.csv_files import Heading, read_csv
+from castfem.base.csv_files import Heading, read_csv, with_unit
 from castfem.base.errors import InputError
 from castfem.model import Case
 from castfem.model.key_names import full_key
@@ -217,7 +217,7 @@ def read_table(path: Path, document: Mapping[str, Any]) -> list[Row]:
             problem = f"run {number} has {len(cells)} cells, the header {len(columns)}"
             raise ValueError(f"{problem} {_QUOTED}" if file.separator == "," else problem)
         values = {
-            key: _with_unit(cell, unit)
+            key: with_unit(cell, unit)
             for (key, unit), cell in zip(columns, cells, strict=True)
             if cell
         }
@@ -259,14 +259,6 @@ def _key(heading: Heading, document: Mapping[str, Any]) -> str:
         return key if key == _NAME else full_key(Case, document, key)
     except ValueError as error:
         raise ValueError(f"column {key}: {error}") from None
-
-
-def _with_unit(cell: str, unit: str) -> str:
-    try:
-        float(cell)
-    except ValueError:
-        return cell
-    return f"{cell} {unit}".strip()
 
 
 def brief(given: Mapping[str, str]) -> list[str]:

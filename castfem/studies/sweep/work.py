@@ -1,17 +1,31 @@
-"""One run of a sweep, in whichever process it happens."""
+"""One run of a sweep, in whichever process it happens; processes of this machine as an executor.
+
+A process makes one call after the other, so that DOLFINx is imported once in each. Where one dies
+`concurrent.futures.ProcessPoolExecutor` ends all others and accepts no further calls; here the call
+fails by itself, and the next one is made by a new process.
+"""
 
 from __future__ import annotations
 
 import gc
 import logging
+import multiprocessing
+import os
+import signal
 import sys
+import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
+from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
+from castfem.base import process
 from castfem.base.errors import CannotWrite, CastfemError, FolderInUse
 from castfem.base.process import one_at_a_time
 from castfem.base.progress import Progress
@@ -144,3 +158,153 @@ def _alone(job: Job, comm: MPI.Comm | None) -> Outcome:
         log.close()
         gc.collect()  # meshes and their communicators stand in cycles
     return Outcome("", time.perf_counter() - begun)
+
+
+_PATIENCE = 5.0  # s for a process to end its run in order
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+_starting = threading.Lock()
+
+
+class ProcessEnded(RuntimeError):
+    """A process has ended before its call."""
+
+
+class Processes(Executor):
+    """Makes calls in processes of this machine.
+
+    Args:
+        count: Largest number of processes; each is started when there is a call for it.
+        noise: File for what libraries print in the processes.
+    """
+
+    def __init__(self, count: int, noise: Path) -> None:
+        self._threads = ThreadPoolExecutor(count)
+        self._noise, self._closing = noise, False
+        self._idle: list[_Process] = []
+        self._busy: list[_Process] = []
+
+    def submit(self, function: Callable[..., Any], /, *args: Any, **keywords: Any) -> Future[Any]:
+        """Make a call; the result raises `ProcessEnded` if the process dies of it."""
+        return self._threads.submit(self._call, partial(function, *args, **keywords))
+
+    def _call(self, call: Callable[[], object]) -> object:
+        try:
+            process = self._idle.pop()
+        except IndexError:
+            process = _Process(self._noise)
+        self._busy.append(process)
+        try:
+            if self._closing:  # while it was started
+                process.process.terminate()
+            value, error = process.call(call)
+            self._idle.append(process)
+        finally:
+            self._busy.remove(process)
+        if error is not None:
+            raise error
+        return value
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End the processes after their calls, or at once: a run notes that it was stopped."""
+        self._closing = cancel_futures
+        self._threads.shutdown(wait=not cancel_futures, cancel_futures=cancel_futures)
+        busy, idle = list(self._busy), list(self._idle)
+        for one in busy:
+            one.process.terminate()
+        for one in idle:
+            one.connection.close()
+        end = time.monotonic() + _PATIENCE
+        for one in (*idle, *busy):
+            one.process.join(max(0.0, end - time.monotonic()))
+            if one.process.is_alive():
+                one.process.kill()
+                one.process.join()
+        self._threads.shutdown()
+
+
+class _Process:
+    """A process that makes calls."""
+
+    def __init__(self, noise: Path) -> None:
+        context = multiprocessing.get_context("spawn")  # a fork would share what MPI has set up
+        self.connection, other = context.Pipe()
+        self.process = context.Process(target=_serve, args=(other, noise), daemon=True)
+        try:
+            with _starting, _one_thread_each():
+                self.process.start()
+        except BrokenPipeError:
+            raise ProcessEnded("its process ended as it was started") from None
+        finally:
+            other.close()
+
+    def call(self, call: Callable[[], object]) -> tuple[object, Exception | None]:
+        """Make a call; return its value, and what it has raised."""
+        try:
+            self.connection.send(call)
+            value, error = self.connection.recv()
+        except (EOFError, OSError):
+            self.process.join(_PATIENCE)
+            raise ProcessEnded(_death(self.process.exitcode)) from None
+        return value, error
+
+
+def _death(code: int | None) -> str:
+    """Say how a process came to its end."""
+    if code is not None and code < 0:
+        name = signal.Signals(-code).name
+        hint = " (out of memory?)" if name == "SIGKILL" else ""
+        return f"its process was ended by {name}{hint}"
+    return f"its process ended with status {code}"
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Let processes that are started here compute with one thread."""
+    before = {name: os.environ.get(name) for name in _THREADS}
+    os.environ.update(dict.fromkeys(_THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _serve(connection: Connection, noise: Path) -> None:
+    """Make the calls that come, until the other end is closed (in the process)."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all; the parent decides
+    process.keep_hangup()
+    for number in process.STOPS.keys() - {signal.SIGINT}:
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as below nohup
+            signal.signal(number, lambda *_: setattr(Stop, "wanted", True))
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    with open(noise, "ab", buffering=0) as file:
+        for stream in (1, 2):
+            os.dup2(file.fileno(), stream)
+    try:
+        while True:
+            call = connection.recv()
+            found: tuple[object, Exception | None]
+            try:
+                found = call(), None
+            except Exception as error:
+                found = None, error
+            connection.send(found)
+            if not gc.get_freeze_count():
+                gc.freeze()  # what is imported stays: each run's end need not look through it
+    except (EOFError, OSError):
+        pass  # the parent needs no more runs, or is gone
+    except KeyboardInterrupt:
+        sys.exit(128 + signal.SIGTERM)
+
+
+def _end_with_parent() -> None:
+    """Stop this process when its parent is gone, killed perhaps: after its step, or without."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(_PATIENCE)
+        os.kill(os.getpid(), signal.SIGKILL)

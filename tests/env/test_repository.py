@@ -1,0 +1,184 @@
+"""What the repository declares: references, versions, its top level, the architecture page."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+from fnmatch import fnmatch
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import castfem
+
+ROOT = Path(__file__).parents[2]
+KEY = re.compile(r"\[([A-Z][A-Za-z]+(?:\d{4})?)\](?!\()")
+EQUATION = re.compile(r"(?<![\w.\]`])\((?:[1-9]\d|[1-3]\d\d)\)")
+PACKAGES = ("castfem", "forms", "meshes")
+FILES = sorted(p for d in (*PACKAGES, "benchmarks", "tests") for p in (ROOT / d).rglob("*.py"))
+PAGES = sorted([*(ROOT / "docs").glob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"])
+CASES = sorted((ROOT / "cases").rglob("*.toml"))
+
+
+def known() -> set[str]:
+    page = (ROOT / "docs" / "references.md").read_text(encoding="utf-8")
+    return set(re.findall(r"^\| \[(\w+)\] \|", page, re.MULTILINE))
+
+
+@cache
+def written(path: Path) -> tuple[str, str]:
+    """Docstring of a module, and all its docstrings and comments."""
+    text = path.read_text(encoding="utf-8")
+    tree = ast.parse(text)
+    kinds = (ast.Module, ast.ClassDef, ast.FunctionDef)
+    docs = [ast.get_docstring(n) or "" for n in ast.walk(tree) if isinstance(n, kinds)]
+    return docs[0], "\n".join([*docs, *re.findall(r"(?<!\S)#.*", text)])
+
+
+def test_every_key_is_in_the_bibliography() -> None:
+    keys = known()
+    assert len(keys) > 20
+    texts = [written(path)[1] for path in FILES]
+    texts += [path.read_text(encoding="utf-8") for path in (*PAGES, *CASES)]
+    used = {key for text in texts for key in KEY.findall(text) if re.search(r"\d{4}$", key)}
+    assert used and used <= keys, used - keys
+
+
+def test_a_bare_equation_number_says_of_what() -> None:
+    bare = [
+        str(path.relative_to(ROOT))
+        for path in FILES
+        if EQUATION.search(written(path)[1]) and "[Pascon2003]" not in written(path)[0]
+    ]
+    assert not bare, f"say in the module's docstring whose equations these are: {bare}"
+
+
+def test_a_page_or_case_with_equation_numbers_says_of_what() -> None:
+    texts = {p: p.read_text(encoding="utf-8") for p in PAGES}
+    for path in CASES:
+        lines = path.read_text(encoding="utf-8").splitlines()
+        texts[path] = "\n".join(x for x in lines if x.startswith(("#", "title", "source")))
+    bare = [
+        str(path.relative_to(ROOT))
+        for path, text in texts.items()
+        if EQUATION.search(text) and "[Pascon2003]" not in text
+    ]
+    assert not bare, f"name the work whose equations these are by its key: {bare}"
+
+
+# Version and headings of CHANGELOG.md say the same.
+
+
+HEADING = re.compile(r"^## \[?v?(\d+\.\d+\.\d+)\b", re.MULTILINE)
+CHANGES = "# Changes\n\n## Unreleased\n\n## 0.2.0 (2027-01-31)\n\n## [0.1.0]\n"
+
+
+def numbers(version: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in version.split("."))
+
+
+def faults(version: str, changes: str) -> list[str]:
+    """What disagrees: the code is at the version that was released last, which stands first."""
+    released, found = HEADING.findall(changes), []
+    if released != sorted(released, key=numbers, reverse=True):
+        found.append("the latest version does not stand first in CHANGELOG.md")
+    if released and released[0] != version:
+        found.append(f"CHANGELOG.md is at {released[0]}, the code at {version}")
+    return found
+
+
+def test_code_and_changes_agree() -> None:
+    assert faults(castfem.__version__, (ROOT / "CHANGELOG.md").read_text("utf-8")) == []
+
+
+@pytest.mark.parametrize(
+    ("version", "changes", "told"),
+    [
+        ("0.2.0", CHANGES, []),
+        ("0.1.0", "## Unreleased\n", []),
+        ("0.3.0", CHANGES, ["CHANGELOG.md is at 0.2.0, the code at 0.3.0"]),
+        ("0.1.0", "## 0.1.0\n## 0.10.0\n", ["the latest version does not stand"]),
+    ],
+)
+def test_what_disagrees_is_found(version: str, changes: str, told: list[str]) -> None:
+    found = faults(version, changes)
+    assert len(found) == len(told)
+    assert all(one.startswith(start) for one, start in zip(found, told, strict=True))
+
+
+# The top level of the project holds what is known, and no note that somebody left there
+
+
+KNOWN = {
+    *(".ci", ".gitignore", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "Dockerfile"),
+    *("LICENSE", "LICENSE.GPL", "MANIFEST.in", "Makefile", "README.md", "apptainer.def"),
+    *("environment.yml", "pixi.toml", "pyproject.toml"),
+    *("benchmarks", "cases", "castfem", "docs", "findings", "forms", "meshes", "tests", "tools"),
+}
+OF_AN_ARCHIVE = {".git", "PKG-INFO", "setup.cfg"}  # what git or a packager adds beside the files
+
+
+def present(root: Path) -> list[str]:
+    """Names in a checkout or an unpacked archive, without what .gitignore names."""
+    ignored = [*OF_AN_ARCHIVE]
+    if (root / ".gitignore").exists():
+        ignored += [line.strip("/") for line in (root / ".gitignore").read_text().split()]
+    names = [path.name for path in root.iterdir()]
+    return [name for name in names if not any(fnmatch(name, one) for one in ignored)]
+
+
+def test_the_top_level_holds_what_is_known() -> None:
+    assert {*present(ROOT)} - KNOWN == set()
+
+
+def test_what_was_left_in_an_archive_is_found(tmp_path: Path) -> None:
+    (tmp_path / ".gitignore").write_text(".castfem/\n*.egg-info/\n/results/\n")
+    for name in ("castfem", ".castfem", "castfem.egg-info", "results", "PKG-INFO", "notes.md"):
+        (tmp_path / name).mkdir()
+    assert {*present(tmp_path)} - KNOWN == {"notes.md"}
+
+
+def test_scripts_can_be_run() -> None:
+    """All that name the program that runs them; what other scripts read does not."""
+    files = [*(ROOT / "findings").glob("*.sh"), *(ROOT / "tools").glob("*.sh"), ROOT / ".ci/run"]
+    scripts = [file for file in files if file.read_bytes().startswith(b"#!")]
+    assert {file.name for file in scripts} >= {"run", "test.sh", "cobyqa_nan.sh"}
+    assert [file.name for file in scripts if not os.access(file, os.X_OK)] == []
+
+
+# docs/architecture.md: what it names is there.
+
+
+PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+ENGINE = "\n".join(p.read_text(encoding="utf-8") for p in (ROOT / "castfem").rglob("*.py"))
+
+
+def named(line: str) -> tuple[list[Path], list[str]]:
+    """Files in a line of the page, and the identifiers beside them."""
+    files: list[Path] = []
+    names: list[str] = []
+    for word in re.findall(r"`([^`]+)`", line):
+        if re.fullmatch(r"[\w/.*-]+", word) and ("/" in word or word.endswith(".py")):
+            found = [p for base in ("castfem", ".") for p in (ROOT / base).glob(word)]
+            found = found or list((ROOT / "castfem").rglob(word))
+            assert found, f"{word}: there is no such file"
+            files += found
+        elif re.fullmatch(r"@?[A-Za-z_][\w.]*", word):
+            names.append(word)
+    return files, names
+
+
+def test_what_a_line_names_is_there() -> None:
+    """Each file exists, and one of those in its line has each identifier."""
+    lines = [x for x in PAGE.splitlines() if "`" in x]
+    assert len(lines) > 20
+    for line in lines:
+        files, names = named(line)
+        texts = [p.read_text(encoding="utf-8") for p in files if p.suffix == ".py"]
+        text = "\n".join(texts) or ENGINE
+        for name in names:
+            if name.startswith("castfem."):
+                continue
+            assert re.search(rf"\b{name.split('.')[-1].lstrip('@')}\b", text), (name, line)
