@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import gc
+import time
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from castfem.base import log
 from castfem.base.progress import Progress
@@ -16,27 +19,57 @@ from castfem.model.shown_units import units_of
 from castfem.runs import existing_run
 from castfem.runs.output.folder import CASTER_NAME, SLICES_NAME, STRAND_ROWS_NAME
 
+if TYPE_CHECKING:
+    from castfem.runs.caster.plant_file import PlantFile
 
-def caster_of_case(options: Request) -> None:
+
+@dataclass(frozen=True, slots=True)
+class CasterRequest(Request):
+    """What the user asked of `castfem caster`."""
+
+    follow: Path | None = None  #: a plant's history that grows; None for that of the case
+
+
+def caster_of_case(options: CasterRequest) -> None:
     """Run, print what came out, and draw it."""
     from castfem.runs.caster.run import run_caster
 
     path = shipped_cases.find(options.name)
-    case, target = options.case(path), options.target(path, "_caster")
     log.setup(-1 if options.quiet else 0, 0)
+    source = None if options.follow is None else first_rows(options.follow)
+    if source is not None:
+        own = replace(options, overrides=(*options.overrides, source.assignment()))
+        case = own.case(path)
+        assert case.caster is not None
+        source.longest_gap = case.caster.longest_gap
+    else:
+        case = options.case(path)
+    target = options.target(path, "_caster")
     existing_run.check(target, case, resume=options.resume, overwrite=options.overwrite)
     progress = Progress(-1 if options.quiet else 0, unit="s of slices")
     try:
         with read_from(path):
             run_caster(
                 case, target, comm=parallel.communicator(), resume=options.resume,
-                progress=progress,
+                progress=progress, source=source,
             )  # fmt: skip
     finally:
         progress.stop()
         log.close()
         gc.collect()
     show_caster(target, options.units, figures=options.figures, quiet=options.quiet)
+
+
+def first_rows(path: Path) -> PlantFile:
+    """Return a history that grows, as soon as it has a row."""
+    from castfem.runs.caster.plant_file import PAUSE, PlantFile
+
+    source = PlantFile(path)
+    if not path.is_file():
+        log.logger.info("%s: is waited for", path)
+    while not source.take():
+        time.sleep(PAUSE)
+    return source
 
 
 def show_caster(

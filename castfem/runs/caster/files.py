@@ -60,7 +60,7 @@ class GrowingTable(Closing):
 
     def append(self, rows: Iterable[Row]) -> None:
         """Add rows, all of them or none; what is missing or not finite is an empty cell."""
-        lines = [_line([_cell(row.get(name, "")) for name in self._names]) for row in rows]
+        lines = [_line(line) for line in cells(rows, self._names)]
         if lines:
             self._file.append("".join(lines).encode())
 
@@ -71,6 +71,11 @@ class GrowingTable(Closing):
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+
+def cells(rows: Iterable[Row], names: Sequence[str]) -> list[list[str]]:
+    """Return rows as CSV has them, in the order of the columns."""
+    return [[_cell(row.get(name, "")) for name in names] for row in rows]
 
 
 def _cell(value: float | str) -> str:

@@ -22,10 +22,11 @@ from castfem.base.progress import Progress, clock
 from castfem.base.stopwatch import peak_memory
 from castfem.base.types import Array
 from castfem.model.build.simulation import build_mesh
+from castfem.model.caster import EVENT
 from castfem.model.load import portable
 from castfem.runs import restart
 from castfem.runs.caster.demand import demand
-from castfem.runs.caster.files import GrowingTable, definition
+from castfem.runs.caster.files import GrowingTable, Row, definition
 from castfem.runs.caster.strand import Slice, Strand
 from castfem.runs.interrupt import Interrupt, Stopped
 from castfem.runs.output.checkpoint import CHECKPOINT_NAME, load_checkpoint, save_checkpoint
@@ -41,6 +42,7 @@ from castfem.runs.results.registry import Columns
 if TYPE_CHECKING:
     from castfem.model import Case
     from castfem.model.build.simulation import Simulation
+    from castfem.runs.caster.plant_file import PlantFile
     from castfem.runs.results.sample import Sample
 
 CENTRE = "centre_solid_fraction"
@@ -80,14 +82,26 @@ class CasterRun:
         output: Its folder, begun.
         goes_on: Whether to go on from the checkpoint in it.
         save_every: Of the wall clock, s.
+        source: The file that its plant grows with; None where that is known from the beginning.
+
+    Attributes:
+        latest: The row of the last instant, and those of the slices inside; None before the first.
+        is_saved: Whether the checkpoint has the last instant.
     """
 
     def __init__(
-        self, case: Case, output: OutputFolder, goes_on: bool, save_every: float = SAVED_EVERY
+        self,
+        case: Case,
+        output: OutputFolder,
+        goes_on: bool,
+        save_every: float = SAVED_EVERY,
+        source: PlantFile | None = None,
     ) -> None:
         assert case.caster is not None
-        self._case, self._output, self._every = case, output, save_every
-        self._physics = _physics(case)
+        self._case, self._output, self._every, self._source = case, output, save_every, source
+        self._physics = _physics(case, grows=source is not None)
+        self.latest: tuple[Row, list[Row]] | None = None
+        self.is_saved = goes_on
         self.strand = Strand(case, MPI.COMM_SELF)
         self._columns = _Rows(self.strand.model)
         self._index = 0
@@ -96,6 +110,8 @@ class CasterRun:
         meta: dict[str, Any] = {}
         if goes_on:
             meta, arrays = load_checkpoint(output / CHECKPOINT_NAME, **self._physics)
+            if source is not None:
+                source.expect(*meta["plant"])
             self._restore(meta, arrays)
         own = self._columns.heading
         slices = [("slice", "-"), ("start", "s"), ("left", "s"), ("metallurgical_length", "m")]
@@ -103,15 +119,35 @@ class CasterRun:
             name: GrowingTable(output / name, heading, meta.get("sizes", {}).get(name))
             for name, heading in (
                 (CASTER_NAME, HEADING),
-                (STRAND_ROWS_NAME, [("clock", "s"), ("slice", "-"), *own]),
+                (STRAND_ROWS_NAME, self.heading),
                 (SLICES_NAME, [*slices, *own]),
             )
         }
         self._saved, self._begun = time.monotonic(), time.monotonic()
         self._done = 0.0  # s of all slices together
 
+    def grow(self, case: Case) -> None:
+        """Go on by a longer history of the plant, which begins as that so far."""
+        self.strand.grow(case)
+        self._case = case
+
+    @property
+    def heading(self) -> list[tuple[str, str]]:
+        """Name and unit of the columns of the strand at an instant."""
+        return [("clock", "s"), ("slice", "-"), *self._columns.heading]
+
+    @property
+    def is_saved_lately(self) -> bool:
+        """Whether a checkpoint is not due yet."""
+        return time.monotonic() - self._saved < self._every
+
     def go(self, interrupt: Interrupt, progress: Progress | None) -> None:
-        """Go through all instants.
+        """Go through all instants, and save; see `advance`."""
+        self.advance(interrupt, progress)
+        self.save()
+
+    def advance(self, interrupt: Interrupt, progress: Progress | None) -> None:
+        """Go through all instants that are left.
 
         Raises:
             RunFailure: A slice cannot go on.
@@ -132,14 +168,13 @@ class CasterRun:
                     passed = one.age - ages.get(one.number, 0.0)
                     ages[one.number] = one.age
                     self._tell(one, now, passed, progress)
-                    if time.monotonic() - self._saved >= self._every:
+                    if not self.is_saved_lately:
                         self.save()
                 self._write(now)
                 self._index += 1
         except (Stopped, RunFailure):  # within a slice, between two of its steps
             self.save()
             raise
-        self.save()
 
     def _tell(self, one: Slice, now: float, passed: float, progress: Progress | None) -> None:
         """Tell that a slice has come to an instant; of the first, how long it took."""
@@ -177,9 +212,10 @@ class CasterRun:
             }
             for one in ended
         )  # fmt: skip
-        self._files[STRAND_ROWS_NAME].append(
+        rows: list[Row] = [
             {"clock": now, "slice": one.number, **self._rows[one.number]} for one in inside[::-1]
-        )
+        ]
+        self._files[STRAND_ROWS_NAME].append(rows)
         row: dict[str, float | str] = {
             "time": now, "speed": 60.0 * plant["speed"], "slices": len(inside),
             "superheat": math.nan if superheat is None else superheat,
@@ -189,6 +225,7 @@ class CasterRun:
             "event": _events(caster.plant, now - (apart if self._index else math.inf), now),
         }  # fmt: skip
         self._files[CASTER_NAME].append([row])
+        self.latest, self.is_saved = (row, rows), False
         self._before, self._rows = heat.removed, {}
         strand.release()
 
@@ -217,10 +254,12 @@ class CasterRun:
             "left": [self._left.removed, self._left.gained], "before": self._before,
             "sizes": {name: file.size for name, file in self._files.items()},
         }  # fmt: skip
+        if self._source is not None:
+            meta["plant"] = [len(self._source), self._source.digest(len(self._source))]
         save_checkpoint(self._output / CHECKPOINT_NAME, meta, arrays, **self._physics)
         instants = self.strand.instants
         self._output.update(reached={"time": instants[max(self._index - 1, 0)]})
-        self._saved = time.monotonic()
+        self._saved, self.is_saved = time.monotonic(), True
 
     def _restore(self, meta: dict[str, Any], arrays: dict[str, Any]) -> None:
         strand = self.strand
@@ -273,9 +312,12 @@ class _Rows:
         return found
 
 
-def _physics(case: Case) -> dict[str, str]:
+def _physics(case: Case, grows: bool = False) -> dict[str, str]:
     """What a checkpoint holds of the case: that of a slice, and what they are."""
     written = case.document()
+    if grows:  # its rows are compared by themselves
+        names = {name for name in written["caster"]["plant"] if name != EVENT}
+        written["caster"] |= {"plant": sorted(names), "end": None}
     tables = {**case.physics(), "caster": written["caster"], "casting": written["casting"]}
     text = json.dumps(tables, sort_keys=True)
     return {"physics": hashlib.sha256(text.encode()).hexdigest()[:16], "case": text}
@@ -290,6 +332,7 @@ def run_caster(
     resume: bool = False,
     progress: Progress | None = None,
     save_every: float = SAVED_EVERY,
+    source: PlantFile | None = None,
 ) -> None:
     """Run the caster of a case and write everything into `folder`.
 
@@ -300,6 +343,8 @@ def run_caster(
         resume: Go on from the checkpoint in `folder`; where there is none yet, begin.
         progress: Told of each slice that has come to an instant.
         save_every: Time between two checkpoints by the wall clock, s.
+        source: The file that the plant of the case grows with, after its first row; the run follows
+            it until it is stopped, or to the end that the case has.
 
     Raises:
         InputError: The case, the folder or the checkpoint cannot be used.
@@ -307,7 +352,11 @@ def run_caster(
     """
     comm = MPI.COMM_WORLD if comm is None else comm
     line = demand(case, len(build_mesh(case).points), comm.size)
-    output = OutputFolder(folder)
+    from castfem.runs.caster.following import first_looked_at, follow
+
+    output, asked = OutputFolder(folder), case
+    if source is not None:
+        case = first_looked_at(case, source)
     text, files = portable(case, PROPERTIES_NAME)
     goes_on = output.begin(text, files=files, resume=resume)
     with output, ExitStack() as closed:
@@ -316,10 +365,13 @@ def run_caster(
             log.logger.warning("%s: no checkpoint to go on from; the run begins anew", folder)
         log.logger.info("%s", line)
         begun = time.monotonic()
-        caster = CasterRun(case, output, goes_on, save_every)
+        caster = CasterRun(case, output, goes_on, save_every, source)
         closed.callback(caster.close)
         interrupt = Interrupt(MPI.COMM_SELF)
         with interrupt:
-            caster.go(interrupt, progress)
+            if source is None:
+                caster.go(interrupt, progress)
+            else:
+                follow(caster, asked, source, output, interrupt)
         watch = {"time loop": time.monotonic() - begun}
         output.finish(wall_time=watch, memory_mb=round(1e-6 * peak_memory(), 1))

@@ -16,6 +16,7 @@ from castfem.base.constants import EXACT
 from castfem.base.errors import RunFailure
 from castfem.model.build.simulation import CurveEnds, Simulation, build, build_beside
 from castfem.model.caster import by_plant, cast_of, followed, slice_of, starts_of
+from castfem.runs import restart
 from castfem.runs.loop import TimeLoop
 
 if TYPE_CHECKING:
@@ -71,6 +72,17 @@ class Slice:
         """Whether it has come to the end of the machine."""
         return self.age >= self.lasts
 
+    def go_on_in(self, simulation: Simulation) -> None:
+        """Go on from the same state in another simulation, whose plant has gone on."""
+        run = self.run_state
+        self.loop = TimeLoop(simulation, unsampled=self._passes)
+        if run.sample is None:
+            return
+        run.restored = ({}, {})  # results of a slice on its way are asked for by nobody
+        simulation.probes.conducts = simulation.problem.curve
+        state = {name: values for name, values in restart.arrays(run).items() if values is not None}
+        restart.restore(self.run_state, restart.description(run), state)
+
     def advance(self, clock: float) -> Sample:
         """Go on to an instant of the clock, s, or to where it leaves the machine.
 
@@ -110,16 +122,30 @@ class Strand:
     """
 
     def __init__(self, case: Case, comm: MPI.Comm) -> None:
-        assert case.caster is not None
-        self.instants, self.cast = case.caster.instants, cast_of(case)
-        self.starts, self.base = starts_of(case), by_plant(case)
-        self.work = followed(case)
+        self.inside: list[Slice] = []
+        self._warned: set[tuple[int, bool]] = set()
+        self.grow(case)
         self._first = build(slice_of(self.base, self.starts[0]), comm)
         self._problems: WeakValueDictionary[CurveEnds, ThermalProblem] = WeakValueDictionary()
-        self.inside: list[Slice] = []
         self.closed: dict[int, float] = {}
         self.begun = 0
-        self._warned: set[tuple[int, bool]] = set()  # of sprays: once for all slices
+
+    def grow(self, case: Case) -> None:
+        """Take in the case with a longer history, which begins as that so far."""
+        assert case.caster is not None
+        base = by_plant(case)
+        self.instants, self.cast = case.caster.instants, cast_of(case)
+        self.starts, self.base, self.work = starts_of(case), base, followed(case)
+        for one in self.inside:
+            new = build_beside(slice_of(base, one.start), self._first, self._problems)
+            one.go_on_in(new)
+            self._warn_once(one)
+
+    def _warn_once(self, one: Slice) -> None:
+        """Let sprays of all slices tell once that they are beyond their table."""
+        sprays = one.run_state.sampler.sprays
+        if sprays is not None:
+            sprays.warned = self._warned
 
     @property
     def model(self) -> Simulation:
@@ -131,17 +157,18 @@ class Strand:
         start = self.starts[number - 1]
         simulation = build_beside(slice_of(self.base, start), self._first, self._problems)
         made = Slice(number, start, self.length_of(number), simulation)
-        sprays = made.run_state.sampler.sprays
-        if sprays is not None:
-            sprays.warned = self._warned
+        self._warn_once(made)
         self.inside.append(made)
         self.begun = number
         return made
 
     def length_of(self, number: int) -> float:
-        """Length of strand that a slice stands for: to the next, as they leave the meniscus, m."""
-        i = min(number - 1, len(self.starts) - 2)
-        return self.cast.length(self.starts[i + 1]) - self.cast.length(self.starts[i])
+        """Length of strand that a slice stands for: to that below, as they leave the meniscus, m.
+
+        That of the lowest is to the next above.
+        """
+        i = max(number - 1, 1)
+        return self.cast.length(self.starts[i]) - self.cast.length(self.starts[i - 1])
 
     def advance(
         self,

@@ -1,0 +1,204 @@
+"""A caster that follows a file of the plant comes to the files of the whole history."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from small_caster import caster
+from test_caster_exact import ZONES
+
+from castfem.base.errors import InputError
+from castfem.runs.caster.files import read_table
+from castfem.runs.caster.plant_file import PlantFile
+from castfem.runs.caster.run import run_caster
+from castfem.runs.output.run_record import RunRecord
+
+FILES = "caster.csv", "strand.csv", "slices.csv"
+HEAD = "time [s], speed [m/min], superheat [K], mould_heat [-], ring [L/min], event"
+GOOD = (
+    "0, 3.6, 40, 1, 2,", "1, 3.6, 40, 1, 2,", "2.2, 3.7, 40, 1, 2, ladle change",
+    "3, 0, 40, 1, 2, stop", "4.4, 0, 20, 0.8, 1,", "5, 1.2, 20, 0.8, 1,", "9, 2.0, 20, 0.8, 0,",
+)  # fmt: skip
+FAULTY = "2.5, fast, 40, 1, 2,", "2, 3.6, 40, 1, 2,", "2.6, -1, 40, 1, 2,", "2.7, 3.6, , 1, 2,"
+
+
+def of_file(path: Path, **changes: Any) -> Any:
+    """The small caster with water, whose plant is a file."""
+    return caster({**ZONES, "caster.plant": {"file": str(path)}, **changes})
+
+
+def add(path: Path, rows: Sequence[str]) -> None:
+    """Append rows, the last in two pieces."""
+    with path.open("a") as file:
+        file.write("".join(f"{row}\n" for row in rows[:-1]) + rows[-1][:4])
+        file.flush()
+        time.sleep(0.05)
+        file.write(f"{rows[-1][4:]}\n")
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a caster whose history was known from the beginning, and its file."""
+    folder = tmp_path_factory.mktemp("whole")
+    (folder / "plant.csv").write_text("\n".join([HEAD, *GOOD]) + "\n")
+    run_caster(of_file(folder / "plant.csv"), folder)
+    return folder
+
+
+def same(one: Path, other: Path) -> bool:
+    """Whether two folders have the same tables, byte for byte."""
+    return all((one / name).read_bytes() == (other / name).read_bytes() for name in FILES)
+
+
+def test_a_file_that_grows(whole: Path, tmp_path: Path) -> None:
+    plant, folder = tmp_path / "plant.csv", tmp_path / "out"
+    plant.write_text(f"{HEAD}\n{GOOD[0]}\n")
+    source, seen, over = PlantFile(plant), [], threading.Event()
+    assert source.take() == 1
+
+    def write() -> None:
+        for row in (*GOOD[1:3], *FAULTY, *GOOD[3:]):
+            time.sleep(0.3)
+            add(plant, [row])
+
+    def read() -> None:  # another program: what it finds is whole at any moment
+        while not over.wait(0.01):
+            if (folder / "now.json").is_file():
+                seen.append(json.loads((folder / "now.json").read_text()))
+                read_table(folder / "now.csv")
+
+    threads = [threading.Thread(target=one) for one in (write, read)]
+    for one in threads:
+        one.start()
+    try:
+        run_caster(of_file(whole / "plant.csv", **{"caster.end": "9 s"}), folder, source=source)
+    finally:
+        over.set()
+        for one in threads:
+            one.join()
+    assert same(whole, folder)
+    assert source.left_out == len(FAULTY) and len(source) == len(GOOD)
+    log = (folder / "run.log").read_text()
+    for text in ("line 5: speed (fast)", "line 6: time (2 s) does not exceed that of the row",
+                 "line 7: speed (-1", "line 8: superheat is empty"):  # fmt: skip
+        assert text in log
+    assert len({state["clock"] for state in seen}) >= 3
+    now = json.loads((folder / "now.json").read_text())
+    assert now["clock"] == now["last_row"] == 9.0 and now["left_out"] == 4 and now["rows"] == 7
+    rows, units, _ = read_table(folder / "now.csv")
+    strand, _, _ = read_table(folder / "strand.csv")
+    last = strand["clock"] == 9.0
+    for name, values in rows.items():
+        np.testing.assert_array_equal(values, strand[name][last])
+    assert now["units"]["position"] == units["position"] == "m"
+    assert [one["position"] for one in now["slices"]] == pytest.approx(rows["position"], rel=1e-11)
+
+
+def wait_for(condition: Any, process: subprocess.Popen[str]) -> None:
+    """Wait until something holds of a process that is at work."""
+    while not condition():
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.05)
+
+
+@pytest.fixture
+def followed(whole: Path, tmp_path: Path) -> Iterator[Any]:
+    """A function that starts the command on a file of rows."""
+    (tmp_path / "case.toml").write_text(
+        of_file(whole / "plant.csv", **{"caster.end": "9 s"}).resolved_toml()
+    )
+    begun: list[subprocess.Popen[str]] = []
+
+    def start(*words: str) -> subprocess.Popen[str]:
+        command = [
+            sys.executable, "-m", "castfem.cli", "caster", "case.toml", "--follow", "plant.csv",
+            "-o", "out", "--no-figures", *words,
+        ]  # fmt: skip
+        begun.append(
+            subprocess.Popen(
+                command,
+                cwd=tmp_path,
+                stderr=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                text=True,
+                env={**os.environ, "OMP_NUM_THREADS": "1"},
+            )
+        )
+        return begun[-1]
+
+    yield start
+    for process in begun:
+        if process.poll() is None:
+            process.kill()
+        process.communicate()
+
+
+def test_sigterm_saves_and_resume_goes_on(followed: Any, whole: Path, tmp_path: Path) -> None:
+    plant, now = tmp_path / "plant.csv", tmp_path / "out" / "now.json"
+    first = followed()
+    plant.write_text(f"{HEAD}\n")  # later than the command
+    add(plant, [*GOOD[:3], *FAULTY[:1]])
+    wait_for(lambda: now.is_file() and json.loads(now.read_text())["rows"] == 3, first)
+    first.send_signal(signal.SIGTERM)
+    _, told = first.communicate()
+    assert first.returncode == 130 and "interrupted" in told
+    record = RunRecord.load(tmp_path / "out")
+    assert record.status == "interrupted" and "SIGTERM" in record.reason
+    assert not same(whole, tmp_path / "out")
+    add(plant, GOOD[3:])
+    second = followed("--resume")
+    _, told = second.communicate()
+    assert second.returncode == 0, told
+    assert same(whole, tmp_path / "out")
+    again = followed()  # the case in the folder has all rows
+    assert again.wait() == 0 and same(whole, tmp_path / "out")
+    plant.write_text(plant.read_text().replace("0, 3.6", "0, 3.5", 1))
+    third = followed("--resume")
+    _, told = third.communicate()
+    assert third.returncode == 1 and "are not those that were followed before" in told
+
+
+def test_lines_as_they_come(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = tmp_path / "plant.csv"
+    source = PlantFile(path, longest_gap=60.0)
+    assert source.take() == 0 and len(source) == 0
+    path.write_bytes(
+        "\ufefftime [min]; speed [m/min]; event\r\n# by hand\r\n0; 0; before\r\n".encode()
+    )
+    assert source.take() == 0 and "the caster begins with steady casting" in caplog.text
+    with path.open("a") as file:
+        file.write("1; 1,2; begun\n1,5; 1,25")
+    assert source.take() == 1
+    with path.open("a") as file:
+        file.write("; \n5; 1,3; \n6; 1,3; ; 7; 8\n")
+    assert source.take() == 2 and source.last == 300.0
+    assert "line 6: no row between 90 s and 300 s" in caplog.text
+    assert "line 7: 5 cells, not 3" in caplog.text
+    plant = source.plant()
+    assert plant.times[:3] == (60.0, 90.0, 300.0) and plant.events[0] == "begun"
+    assert plant.values["speed"][:3] == pytest.approx((0.02, 1.25 / 60.0, 1.3 / 60.0))
+    path.write_text("time [min]; speed [m/min]; event\n6; 1,3; \n")  # begun anew
+    assert source.take() == 1 and "is shorter than before" in caplog.text
+    assert "no row for" not in caplog.text
+    source.longest_gap = 0.0
+    source.take()
+    source.take()
+    assert caplog.text.count("no row for") == 1  # once
+
+
+def test_a_header_that_no_row_can_do_with(tmp_path: Path) -> None:
+    path = tmp_path / "plant.csv"
+    path.write_text("time [s], superheat [K]\n0, 20\n")
+    with pytest.raises(InputError, match=r"plant.csv: needs the column 'speed'"):
+        PlantFile(path).take()
