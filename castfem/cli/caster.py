@@ -32,18 +32,17 @@ class CasterRequest(Request):
 
 def caster_of_case(options: CasterRequest) -> None:
     """Run, print what came out, and draw it."""
+    from castfem.runs.caster.plant_file import BEYOND
     from castfem.runs.caster.run import run_caster
 
     path = shipped_cases.find(options.name)
     log.setup(-1 if options.quiet else 0, 0)
     source = None if options.follow is None else first_rows(options.follow)
     if source is not None:
-        own = replace(options, overrides=(*options.overrides, source.assignment()))
-        case = own.case(path)
-        assert case.caster is not None
-        source.longest_gap = case.caster.longest_gap
-    else:
-        case = options.case(path)
+        # A gap in a file that grows is reported, and no reason to refuse it.
+        more = (source.assignment(), f"caster.longest_gap={2.0 * BEYOND!r} s")
+        options = replace(options, overrides=(*options.overrides, *more))
+    case = options.case(path)
     target = options.target(path, "_caster")
     existing_run.check(target, case, resume=options.resume, overwrite=options.overwrite)
     progress = Progress(-1 if options.quiet else 0, unit="s of slices")

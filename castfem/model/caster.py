@@ -18,7 +18,7 @@ from pydantic import Field
 
 from castfem.base import units
 from castfem.base.constants import ROUNDING
-from castfem.base.csv_files import CsvFile, UnreadableError, read_csv
+from castfem.base.csv_files import UnreadableError, read_csv
 from castfem.base.quantities import Kind, Notation, Time
 from castfem.base.tables import ARGUMENTS, Table
 from castfem.base.units import in_mm
@@ -93,7 +93,7 @@ class PlantTable(Notation):
             raise ValueError("a table with a file takes no other key")
         path = Path(str(given["file"]))
         try:
-            return plant_of(read_csv(path))
+            return _of_file(path)
         except UnreadableError as error:
             raise ValueError(f"cannot read '{path}': {error}") from None
         except ValueError as error:
@@ -119,8 +119,8 @@ class PlantTable(Notation):
         }
 
 
-def plant_of(file: CsvFile) -> Plant:
-    """Return the history in a file, or raise ValueError."""
+def _of_file(path: Path) -> Plant:
+    file = read_csv(path)
     names = [heading.name for heading in file.headings]
     if not file.rows:
         raise ValueError(f"line {file.line}: a header and rows are needed: {_HEADER}")

@@ -116,7 +116,9 @@ def wait_for(condition: Any, process: subprocess.Popen[str]) -> None:
 def followed(whole: Path, tmp_path: Path) -> Iterator[Any]:
     """A function that starts the command on a file of rows."""
     (tmp_path / "case.toml").write_text(
-        of_file(whole / "plant.csv", **{"caster.end": "9 s"}).resolved_toml()
+        of_file(
+            whole / "plant.csv", **{"caster.end": "9 s", "caster.longest_gap": "5 s"}
+        ).resolved_toml()
     )
     begun: list[subprocess.Popen[str]] = []
 
@@ -169,9 +171,11 @@ def test_sigterm_saves_and_resume_goes_on(followed: Any, whole: Path, tmp_path: 
     assert third.returncode == 1 and "are not those that were followed before" in told
 
 
-def test_lines_as_they_come(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_lines_as_they_come(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = tmp_path / "plant.csv"
-    source = PlantFile(path, longest_gap=60.0)
+    source = PlantFile(path)
     assert source.take() == 0 and len(source) == 0
     path.write_bytes(
         "\ufefftime [min]; speed [m/min]; event\r\n# by hand\r\n0; 0; before\r\n".encode()
@@ -190,11 +194,10 @@ def test_lines_as_they_come(tmp_path: Path, caplog: pytest.LogCaptureFixture) ->
     assert plant.values["speed"][:3] == pytest.approx((0.02, 1.25 / 60.0, 1.3 / 60.0))
     path.write_text("time [min]; speed [m/min]; event\n6; 1,3; \n")  # begun anew
     assert source.take() == 1 and "is shorter than before" in caplog.text
-    assert "no row for" not in caplog.text
-    source.longest_gap = 0.0
-    source.take()
-    source.take()
-    assert caplog.text.count("no row for") == 1  # once
+    assert "no row since" not in caplog.text
+    monkeypatch.setattr("castfem.runs.caster.plant_file.LATE", 1e-9)
+    assert source.take() == source.take() == 0
+    assert caplog.text.count("no row since that of 360 s") == 1
 
 
 def test_a_header_that_no_row_can_do_with(tmp_path: Path) -> None:

@@ -9,20 +9,24 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 import time
-from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from castfem.base import log
-from castfem.base.csv_files import CsvFile, parse_csv
+from castfem.base.csv_files import CsvFile, Heading, parse_csv
 from castfem.base.errors import InputError
-from castfem.model.caster import Plant, PlantTable, plant_of
+from castfem.model.caster import EVENT, Plant, PlantTable
 
 PAUSE = 0.2
 """s between two looks at a file."""
-BEYOND = 86400.0
-"""s, how much longer the last row holds than a history goes: a strand at rest goes on after that.
-"""
+_NUMBER = re.compile(r"[+-]?[\d.]+(?:[eE][+-]?\d+)?")
+LATE, ROWS = 3.0, 20
+"""A row is late after so many times the usual time between two, the median of the last rows."""
+REST, BEYOND = 600.0, 1e6
+"""s after the last row: when a strand at rest is taken to go on, and how long it then does."""
 
 
 class PlantFile:
@@ -30,14 +34,13 @@ class PlantFile:
 
     Args:
         path: Of the file, which need not be there yet.
-        longest_gap: Time between two rows beyond which a gap is reported, s; None for any.
 
     Attributes:
         left_out: How many rows could not be used.
     """
 
-    def __init__(self, path: Path, longest_gap: float | None = None) -> None:
-        self.path, self.longest_gap, self.left_out = path, longest_gap, 0
+    def __init__(self, path: Path) -> None:
+        self.path, self.left_out = path, 0
         self._offset = self._line = 0
         self._head = ""
         self._times: list[float] = []
@@ -50,20 +53,26 @@ class PlantFile:
         return len(self._times)
 
     @property
+    def _long(self) -> float:
+        """Time between two rows that is reported, s: some times that of the rows before."""
+        apart = np.diff(self._times[-ROWS:])
+        return LATE * float(np.median(apart)) if apart.size else math.inf
+
+    @property
     def last(self) -> float:
         """Time of the last row, s; -inf before the first."""
         return self._times[-1] if self._times else -math.inf
 
     def plant(self) -> Plant:
-        """The history so far, whose last row holds; a strand at rest goes on much later."""
-        end, values = self.last + BEYOND, self._values
-        after = {name: (cells[-1],) * 2 for name, cells in values.items()}
-        if not after["speed"][-1] > 0.0:
-            after["speed"] = (0.0, next(v for v in reversed(values["speed"]) if v > 0.0))
+        """The history so far, whose last row holds; a strand at rest goes on later."""
+        last, values = self.last, self._values
+        after = {name: (cells[-1],) * 3 for name, cells in values.items()}
+        speed = next(v for v in reversed(values["speed"]) if v > 0.0)
+        after["speed"] = (values["speed"][-1], speed, speed)
         return Plant(
-            (*self._times, end, end + 1.0),
+            (*self._times, last + REST, last + REST + 1.0, last + BEYOND),
             {name: (*cells, *after[name]) for name, cells in values.items()},
-            (*self._events, "", ""),
+            (*self._events, "", "", ""),
         )
 
     def assignment(self) -> str:
@@ -103,15 +112,13 @@ class PlantFile:
             try:
                 self._add(parse_csv([self._head, line]), number)
             except ValueError as error:
-                where = "" if str(error).startswith(f"line {number}") else f"line {number}: "
-                self._report(f"{where}{error}; the row is left out")
+                reason = str(error).removeprefix("row 1: ")
+                self._report(f"line {number}: {reason}; the row is left out")
         if len(self) > before:
             self._read, self._told_late = time.monotonic(), False
-        elif self.longest_gap is not None and not self._told_late:
-            waited = time.monotonic() - self._read
-            if waited > self.longest_gap:
-                self._told_late = True
-                self._report(f"no row for {waited:.0f} s; the last is of {self.last:g} s", 0)
+        elif not self._told_late and time.monotonic() - self._read > self._long:
+            self._told_late = True
+            self._report(f"no row since that of {self.last:g} s, longer than usual", 0)
         return len(self) - before
 
     def check(self) -> None:
@@ -162,15 +169,19 @@ class PlantFile:
         """
         if not file.rows:
             return
-        row, at = replace(file.rows[0], line=number), [h.name for h in file.headings].index("time")
-        later = (*row.cells[:at], "1e12 s", *row.cells[at + 1 :])  # a history has two rows
-        one = plant_of(replace(file, rows=(row, replace(row, cells=later))))
+        cells = [*file.rows[0].cells, *("",) * len(file.headings)]
+        if len(file.rows[0].cells) > len(file.headings):
+            raise ValueError(f"{len(file.rows[0].cells)} cells, not {len(file.headings)}")
+        # A history has two rows: the second is the same much later.
+        columns = {h.name: [_full(c, h)] * 2 for h, c in zip(file.headings, cells, strict=False)}
+        columns["time"][1] = "1e12 s"
+        one = PlantTable().read(columns)
         now, last = one.times[0], self.last
         if not now > last:
             raise ValueError(f"time ({now:g} s) does not exceed that of the row before, {last:g} s")
         if not self._times and not one.values["speed"][0] > 0.0:
             raise ValueError("the strand is at rest; the caster begins with steady casting")
-        if self._times and self.longest_gap is not None and now - last > self.longest_gap:
+        if now - last > self._long:
             self._report(f"line {number}: no row between {last:g} s and {now:g} s", 0)
         self._times.append(now)
         self._events.append(one.events[0])
@@ -180,3 +191,9 @@ class PlantFile:
     def _report(self, text: str, left_out: int = 1) -> None:
         self.left_out += left_out
         log.logger.warning("%s: %s", self.path, text)
+
+
+def _full(cell: str, heading: Heading) -> str:
+    """A cell with the unit of its column, where that is a bare number."""
+    bare = heading.unit and heading.name != EVENT and _NUMBER.fullmatch(cell)
+    return f"{cell} {heading.unit}" if bare else cell
