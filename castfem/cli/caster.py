@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import gc
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from castfem.base import log
+from castfem.base.errors import InputError
 from castfem.base.progress import Progress
 from castfem.base.shown_units import shown_in
 from castfem.cli import parallel
@@ -16,27 +18,47 @@ from castfem.model.shown_units import units_of
 from castfem.runs import existing_run
 from castfem.runs.output.folder import CASTER_NAME, SLICES_NAME, STRAND_ROWS_NAME
 
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from castfem.model import Case
+
 
 def caster_of_case(options: Request) -> None:
-    """Run, print what came out, and draw it."""
+    """Run on all ranks; on the first print what came out, and draw it."""
     from castfem.runs.caster.run import run_caster
 
-    path = shipped_cases.find(options.name)
-    case, target = options.case(path), options.target(path, "_caster")
-    log.setup(-1 if options.quiet else 0, 0)
-    existing_run.check(target, case, resume=options.resume, overwrite=options.overwrite)
-    progress = Progress(-1 if options.quiet else 0, unit="s of slices")
+    comm = parallel.communicator()
+    rank = parallel.rank_of(comm)
+    log.setup(-1 if options.quiet else 0, rank)
+    progress = Progress(-1 if options.quiet else 0, unit="s of slices") if rank == 0 else None
     try:
-        with read_from(path):
-            run_caster(
-                case, target, comm=parallel.communicator(), resume=options.resume,
-                progress=progress,
-            )  # fmt: skip
+        with parallel.together(comm):
+            path, case, target = _agreed(comm, options)
+            with read_from(path):
+                run_caster(case, target, comm=comm, resume=options.resume, progress=progress)
     finally:
-        progress.stop()
+        if progress is not None:
+            progress.stop()
         log.close()
         gc.collect()
-    show_caster(target, options.units, figures=options.figures, quiet=options.quiet)
+    if rank == 0:
+        show_caster(target, options.units, figures=options.figures, quiet=options.quiet)
+
+
+def _agreed(comm: MPI.Intracomm | None, options: Request) -> tuple[Path, Case, Path]:
+    """Return the file, the case and its folder; what is wrong with them is raised on all ranks."""
+    problems: tuple[str, ...] = ()
+    try:
+        path = shipped_cases.find(options.name)
+        case, target = options.case(path), options.target(path, "_caster")
+        if parallel.rank_of(comm) == 0:
+            existing_run.check(target, case, resume=options.resume, overwrite=options.overwrite)
+    except InputError as error:
+        problems = error.problems
+    if found := parallel.agree(comm, tuple(problems)):
+        raise InputError(found)
+    return path, case, target
 
 
 def show_caster(
