@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.base import log
+from castfem.base.errors import InputError
 from castfem.base.progress import Progress
 from castfem.base.shown_units import shown_in
 from castfem.cli import parallel
@@ -20,6 +21,9 @@ from castfem.runs import existing_run
 from castfem.runs.output.folder import CASTER_NAME, SLICES_NAME, STRAND_ROWS_NAME
 
 if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from castfem.model import Case
     from castfem.runs.caster.plant_file import PlantFile
 
 
@@ -31,44 +35,60 @@ class CasterRequest(Request):
 
 
 def caster_of_case(options: CasterRequest) -> None:
-    """Run, print what came out, and draw it."""
-    from castfem.runs.caster.plant_file import BEYOND
+    """Run on all ranks; on the first print what came out, and draw it."""
     from castfem.runs.caster.run import run_caster
 
-    path = shipped_cases.find(options.name)
-    log.setup(-1 if options.quiet else 0, 0)
-    source = None if options.follow is None else first_rows(options.follow)
-    if source is not None:
-        # A gap in a file that grows is reported, and no reason to refuse it.
-        more = (source.assignment(), f"caster.longest_gap={2.0 * BEYOND!r} s")
-        options = replace(options, overrides=(*options.overrides, *more))
-    case = options.case(path)
-    target = options.target(path, "_caster")
-    existing_run.check(target, case, resume=options.resume, overwrite=options.overwrite)
-    progress = Progress(-1 if options.quiet else 0, unit="s of slices")
+    comm = parallel.communicator()
+    rank = parallel.rank_of(comm)
+    log.setup(-1 if options.quiet else 0, rank)
+    progress = Progress(-1 if options.quiet else 0, unit="s of slices") if rank == 0 else None
     try:
-        with read_from(path):
-            run_caster(
-                case, target, comm=parallel.communicator(), resume=options.resume,
-                progress=progress, source=source,
-            )  # fmt: skip
+        with parallel.together(comm):
+            options, source = _following(options)
+            path, case, target = _agreed(comm, options)
+            with read_from(path):
+                run_caster(
+                    case, target, comm=comm, resume=options.resume, progress=progress,
+                    source=source,
+                )  # fmt: skip
     finally:
-        progress.stop()
+        if progress is not None:
+            progress.stop()
         log.close()
         gc.collect()
-    show_caster(target, options.units, figures=options.figures, quiet=options.quiet)
+    if rank == 0:
+        show_caster(target, options.units, figures=options.figures, quiet=options.quiet)
 
 
-def first_rows(path: Path) -> PlantFile:
-    """Return a history that grows, as soon as it has a row."""
-    from castfem.runs.caster.plant_file import PAUSE, PlantFile
+def _agreed(comm: MPI.Intracomm | None, options: Request) -> tuple[Path, Case, Path]:
+    """Return the file, the case and its folder; what is wrong with them is raised on all ranks."""
+    problems: tuple[str, ...] = ()
+    try:
+        path = shipped_cases.find(options.name)
+        case, target = options.case(path), options.target(path, "_caster")
+        if parallel.rank_of(comm) == 0:
+            existing_run.check(target, case, resume=options.resume, overwrite=options.overwrite)
+    except InputError as error:
+        problems = error.problems
+    if found := parallel.agree(comm, tuple(problems)):
+        raise InputError(found)
+    return path, case, target
 
-    source = PlantFile(path)
-    if not path.is_file():
-        log.logger.info("%s: is waited for", path)
+
+def _following(options: CasterRequest) -> tuple[CasterRequest, PlantFile | None]:
+    """Return a history that grows, once it has a row, and what is asked with it as the plant."""
+    from castfem.runs.caster.plant_file import BEYOND, PAUSE, PlantFile
+
+    if options.follow is None:
+        return options, None
+    source = PlantFile(options.follow)
+    if not options.follow.is_file():
+        log.logger.info("%s: is waited for", options.follow)
     while not source.take():
         time.sleep(PAUSE)
-    return source
+    # A gap in a file that grows is reported, and no reason to refuse it.
+    more = (source.assignment(), f"caster.longest_gap={2.0 * BEYOND!r} s")
+    return replace(options, overrides=(*options.overrides, *more)), source
 
 
 def show_caster(

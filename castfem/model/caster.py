@@ -11,14 +11,13 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
 from castfem.base import units
 from castfem.base.constants import ROUNDING
-from castfem.base.csv_files import UnreadableError, read_csv
+from castfem.base.named_columns import Columns
 from castfem.base.quantities import Kind, Notation, Time
 from castfem.base.tables import ARGUMENTS, Table
 from castfem.base.units import in_mm
@@ -40,7 +39,11 @@ _KINDS = {
     "superheat": Kind("K", "K", difference=True, least=0.0),
     "mould_heat": Kind("1", least=0.0, label="factor", sample="0.95"),
 }
-_HEADER = "time [min], speed [m/min], superheat [K], mould_heat [-], top [L/min], event"
+_COLUMNS = Columns(
+    _KINDS, {}, "history of the plant",
+    "time [min], speed [m/min], superheat [K], mould_heat [-], top [L/min], event",
+    optional=("superheat", "mould_heat"), words=(EVENT,), others=_FLOW,
+)  # fmt: skip
 _DIGITS = 6  # of a start in seconds: what is written of it is what is computed
 
 
@@ -86,18 +89,7 @@ class PlantTable(Notation):
             return given
         if not isinstance(given, Mapping):
             raise ValueError('a file is needed, plant = { file = "plant.csv" }, or columns')
-        if "file" not in given:
-            count = max((len(cells) for cells in given.values()), default=0)
-            return _plant(given, [f"row {i + 1}" for i in range(count)])
-        if len(given) > 1:
-            raise ValueError("a table with a file takes no other key")
-        path = Path(str(given["file"]))
-        try:
-            return _of_file(path)
-        except UnreadableError as error:
-            raise ValueError(f"cannot read '{path}': {error}") from None
-        except ValueError as error:
-            raise ValueError(f"'{path}' {error}") from None
+        return _COLUMNS.read_by_name(given, _plant)
 
     def write(self, value: Plant) -> Any:
         """Return what reads back to the same history."""
@@ -119,65 +111,16 @@ class PlantTable(Notation):
         }
 
 
-def _of_file(path: Path) -> Plant:
-    file = read_csv(path)
-    names = [heading.name for heading in file.headings]
-    if not file.rows:
-        raise ValueError(f"line {file.line}: a header and rows are needed: {_HEADER}")
-    if twice := next((name for name in names if names.count(name) > 1), None):
-        raise ValueError(f"line {file.line}: column '{twice}' stands there twice")
-    columns: dict[str, list[Any]] = {name: [] for name in names}
-    for row in file.rows:
-        cells = (*row.cells, *("",) * (len(names) - len(row.cells)))
-        if len(cells) > len(names):
-            raise ValueError(f"line {row.line}: {len(row.cells)} cells, not {len(names)}")
-        for heading, cell in zip(file.headings, cells, strict=True):
-            bare = heading.unit and heading.name != EVENT and _is_number(cell)
-            columns[heading.name].append(f"{cell} {heading.unit}" if bare else cell)
-    return _plant(columns, [f"line {row.line}" for row in file.rows])
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
-
-
 def _plant(columns: Mapping[str, Sequence[Any]], places: Sequence[str]) -> Plant:
     """Return the history in some columns; `places` says where each row stands."""
-    for name in ("time", "speed"):
-        if name not in columns:
-            raise ValueError(f"needs the column '{name}': {_HEADER}")
-    values: dict[str, tuple[float, ...]] = {}
-    for name, cells in columns.items():
-        if isinstance(cells, str) or len(cells) != len(places):
-            raise ValueError(f"the column '{name}' must have {len(places)} cells")
-        if name != EVENT:
-            kind = _KINDS.get(name, _FLOW)
-            read = [
-                _cell(kind, cell, f"{p}: {name}") for cell, p in zip(cells, places, strict=True)
-            ]
-            values[name] = tuple(read)
-    times = values.pop("time")
+    times = columns["time"]
     for (before, after), place in zip(itertools.pairwise(times), places[1:], strict=True):
         if not after > before:
             raise ValueError(f"{place}: time ({after:g} s) does not exceed the row before")
     if len(times) < 2:
-        raise ValueError(f"has one row, two are needed: {_HEADER}")
-    events = tuple(str(cell).strip() for cell in columns.get(EVENT, ("",) * len(times)))
-    return Plant(times, values, events)
-
-
-def _cell(kind: Kind, cell: Any, where: str) -> float:
-    text = cell.strip() if isinstance(cell, str) else cell
-    if text == "":
-        raise ValueError(f"{where} is empty; write what held then")
-    try:
-        return kind.read(float(text) if kind.unit == "1" and _is_number(str(text)) else text)
-    except ValueError as error:
-        raise ValueError(f"{where} ({text}): {error}") from None
+        raise ValueError(f"has one row, two are needed: {_COLUMNS.header}")
+    values = {n: tuple(cells) for n, cells in columns.items() if n not in ("time", EVENT)}
+    return Plant(tuple(times), values, tuple(columns.get(EVENT, ("",) * len(times))))
 
 
 Clock = Annotated[float, Kind("s", "s", least=0.0)]

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 from small_caster import caster
@@ -34,13 +32,13 @@ ZONES = {
 def advanced() -> Any:
     """The strand of a caster with water, its slices' rows by number, and states at their ends."""
     case = caster(ZONES, {"ring": ["2 L/min", "2 L/min", "1 L/min", "0 L/min"]})
-    strand = Strand(case, MPI.COMM_SELF)
+    strand = Strand(case)
     rows: dict[int, list[dict[str, float]]] = {}
     ends: dict[int, Any] = {}
     for clock in strand.instants:
-        for one in strand.advance(clock):
-            simulation, sample = one.loop.simulation, one.run_state.sample
-            assert sample is not None and sample.time == one.age
+        for one in strand.waiting(clock):
+            simulation, sample = one.loop.simulation, one.advance(clock)
+            assert sample.time == one.age
             rows.setdefault(one.number, []).append(Columns(simulation).row(sample))
             if one.has_left:
                 ends[one.number] = one.run_state.state.thermal.enthalpy
@@ -81,11 +79,11 @@ def test_what_a_slice_meets_is_that_of_its_own_time(advanced: Any) -> None:
 
 def test_steady_casting_is_one_slice_at_every_instant() -> None:
     same = {"speed": ["3.6 m/min"] * 4, "superheat": None, "mould_heat": None}
-    strand = Strand(caster({}, same), MPI.COMM_SELF)
+    strand = Strand(caster({}, same))
     by_position: dict[float, float] = {}
     for clock in strand.instants:
-        for one in strand.advance(clock):
-            row = Columns(one.loop.simulation).row(one.run_state.sample)  # type: ignore[arg-type]
+        for one in strand.waiting(clock):
+            row = Columns(one.loop.simulation).row(one.advance(clock))
             known = by_position.setdefault(round(row["position"], 9), row["heat_removed"])
             assert row["heat_removed"] == pytest.approx(known, rel=2e-4)
         strand.release()

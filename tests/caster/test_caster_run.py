@@ -206,8 +206,6 @@ def test_what_is_refused(
 def test_what_a_run_of_it_cannot_do() -> None:
     with pytest.raises(InputError, match=r"has no table \[caster\]"):
         demand(caster().model_copy(update={"caster": None}), 100)
-    with pytest.raises(InputError, match="runs on one rank"):
-        demand(caster(), 100, 2)
     with pytest.raises(
         InputError, match=r"caster.spacing: 2000001 slices at once take about .* GB"
     ):

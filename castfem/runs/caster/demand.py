@@ -26,7 +26,7 @@ def demand(case: Case, vertices: int, ranks: int = 1) -> str:
     Args:
         case: Sound.
         vertices: Of its mesh.
-        ranks: On which it is to run.
+        ranks: That share its slices.
 
     Raises:
         InputError: It is no caster, or asks for more than there is.
@@ -36,10 +36,8 @@ def demand(case: Case, vertices: int, ranks: int = 1) -> str:
         raise InputError(f"{case.title}: has no table [caster]; add {fix}")
     if case.mechanics is not None:
         raise InputError("mechanics: a caster is of the temperature alone; leave out [mechanics]")
-    if ranks > 1:
-        raise InputError("a caster runs on one rank: start castfem caster without mpirun")
     inside = _most_inside(case)
-    memory = _PROCESS + inside * (_SLICE + _VERTEX * vertices)
+    memory = ranks * _PROCESS + inside * (_SLICE + _VERTEX * vertices)
     there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if memory > _MOST * there:
         raise InputError(

@@ -21,11 +21,16 @@ from castfem.base.errors import InputError
 from castfem.base.result_registry import QuantityDefinition, find
 from castfem.base.types import Array
 from castfem.runs.output.folder import CASTER_NAME, SLICES_NAME, STRAND_ROWS_NAME
+from castfem.runs.results.registry import Columns
 
 if TYPE_CHECKING:
     import pandas
 
+    from castfem.model.build.simulation import Simulation
+    from castfem.runs.results.sample import Sample
+
 Row = Mapping[str, float | str]
+CENTRE = "centre_solid_fraction"
 
 
 class GrowingTable(Closing):
@@ -95,6 +100,25 @@ def definition(column: str) -> tuple[QuantityDefinition, str]:
     found = find(column)
     assert found is not None, "castfem has written the column"
     return found
+
+
+class SliceRows:
+    """A row of a slice: the columns of its history, and the solid fraction in the centre."""
+
+    def __init__(self, model: Simulation) -> None:
+        self._model, self._columns = model, Columns(model)
+        self.heading = list(self._columns.heading)
+        self._adds = CENTRE not in dict(self.heading)
+        if self._adds:
+            self.heading.append((CENTRE, definition(CENTRE)[0].unit))
+
+    def row(self, sample: Sample) -> dict[str, float]:
+        """One row in its units."""
+        found = self._columns.row(sample)
+        if self._adds:
+            centre = next(iter(sample.profiles.values())).temperature[-1]
+            found[CENTRE] = float(np.asarray(self._model.steel.solid_fraction(centre)))
+        return found
 
 
 def read_table(path: Path) -> tuple[dict[str, Array], dict[str, str], dict[str, list[str]]]:

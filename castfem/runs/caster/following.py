@@ -39,8 +39,15 @@ def grown(case: Case, source: PlantFile) -> Case:
     return case.model_copy(update={"caster": caster})
 
 
-def first_looked_at(case: Case, source: PlantFile) -> Case:
-    """Return the case with the rows to its second instant; they are waited for."""
+def first_looked_at(case: Case, source: PlantFile, ranks: int) -> Case:
+    """Return the case with the rows to its second instant; they are waited for.
+
+    Raises:
+        InputError: It cannot be followed.
+    """
+    if ranks > 1 or case.mechanics is not None:
+        reason = "leave out [mechanics]" if ranks == 1 else "start castfem caster without mpirun"
+        raise InputError(f"{source.path}: is followed by the temperature, on one rank: {reason}")
     while True:
         found = grown(case, source)
         assert found.caster is not None
