@@ -18,7 +18,7 @@ from pydantic import Field
 from castfem.base import units
 from castfem.base.constants import ROUNDING
 from castfem.base.named_columns import Columns
-from castfem.base.quantities import Kind, Notation, Time
+from castfem.base.quantities import Kind, Length, Notation, Time
 from castfem.base.tables import ARGUMENTS, Table
 from castfem.base.units import in_mm
 from castfem.model.base import TableModel
@@ -126,6 +126,18 @@ def _plant(columns: Mapping[str, Sequence[Any]], places: Sequence[str]) -> Plant
 Clock = Annotated[float, Kind("s", "s", least=0.0)]
 
 
+class Pyrometer(TableModel):
+    """A fixed place at which the surface temperature is noted of each slice that passes."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$")
+    """its name in pyrometers.csv"""
+    at: Length = Field(examples=["18.5 m"])
+    """position, from the meniscus"""
+    on: str = Field("mid_face", examples=["mid_face"])
+    """place of the surface it looks at: mid_face, narrow_face, corner ... as in the columns of
+    history.csv"""
+
+
 class Caster(TableModel):
     """The whole caster over time: many slices of one strand, which `castfem caster` computes."""
 
@@ -146,6 +158,14 @@ class Caster(TableModel):
     longest_gap: Time | None = Field(None, examples=["10 min"])
     """longest time between two rows of plant; a longer one is refused as a gap in the record; left
     out: any"""
+
+    moments: tuple[Clock, ...] = Field((), examples=[["0 s", "20 min"]])
+    """when the whole strand, bent through its machine, is written for ParaView (strand.pvd) and
+    drawn: at the first instant from each on"""
+    cut: Length | None = Field(None, examples=["8 m"])
+    """length of the pieces that the strand is cut into, from what leaves the meniscus at the first
+    row of plant; with it answers name pieces"""
+    pyrometer: tuple[Pyrometer, ...] = ()
 
     @property
     def window(self) -> tuple[float, float]:
@@ -313,6 +333,21 @@ def _window(case: Case, caster: Caster) -> Faults:
     if not gap < length:
         text = f"leaves no slice within casting.length ({in_mm(length)})"
         yield "spacing", f"({in_mm(gap)} at the fastest) {text}"
+
+
+@check("caster")
+def _looks_at(case: Case, caster: Caster) -> Faults:
+    """Yield pyrometers beyond the strand or of one name, and moments at which nobody looks."""
+    (start, end), names = caster.window, [one.name for one in caster.pyrometer]
+    for i, one in enumerate(caster.pyrometer):
+        if one.at > case.casting.length * (1.0 + ROUNDING):
+            text = f"({one.at:g} m): the strand is followed to {case.casting.length:g} m"
+            yield f"pyrometer.{i}.at", text
+        if one.name in names[:i]:
+            yield f"pyrometer.{i}.name", f"'{one.name}' stands there twice"
+    for moment in caster.moments:
+        if not start <= moment <= end:
+            yield "moments", f"({moment:g} s): it is looked at from {start:g} s to {end:g} s"
 
 
 @check("caster")

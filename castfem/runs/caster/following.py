@@ -33,8 +33,9 @@ def grown(case: Case, source: PlantFile) -> Case:
     """Return the case with the rows so far: it is looked at up to the last of them, or its end."""
     assert case.caster is not None
     until = source.last if case.caster.end is None else min(source.last, case.caster.end)
+    moments = tuple(moment for moment in case.caster.moments if moment <= until)
     caster = case.caster.model_copy(
-        update={"plant": source.plant(), "end": until, "longest_gap": None}
+        update={"plant": source.plant(), "end": until, "longest_gap": None, "moments": moments}
     )
     return case.model_copy(update={"caster": caster})
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from castfem.model.caster import Cast
@@ -23,6 +23,7 @@ class Look:
         removed: Heat that was removed of its length, J. gained: Change of its enthalpy since the
             meniscus, J.
         row: Columns of its history.
+        passed: Pyrometers that it has passed since the instant before: number, age s, K.
     """
 
     number: int
@@ -36,6 +37,7 @@ class Look:
     removed: float
     gained: float
     row: dict[str, float]
+    passed: list[list[float]]
 
     @property
     def has_left(self) -> bool:
@@ -70,3 +72,11 @@ def pool_end(
     if below is None and position > length:
         return math.nan
     return min(max(position, liquid.position), math.inf if below is None else below.position)
+
+
+def heat_of(before: tuple[float, float], looks: Iterable[Look]) -> tuple[float, float]:
+    """Return heat removed and change of enthalpy, J, with those of some slices added."""
+    removed, gained = before
+    for one in looks:
+        removed, gained = removed + one.removed, gained + one.gained
+    return removed, gained

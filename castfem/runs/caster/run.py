@@ -6,7 +6,6 @@ import hashlib
 import json
 import math
 import time
-from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
@@ -24,15 +23,18 @@ from castfem.fem.root import Together, on_root
 from castfem.model.build.simulation import build_mesh
 from castfem.model.caster import EVENT
 from castfem.runs import restart
+from castfem.runs.caster import pyrometers
 from castfem.runs.caster.demand import demand
 from castfem.runs.caster.files import GrowingTable, Row, SliceRows
-from castfem.runs.caster.look import Look, pool_end
+from castfem.runs.caster.look import Look, heat_of, pool_end
+from castfem.runs.caster.moments import Moments
 from castfem.runs.caster.strand import Slice, Strand
 from castfem.runs.interrupt import Interrupt, Stopped
 from castfem.runs.loop import begin_folder, reason_to_end
 from castfem.runs.output.checkpoint import CHECKPOINT_NAME, load_checkpoint, save_checkpoint
 from castfem.runs.output.folder import (
     CASTER_NAME,
+    PYROMETERS_NAME,
     SLICES_NAME,
     STRAND_ROWS_NAME,
     OutputFolder,
@@ -81,11 +83,12 @@ class CasterRun:
     ) -> None:
         assert case.caster is not None
         self._case, self._output, self._every, self._comm = case, output, save_every, comm
-        self._source, self.is_saved = source, goes_on
+        self._asked, self._source, self.is_saved = case.caster, source, goes_on
         self.latest: tuple[Row, list[Row]] | None = None
         self._physics = _physics(case, grows=source is not None)
         self.strand = Strand(case, comm.rank, comm.size)
         self._columns = SliceRows(self.strand.model)
+        self._moments = Moments(case, self.strand.model, output.path)
         self._index = self._gone = 0
         self._looks: dict[int, Look] = {}  # of this rank, at the instant that is on its way
         self._closed: dict[int, float] = {}
@@ -103,6 +106,7 @@ class CasterRun:
             (CASTER_NAME, HEADING),
             (STRAND_ROWS_NAME, self.heading),
             (SLICES_NAME, [*slices, *own]),
+            *([(PYROMETERS_NAME, pyrometers.HEADING)] if self._asked.pyrometer else []),
         ):
             self._files[name] = GrowingTable(self._output / name, heading, sizes.get(name))
 
@@ -114,7 +118,8 @@ class CasterRun:
     def grow(self, case: Case) -> None:
         """Go on by a longer history of the plant, which begins as that so far."""
         self.strand.grow(case)
-        self._case = case
+        assert case.caster is not None
+        self._case, self._moments.asked = case, case.caster.moments
 
     def go(self, interrupt: Interrupt, progress: Progress | None) -> None:
         """Go through all instants that are left, and save.
@@ -192,6 +197,8 @@ class CasterRun:
     def _look_at(self, now: float) -> None:
         """Look at the strand at an instant, and let go of what has left it."""
         found = self._comm.gather(self._looks)
+        before = self.strand.instants[self._index - 1] if self._index else -math.inf
+        self._moments.look(now, before, self.strand.inside, self._comm)
         on_root(self._comm, lambda: self._write(now, _merged(found)))
         self._gone += self._comm.allreduce(sum(one.has_left for one in self._looks.values()))
         self._looks = {}
@@ -207,8 +214,8 @@ class CasterRun:
         pool = pool_end(inside, self._closed, strand.cast, now, self._case.casting.length)
         lowest = inside[0].number if inside else max(self._closed, default=0) + 1
         self._closed = {n: age for n, age in self._closed.items() if n >= lowest - 1}
-        self._left = _heat(self._left, ended)
-        removed, gained = _heat(self._left, inside)
+        self._left = heat_of(self._left, ended)
+        removed, gained = heat_of(self._left, inside)
         self._files[SLICES_NAME].append(
             {
                 "slice": one.number, "start": one.start, "left": one.start + one.lasts,
@@ -230,6 +237,9 @@ class CasterRun:
             "event": _events(caster.plant, now - (apart if self._index else math.inf), now),
         }  # fmt: skip
         self._files[CASTER_NAME].append([row])
+        if self._asked.pyrometer:
+            seen = pyrometers.rows(caster, list(looks.values()))
+            self._files[PYROMETERS_NAME].append(seen)
         self.latest, self.is_saved = (row, rows), False
         self._before = removed
 
@@ -242,7 +252,8 @@ class CasterRun:
             if run.sample is not None:  # it has left the meniscus
                 arrays = restart.arrays(run)
                 kept = {name: values for name, values in arrays.items() if values is not None}
-                slices[one.number] = restart.description(run), kept
+                passed = [] if one.passing is None else one.passing.passed
+                slices[one.number] = {**restart.description(run), "passed": passed}, kept
         found, looks = self._comm.gather(slices), self._comm.gather(self._looks)
         on_root(self._comm, lambda: self._save(_merged(found), _merged(looks)))
         self._saved, self.is_saved = time.monotonic(), True
@@ -300,7 +311,9 @@ class CasterRun:
         for own_number, kept in sorted(mine.items()):
             one = strand.enter(own_number)
             one.loop.simulation.probes.conducts = one.loop.simulation.problem.curve
-            restart.restore(one.run_state, meta["slices"][str(own_number)], kept)
+            described = meta["slices"][str(own_number)]
+            restart.restore(one.run_state, described, kept)
+            one.watch(self._asked.pyrometer, described["passed"])
         sizes: dict[str, int] = meta["sizes"]
         return sizes
 
@@ -317,14 +330,6 @@ def _merged(parts: list[dict[int, T]] | None) -> dict[int, T]:
     return dict(sorted(found.items()))
 
 
-def _heat(before: tuple[float, float], looks: Iterable[Look]) -> tuple[float, float]:
-    """Heat removed and change of enthalpy, J, with those of some slices added."""
-    removed, gained = before
-    for one in looks:
-        removed, gained = removed + one.removed, gained + one.gained
-    return removed, gained
-
-
 def _events(plant: Plant, after: float, until: float) -> str:
     """What happened after an instant, up to another."""
     pairs = zip(plant.times, plant.events, strict=True)
@@ -337,6 +342,8 @@ def _physics(case: Case, grows: bool = False) -> dict[str, str]:
     if grows:  # its rows are compared by themselves
         names = {name for name in written["caster"]["plant"] if name != EVENT}
         written["caster"] |= {"plant": sorted(names), "end": None}
+    for name in ("moments", "cut"):
+        written["caster"].pop(name, None)
     tables = {**case.physics(), "caster": written["caster"], "casting": written["casting"]}
     text = json.dumps(tables, sort_keys=True)
     return {"physics": hashlib.sha256(text.encode()).hexdigest()[:16], "case": text}

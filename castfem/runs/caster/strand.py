@@ -9,7 +9,7 @@ which are those of its own run: its case writes states at the instants of the cl
 from __future__ import annotations
 
 import math
-from collections.abc import Container
+from collections.abc import Container, Sequence
 from typing import TYPE_CHECKING
 from weakref import WeakValueDictionary
 
@@ -21,10 +21,12 @@ from castfem.model.build.simulation import CurveEnds, Simulation, build, build_b
 from castfem.model.caster import by_plant, cast_of, followed, slice_of, starts_of
 from castfem.runs import restart
 from castfem.runs.caster.look import Look
+from castfem.runs.caster.pyrometers import Passing
 from castfem.runs.loop import TimeLoop
 
 if TYPE_CHECKING:
     from castfem.model import Case
+    from castfem.model.caster import Pyrometer
     from castfem.physics.thermal.problem import ThermalProblem
     from castfem.runs.interrupt import Interrupt
     from castfem.runs.results.run_state import RunState
@@ -45,6 +47,7 @@ class Slice:
         self.number, self.start, self.length = number, start, length
         self.loop = TimeLoop(simulation, unsampled=self._passes)
         self._until = 0.0
+        self.passing: Passing | None = None
         # Crack indexes and extremes of the mechanics grow with each step.
         self._each = simulation.case.quality is not None or simulation.mechanics is not None
 
@@ -112,10 +115,25 @@ class Slice:
             closed=math.nan if solid is None else simulation.machine.time_at(solid),
             removed=whole * run.state.thermal.removed,
             gained=whole * run.sampler.heat_gained(run.state.thermal), row=row,
+            passed=self.take_passed(),
         )  # fmt: skip
+
+    def watch(self, places: Sequence[Pyrometer], passed: Sequence[Sequence[float]] = ()) -> None:
+        """Note the surface as it passes some places from now on; `passed` is not written yet."""
+        if places:
+            self.passing = Passing(places, self.run_state, passed)
+
+    def take_passed(self) -> list[list[float]]:
+        """Return what pyrometers have seen since it was asked last."""
+        if self.passing is None:
+            return []
+        found, self.passing.passed = self.passing.passed, []
+        return found
 
     def _passes(self, run: RunState) -> bool:
         """Take in a step without results, but where they are asked for."""
+        if self.passing is not None:
+            self.passing.note(run)
         asked = run.sample is None or run.state.time >= self._until - EXACT * self.lasts
         if asked or self._each:
             return False
@@ -144,6 +162,7 @@ class Strand:
         self.inside: list[Slice] = []
         self._rank, self._ranks, self._begun = rank, ranks, 0
         self._warned: set[tuple[int, bool]] = set()
+        self._places = case.caster.pyrometer if case.caster is not None else ()
         self.grow(case)
         self._first = build(slice_of(self.base, self.starts[0]), MPI.COMM_SELF)
         self._problems: WeakValueDictionary[CurveEnds, ThermalProblem] = WeakValueDictionary()
@@ -186,6 +205,7 @@ class Strand:
         simulation = build_beside(slice_of(self.base, start), self._first, self._problems)
         made = Slice(number, start, self.length_of(number), simulation)
         self._warn_once(made)
+        made.watch(self._places)
         self.inside.append(made)
         self._to_come.remove(number)
         self._begun = max(self._begun, number)

@@ -19,6 +19,8 @@
     slices.csv     ... and each slice as it has left
     now.json       of a caster that follows its plant: the strand at the last instant ...
     now.csv        ... and its slices, for other programs
+    pyrometers.csv ... the surface at fixed places, a row for each slice that passes
+    strand.pvd     ... the strand at moments, for ParaView, with a file each in moments/
     figures/       what `castfem show` draws (`castfem.post.plots.figures`)
 
 castfem begins anew only in a folder without any of these names, or in one that holds its own
@@ -72,6 +74,8 @@ ERROR_NAME, ERROR_ENDING = "error.json", "_error"
 """File of the errors of a case, and what its folder has behind the name of a run's."""
 CASTER_NAME, STRAND_ROWS_NAME, SLICES_NAME = "caster.csv", "strand.csv", "slices.csv"
 NOW_NAME, NOW_ROWS_NAME = "now.json", "now.csv"
+PYROMETERS_NAME = "pyrometers.csv"
+STRAND_SERIES_NAME, MOMENTS_NAME = "strand.pvd", "moments"
 STRAND_NAME = "strand.vtu"  # written on demand, from the others
 FIGURES = ("temperature", "states", "stack", "surface_temperature", "shell", "heat", "steps")
 MECHANICS_FIGURES = ("von_mises", "shape", "stress", "size", "axial", "contact")
@@ -87,6 +91,7 @@ ARTEFACTS = (
     *(CHECKPOINT_NAME, CASE_NAME, RUN_NAME, LOG_NAME, HISTORY_NAME, XDMF_NAME, HDF5_NAME),
     *(SUMMARY_NAME, DERIVATIVES_NAME, MAPS_NAME, ROWS_NAME, STRAND_NAME, WALL_FLUX_NAME),
     *(CASTER_NAME, STRAND_ROWS_NAME, SLICES_NAME, NOW_NAME, NOW_ROWS_NAME),
+    *(PYROMETERS_NAME, STRAND_SERIES_NAME),
     *(f"{FIGURES_NAME}/{name}.png" for name in (*ALL_FIGURES, CASTER_FIGURE)),
 )
 
@@ -336,6 +341,9 @@ class OutputFolder(Closing):
                     with saving(path):
                         leftover.unlink(missing_ok=True)
         remove_singles(self.path)
+        for path in (self / MOMENTS_NAME).glob("strand_*s.vtu"):
+            with saving(path):
+                path.unlink()
         before = self / CASE_NAME
         for name in _probe_files(before.read_bytes() if before.is_file() else b""):
             with saving(self / name):
