@@ -99,13 +99,12 @@ def show_caster(
     with chosen(units), shown_in(units_of(case)):
         written = [CASTER_NAME, STRAND_ROWS_NAME, SLICES_NAME]
         if figures:
-            from castfem.post.plots.strand_over_time import draw_strand
+            from castfem.post.plots.caster_figures import draw_caster
 
-            drawn = draw_strand(folder, case.title, case.casting.length)
-            written.append(str(drawn.relative_to(folder)))
+            written += [str(path.relative_to(folder)) for path in draw_caster(folder, case)]
         if not quiet:
             from castfem.base.table import say
             from castfem.post.report.caster import answers
 
-            say(parallel.console(), case.title, "", *answers(folder, case.casting.length))
+            say(parallel.console(), case.title, "", *answers(folder, case))
             print(f"{', '.join(written)} in {folder}")

@@ -101,7 +101,7 @@ def test_liquid_that_leaves_the_machine_is_told(tmp_path: Path) -> None:
     numbers, _, _ = read_table(tmp_path / "caster.csv")
     pool = numbers["metallurgical_length"]
     assert np.isfinite(pool[0]) and np.isnan(pool[-1])
-    told = "\n".join(answers(tmp_path, 0.5))
+    told = "\n".join(answers(tmp_path, case))
     assert "leaves the machine (500 mm) with liquid" in told and "pool is longest" in told
     assert "faster" in told
 

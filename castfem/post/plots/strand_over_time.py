@@ -10,14 +10,9 @@ import numpy as np
 from castfem.base.shown_units import plain_unit, scale_of
 from castfem.base.types import Array
 from castfem.post.plots.maps import edges
-from castfem.post.plots.style import STYLE, head, look, new_figure, save
+from castfem.post.plots.style import STYLE, head, look, new_figure
 from castfem.runs.caster.files import definition, read_table
-from castfem.runs.output.folder import (
-    CASTER_FIGURE,
-    CASTER_NAME,
-    FIGURES_NAME,
-    STRAND_ROWS_NAME,
-)
+from castfem.runs.output.folder import CASTER_NAME, STRAND_ROWS_NAME
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,20 +21,6 @@ if TYPE_CHECKING:
 
 _ROWS = 200  # of the map, along the strand
 _LINE = "#d55e00"
-
-
-def draw_strand(folder: Path, title: str, length: float) -> Path:
-    """Draw a caster's files.
-
-    Args:
-        folder: Of the run.
-        title: Above the picture.
-        length: To the end of the machine, m.
-    """
-    path = folder / FIGURES_NAME / f"{CASTER_FIGURE}.png"
-    path.parent.mkdir(exist_ok=True)
-    save(strand_figure(folder, title, length), path)
-    return path
 
 
 @look()
@@ -80,8 +61,8 @@ def _draw_shell(
 ) -> tuple[ScalarMappable, str]:
     """Draw the shell at the first probe over clock and position."""
     name = next(name for name in strand if name.startswith("shell_"))
-    places: Array = np.linspace(0.0, length, _ROWS, dtype=np.float64)
-    values = np.array([_along(strand, name, now, places) for now in clock])
+    places = place_grid(length)
+    values = np.array([along(strand, name, now, places) for now in clock])
     found, probe = definition(name)
     scale = scale_of(found.unit, name)
     shades = axes.pcolormesh(
@@ -94,7 +75,12 @@ def _draw_shell(
     return shades, f"{found.result(0.0, probe).label} [{plain_unit(scale.unit)}]"
 
 
-def _along(strand: dict[str, Array], name: str, now: float, places: Array) -> Array:
+def place_grid(length: float) -> Array:
+    """Return the positions at which a strand is shown, m."""
+    return np.linspace(0.0, length, _ROWS, dtype=np.float64)
+
+
+def along(strand: dict[str, Array], name: str, now: float, places: Array) -> Array:
     """A column along the strand at an instant, as at the lowest slice below that."""
     rows = np.flatnonzero(strand["clock"] == now)
     order = rows[np.argsort(strand["position"][rows])]

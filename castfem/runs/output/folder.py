@@ -82,7 +82,7 @@ MECHANICS_FIGURES = ("von_mises", "shape", "stress", "size", "axial", "contact")
 BENDING_FIGURES = ("slice", "bulging", "extraction", "maps", "caster", "roll_to_roll")
 TENSILE_FIGURES = ("tensile",)
 ALL_FIGURES = FIGURES + MECHANICS_FIGURES + BENDING_FIGURES + TENSILE_FIGURES
-CASTER_FIGURE = "strand_over_time"
+CASTER_FIGURES = "strand_over_time", "strand_maps", "strand_moments"
 _LOCK_NAME = ".castfem.lock"
 # Of a property file; whatever run.json says, nothing else is removed on its word.
 _COPY = re.compile(rf"{PROPERTIES_NAME}/\w+/[^/]*\w[^/]*")
@@ -92,7 +92,7 @@ ARTEFACTS = (
     *(SUMMARY_NAME, DERIVATIVES_NAME, MAPS_NAME, ROWS_NAME, STRAND_NAME, WALL_FLUX_NAME),
     *(CASTER_NAME, STRAND_ROWS_NAME, SLICES_NAME, NOW_NAME, NOW_ROWS_NAME),
     *(PYROMETERS_NAME, STRAND_SERIES_NAME),
-    *(f"{FIGURES_NAME}/{name}.png" for name in (*ALL_FIGURES, CASTER_FIGURE)),
+    *(f"{FIGURES_NAME}/{name}.png" for name in (*ALL_FIGURES, *CASTER_FIGURES)),
 )
 
 
