@@ -42,7 +42,7 @@ from castfem.runs.output.run_record import RunRecord
 _INSTANTS, _PIECES = 240, 160
 """Of a page, at most: instants, and pieces of the strand seen from its side."""
 _SHADES = 24
-_WIDE = 720.0  # of the side view, pixels
+_WIDE = 520.0  # of the side view, pixels
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +121,7 @@ def _panels(shown: dict[str, Array], case: Case) -> Iterator[Panel]:
     for names in groups:
         found, probe = definition(names[0].replace("reheating_", SURFACE))
         unit = "K" if names[0].startswith("reheating_") else scale_of(found.unit, names[0]).unit
-        label = found.label if names is surfaces else found.result(0.0, probe).label
+        label = "surface temperature" if names is surfaces else found.result(0.0, probe).label
         label = f"reheating: {label}" if names[0].startswith("reheating_") else label
         values = np.concatenate([shown[name][np.isfinite(shown[name])] for name in names])
         low, high = float(values.min(initial=0.0)), float(values.max(initial=1e-9))

@@ -45,6 +45,7 @@
         colour = known.palette[Math.min(shades - 1, Math.max(0, Math.floor(shades * share)))];
       }
       piece.setAttribute("fill", colour);
+      piece.setAttribute("stroke", colour);
     });
     const end = document.getElementById("pool");
     const nearest = pool === null ? -1 : places.findIndex(function (at) { return at >= pool; });
