@@ -81,7 +81,9 @@ def _draw_shell(
     """Draw the shell at the first probe over clock and position."""
     name = next(name for name in strand if name.startswith("shell_"))
     places: Array = np.linspace(0.0, length, _ROWS, dtype=np.float64)
-    values = np.array([_along(strand, name, now, places) for now in clock])
+    apart, same = np.diff(strand["position"]), np.diff(strand["clock"]) == 0.0
+    gap = float(np.max(apart[same], initial=0.0))
+    values = np.array([_along(strand, name, now, places, gap) for now in clock])
     found, probe = definition(name)
     scale = scale_of(found.unit, name)
     shades = axes.pcolormesh(
@@ -94,8 +96,16 @@ def _draw_shell(
     return shades, f"{found.result(0.0, probe).label} [{plain_unit(scale.unit)}]"
 
 
-def _along(strand: dict[str, Array], name: str, now: float, places: Array) -> Array:
-    """A column along the strand at an instant, as at the lowest slice below that."""
+def _along(strand: dict[str, Array], name: str, now: float, places: Array, gap: float) -> Array:
+    """A column along the strand at an instant: at its ends as at the nearest slice.
+
+    NaN below the first slice of a cast, and farther from a slice than slices are from one another.
+    """
     rows = np.flatnonzero(strand["clock"] == now)
+    if not len(rows):
+        return np.full(len(places), np.nan)
     order = rows[np.argsort(strand["position"][rows])]
-    return np.interp(places, strand["position"][order], strand[name][order])
+    at = strand["position"][order]
+    below = 0.0 if strand["slice"][order[-1]] == 1.0 else gap
+    there = (places >= at[0] - gap) & (places <= at[-1] + below)
+    return np.where(there, np.interp(places, at, strand[name][order]), np.nan)

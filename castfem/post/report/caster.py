@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from castfem.base.shown_units import place_said, said
-from castfem.base.types import Array
-from castfem.runs.caster.files import definition, read_table
-from castfem.runs.output.folder import CASTER_NAME, SLICES_NAME
+from castfem.base.types import Array, Flags
+from castfem.runs.caster.files import CENTRE, definition, read_table
+from castfem.runs.output.folder import CASTER_NAME, SLICES_NAME, STRAND_ROWS_NAME
 
 _POOL = "metallurgical_length"
 
@@ -25,7 +25,9 @@ def answers(folder: Path, length: float) -> list[str]:
     """
     numbers, _, words = read_table(folder / CASTER_NAME)
     time, pool, speed = (numbers[name] for name in ("time", _POOL, "speed"))
-    lines = [*_pool(time, pool, speed, length)]
+    strand, _, _ = read_table(folder / STRAND_ROWS_NAME)
+    liquid = np.isin(time, strand["clock"][strand[CENTRE] < 1.0])
+    lines = [*_pool(time, pool, speed, length, liquid)]
     lines += [
         f"{said(at, 's', '.6g')}: {event}"
         for at, event in zip(time, words.get("event", ()), strict=False)
@@ -37,10 +39,16 @@ def answers(folder: Path, length: float) -> list[str]:
     return [*lines, f"balance of heat of all slices: {worst:.1e} of the heat removed"]
 
 
-def _pool(time: Array, pool: Array, speed: Array, length: float) -> Iterator[str]:
+def _pool(time: Array, pool: Array, speed: Array, length: float, liquid: Flags) -> Iterator[str]:
     inside = np.isfinite(pool)
-    if not inside.all():
-        beyond = time[~inside]
+    solid = ~inside & ~liquid
+    if solid.any():
+        yield (
+            f"no slice has liquid at {solid.sum()} of {len(time)} instants, first at "
+            f"{said(time[solid][0], 's', '.6g')}"
+        )
+    if (~inside & liquid).any():
+        beyond = time[~inside & liquid]
         yield (
             f"the strand leaves the machine ({place_said(length)}) with liquid at {len(beyond)} of "
             f"{len(time)} instants, first at {said(beyond[0], 's', '.6g')} and last at "
@@ -51,9 +59,9 @@ def _pool(time: Array, pool: Array, speed: Array, length: float) -> Iterator[str
     for word, i in (("longest", int(np.nanargmax(pool))), ("shortest", int(np.nanargmin(pool)))):
         at = f"at {said(time[i], 's', '.6g')}, cast at {said(speed[i], 'm/min', '.3g')}"
         yield f"the pool is {word} {at}: it ends {place_said(float(pool[i]))} below the meniscus"
-    if inside.all():
+    if (inside | solid).all():
         yield (
-            f"it ends within the machine at every instant, {place_said(length - np.max(pool))} "
+            f"it ends within the machine at every instant, {place_said(length - np.nanmax(pool))} "
             "or more above its end"
         )
 

@@ -63,5 +63,5 @@ def _most_inside(case: Case) -> int:
     if isinstance(caster.spacing, Way):
         return 1 + math.floor(length / caster.spacing.length * (1.0 + ROUNDING))
     cast = cast_of(case)
-    stays = [at - cast.when(cast.length(at) - length) for at in caster.instants]
+    stays = [at - cast.when(max(cast.length(at) - length, 0.0)) for at in caster.instants]
     return 1 + math.floor(max(stays) / caster.spacing * (1.0 + ROUNDING))

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     import pandas
 
 Row = Mapping[str, float | str]
+CENTRE = "centre_solid_fraction"
+"""A column that all rows of slices have."""
 
 
 class GrowingTable(Closing):

@@ -44,7 +44,12 @@ class Look:
 
 
 def pool_end(
-    inside: Sequence[Look], closed: Mapping[int, float], cast: Cast, clock: float, length: float
+    inside: Sequence[Look],
+    closed: Mapping[int, float],
+    cast: Cast,
+    clock: float,
+    length: float,
+    has_head: bool = False,
 ) -> float:
     """Where the liquid ends, m below the meniscus; NaN where it is not within the machine.
 
@@ -58,10 +63,13 @@ def pool_end(
         cast: What has been cast.
         clock: The instant, s.
         length: Of the machine, m.
+        has_head: Whether the first slice is the head of the strand: there liquid ends at it.
     """
     liquid = next((one for one in inside if math.isnan(one.closed)), None)
     if liquid is None:
         return math.nan
+    if liquid.number == 1 and has_head:
+        return liquid.position
     age = closed.get(liquid.number - 1, math.nan)
     if math.isnan(age):
         return math.nan

@@ -26,7 +26,7 @@ from castfem.fem.root import Together, on_root
 from castfem.model.build.simulation import build_mesh
 from castfem.runs import restart
 from castfem.runs.caster.demand import demand
-from castfem.runs.caster.files import GrowingTable, definition
+from castfem.runs.caster.files import CENTRE, GrowingTable, definition
 from castfem.runs.caster.look import Look, pool_end
 from castfem.runs.caster.strand import Slice, Strand
 from castfem.runs.interrupt import Interrupt, Stopped
@@ -48,7 +48,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-CENTRE = "centre_solid_fraction"
 HEADING = [
     ("time", "s"), ("speed", "m/min"), ("superheat", "K"), ("slices", "-"),
     ("metallurgical_length", "m"), ("cooling_power", "kW"), ("energy_error", "-"), ("event", ""),
@@ -186,7 +185,10 @@ class CasterRun:
         ended = [one for one in looks.values() if one.has_left]
         inside = [one for one in looks.values() if not one.has_left]
         self._closed |= {one.number: one.closed for one in looks.values()}
-        pool = pool_end(inside, self._closed, strand.cast, now, self._case.casting.length)
+        pool = pool_end(
+            inside, self._closed, strand.cast, now, self._case.casting.length,
+            has_head=caster.cast_from is not None,
+        )  # fmt: skip
         lowest = inside[0].number if inside else max(self._closed, default=0) + 1
         self._closed = {n: age for n, age in self._closed.items() if n >= lowest - 1}
         self._left = _heat(self._left, ended)

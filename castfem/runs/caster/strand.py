@@ -18,7 +18,14 @@ from mpi4py import MPI
 from castfem.base.constants import EXACT
 from castfem.base.errors import RunFailure
 from castfem.model.build.simulation import CurveEnds, Simulation, build, build_beside
-from castfem.model.caster import by_plant, cast_of, followed, slice_of, starts_of
+from castfem.model.caster import (
+    by_plant,
+    cast_of,
+    ends_with_tail,
+    followed,
+    slice_of,
+    starts_of,
+)
 from castfem.runs.caster.look import Look
 from castfem.runs.loop import TimeLoop
 
@@ -131,7 +138,7 @@ class Strand:
         assert case.caster is not None
         self.instants, self.cast = case.caster.instants, cast_of(case)
         self.starts, self.base = starts_of(case), by_plant(case)
-        self.work = followed(case)
+        self.work, self._tail = followed(case), ends_with_tail(case)
         self._first = build(slice_of(self.base, self.starts[0]), MPI.COMM_SELF)
         self._problems: WeakValueDictionary[CurveEnds, ThermalProblem] = WeakValueDictionary()
         self.inside: list[Slice] = []
@@ -165,9 +172,16 @@ class Strand:
         return made
 
     def length_of(self, number: int) -> float:
-        """Length of strand that a slice stands for: to the next, as they leave the meniscus, m."""
-        i = min(number - 1, len(self.starts) - 2)
-        return self.cast.length(self.starts[i + 1]) - self.cast.length(self.starts[i])
+        """Length of strand that a slice stands for: to the next, as they leave the meniscus, m.
+
+        The tail of the strand stands for none.
+        """
+        if number == len(self.starts):
+            if self._tail:
+                return 0.0
+            number = max(number - 1, 1)  # as long as the one before
+        ends = [self.cast.length(start) for start in self.starts[number - 1 : number + 1]]
+        return ends[-1] - ends[0]
 
     def waiting(self, clock: float, passed: Container[int] = ()) -> list[Slice]:
         """Return the slices that are to be taken to an instant of the clock, s.
