@@ -26,6 +26,7 @@ from castfem.model.casting import Start
 from castfem.model.checks import Faults, check
 from castfem.model.heat_law import ScaledLaw
 from castfem.model.mechanics import Way, WindowMark
+from castfem.model.probe import Pyrometer
 from castfem.physics.machine.travel import Changing
 
 if TYPE_CHECKING:
@@ -126,18 +127,6 @@ def _plant(columns: Mapping[str, Sequence[Any]], places: Sequence[str]) -> Plant
 Clock = Annotated[float, Kind("s", "s", least=0.0)]
 
 
-class Pyrometer(TableModel):
-    """A fixed place at which the surface temperature is noted of each slice that passes."""
-
-    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$")
-    """its name in pyrometers.csv"""
-    at: Length = Field(examples=["18.5 m"])
-    """position, from the meniscus"""
-    on: str = Field("mid_face", examples=["mid_face"])
-    """place of the surface it looks at: mid_face, narrow_face, corner ... as in the columns of
-    history.csv"""
-
-
 class Caster(TableModel):
     """The whole caster over time: many slices of one strand, which `castfem caster` computes."""
 
@@ -145,9 +134,15 @@ class Caster(TableModel):
     """what the plant did, over the clock, linear between two rows: time, speed, superheat,
     mould_heat (factor of the laws of the mould), the flow of circuits and sprayed zones under
     their names, event"""
+    cast_from: Clock | None = Field(None, examples=["0 s"])
+    """when the cast begins with an empty machine, by the clock of plant: the head of the strand
+    leaves the meniscus then; left out: it has been cast before with the values of the first row"""
+    cast_until: Clock | None = Field(None, examples=["3000 s"])
+    """when the last steel is poured: the tail of the strand leaves the meniscus then, and is
+    withdrawn; left out: casting goes on"""
     start: Clock | None = Field(None, examples=["0 s"])
-    """when the caster is looked at first, by the clock of plant; left out: at its first row. Before
-    that row its values hold"""
+    """when the caster is looked at first, by the clock of plant; left out: at its first row, or at
+    cast_from"""
     end: Clock | None = Field(None, examples=["3600 s"])
     """when it is looked at last; left out: at the last row of plant"""
     spacing: Annotated[float | Way, WindowMark()] = Field(examples=["0.5 m"])
@@ -172,7 +167,9 @@ class Caster(TableModel):
         """When it is looked at first and last, s."""
         times = self.plant.times
         start, end = self.start, self.end
-        return times[0] if start is None else start, times[-1] if end is None else end
+        if start is None:
+            start = times[0] if self.cast_from is None else self.cast_from
+        return start, times[-1] if end is None else end
 
     @property
     def instants(self) -> list[float]:
@@ -208,6 +205,8 @@ def cast_of(case: Case) -> Cast:
     """Return what is cast, from before the oldest slice of the caster has left the meniscus."""
     assert case.caster is not None
     plant = case.caster.plant
+    if case.caster.cast_from is not None:
+        return Cast(plant, 0.0)
     early = max(plant.times[0] - case.caster.window[0], 0.0)
     # One slice more than is inside, which tells where the liquid ends above it.
     return Cast(plant, 2.01 * case.casting.length / plant.values["speed"][0] + early + 1.0)
@@ -216,24 +215,39 @@ def cast_of(case: Case) -> Cast:
 def starts_of(case: Case) -> list[float]:
     """When each slice leaves the meniscus, by the clock, s: the oldest first.
 
-    That one has just left the machine when it is looked at first.
+    That one is the head of the strand, or has just left the machine when it is looked at first; the
+    last one is the tail where casting ends.
     """
     caster = case.caster
     assert caster is not None
     cast, instants, spacing = cast_of(case), caster.instants, caster.spacing
-    first, last = instants[0], instants[-1]
-    here, speed = cast.length(first), caster.plant.table("speed")
-    oldest = cast.when(here - case.casting.length)
-    if isinstance(spacing, Way):
-        count = math.floor(case.casting.length / spacing.length * (1.0 - ROUNDING))
-        more = math.floor((cast.length(last) - here) / spacing.length * (1.0 + ROUNDING))
-        found = [cast.when(here + k * spacing.length) for k in range(-count - 1, more + 1)]
-    else:
-        before = math.floor((first - oldest) / spacing * (1.0 - ROUNDING))
-        after = math.floor((last - first) / spacing * (1.0 + ROUNDING))
-        found = [first + k * spacing for k in range(-before - 1, after + 1)]
+    began, until, speed = caster.cast_from, caster.cast_until, caster.plant.table("speed")
+    first = instants[0] if began is None else began
+    last = instants[-1] if until is None else min(instants[-1], until)
+    here = cast.length(first)
+    by_way = isinstance(spacing, Way)
+    apart = spacing.length if isinstance(spacing, Way) else spacing
+    above = cast.length(last) - here if by_way else last - first
+    numbers = range(math.floor(above / apart * (1.0 + ROUNDING)) + 1)
+    if began is None:
+        length = case.casting.length
+        below = length if by_way else first - cast.when(here - length)
+        numbers = range(-math.floor(below / apart * (1.0 - ROUNDING)) - 1, numbers.stop)
+    found = [cast.when(here + k * apart) if by_way else first + k * apart for k in numbers]
+    if not by_way:
         found = [start for start in found if speed(start) > 0.0]
+    if began is not None:  # the strand may stand for a while before it is withdrawn
+        found = [began, *(start for start in found if start > began)]
+    if until == last and cast.length(until) > cast.length(found[-1]) * (1.0 + ROUNDING):
+        found.append(until)
     return [round(start, _DIGITS) for start in found]
+
+
+def ends_with_tail(case: Case) -> bool:
+    """Whether the last slice of a caster is the tail of the strand."""
+    assert case.caster is not None
+    until = case.caster.cast_until
+    return until is not None and until <= case.caster.instants[-1]
 
 
 def followed(case: Case) -> list[float]:
@@ -296,8 +310,9 @@ def _plant_fits(case: Case, caster: Caster) -> Faults:
     """Yield columns that the case has no place for, and what the history cannot tell."""
     plant, names = caster.plant, _sprays(case)
     speeds, times = plant.values["speed"], plant.times
-    if not speeds[0] > 0.0:
-        yield "plant", "begins with the strand at rest; the caster begins with steady casting"
+    if not speeds[0] > 0.0 and caster.cast_from is None:
+        fix = "the caster begins with steady casting, or empty with cast_from"
+        yield "plant", f"begins with the strand at rest; {fix}"
     if not speeds[-1] > 0.0:
         yield "plant", "ends with the strand at rest, from where it never goes on; add a row"
     for name in plant.water:
@@ -348,6 +363,20 @@ def _looks_at(case: Case, caster: Caster) -> Faults:
     for moment in caster.moments:
         if not start <= moment <= end:
             yield "moments", f"({moment:g} s): it is looked at from {start:g} s to {end:g} s"
+
+
+@check("caster")
+def _ends_of_cast(case: Case, caster: Caster) -> Faults:
+    """Yield a begin and an end of the cast that the history does not tell of."""
+    begun, until, times = caster.cast_from, caster.cast_until, caster.plant.times
+    span = f"the plant's history goes from {times[0]:g} s to {times[-1]:g} s"
+    if begun is not None and not times[0] <= begun < times[-1]:
+        yield "cast_from", f"({begun:g} s): {span}"
+    elif begun is not None and caster.window[0] < begun:
+        yield "start", f"({caster.window[0]:g} s): the cast begins at {begun:g} s, cast_from"
+    if until is not None and not (times[0] if begun is None else begun) < until <= times[-1]:
+        after = "" if begun is None else f", the cast begins at {begun:g} s"
+        yield "cast_until", f"({until:g} s): {span}{after}"
 
 
 @check("caster")

@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_caster import caster
+from small_caster import STOP, STRAINED, caster
 
 import castfem
+from castfem.model import Case
 from castfem.model.caster import slice_of
+from castfem.runs import restart
 from castfem.runs.caster.strand import Strand
 from castfem.runs.output.checkpoint import load_checkpoint
 from castfem.runs.output.history import read_columns
@@ -28,10 +30,8 @@ ZONES = {
 }  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def advanced() -> Any:
-    """The strand of a caster with water, its slices' rows by number, and states at their ends."""
-    case = caster(ZONES, {"ring": ["2 L/min", "2 L/min", "1 L/min", "0 L/min"]})
+def _advanced(case: Case) -> Any:
+    """The strand of a caster, its slices' rows by number, and their states as they left."""
     strand = Strand(case)
     rows: dict[int, list[dict[str, float]]] = {}
     ends: dict[int, Any] = {}
@@ -41,16 +41,36 @@ def advanced() -> Any:
             assert sample.time == one.age
             rows.setdefault(one.number, []).append(Columns(simulation).row(sample))
             if one.has_left:
-                ends[one.number] = one.run_state.state.thermal.enthalpy
+                ends[one.number] = restart.arrays(one.run_state)
         strand.release()
         assert len(strand.inside) <= 8  # of 14: memory is that of those inside
-    yield strand, rows, ends
-    strand.destroy()
+    return strand, rows, ends
 
 
-@pytest.mark.parametrize("number", [3, 6, 9])
-def test_a_slice_is_the_run_of_its_case(advanced: Any, number: int, tmp_path: Path) -> None:
-    strand, rows, ends = advanced
+@pytest.fixture(scope="module")
+def advanced() -> Any:
+    """A caster with water."""
+    found = _advanced(caster(ZONES, {"ring": ["2 L/min", "2 L/min", "1 L/min", "0 L/min"]}))
+    yield found
+    found[0].destroy()
+
+
+@pytest.fixture(scope="module")
+def strained() -> Any:
+    """A caster with mechanics, through a stop."""
+    found = _advanced(caster(STRAINED, STOP))
+    yield found
+    found[0].destroy()
+
+
+@pytest.mark.parametrize(
+    ("which", "number"),
+    [*(("advanced", number) for number in (3, 6, 9)), ("strained", 2), ("strained", 4)],
+)
+def test_a_slice_is_the_run_of_its_case(
+    which: str, number: int, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    strand, rows, ends = request.getfixturevalue(which)
     case = slice_of(strand.base, strand.starts[number - 1])
     assert castfem.run(case, tmp_path).case == case  # the file of a slice has all its digits
     history = read_columns(tmp_path / "history.csv")
@@ -62,8 +82,11 @@ def test_a_slice_is_the_run_of_its_case(advanced: Any, number: int, tmp_path: Pa
         alone = {name: float(history[name][line]) for name in history}
         np.testing.assert_equal(alone, written)
     _, arrays = load_checkpoint(tmp_path / "checkpoint.h5")
-    nodes = strand.model.section.node_of_owned
-    assert np.array_equal(arrays["enthalpy"][nodes], ends[number])
+    ended = {name: values for name, values in ends[number].items() if values is not None}
+    assert set(arrays) == set(ended)
+    assert ("stress_deviator" in ended) == (which == "strained")
+    for name, values in ended.items():
+        assert np.array_equal(arrays[name], values, equal_nan=True), name
 
 
 def test_what_a_slice_meets_is_that_of_its_own_time(advanced: Any) -> None:

@@ -47,7 +47,7 @@ PROGRAM = """
 
 
 def few() -> Case:
-    """A caster of three slices, of which two at most are in the machine."""
+    """A caster of five slices, of which two at most are in the machine."""
     return caster({"caster.spacing": "160 mm", "caster.every": "3 s", "casting.length": "170 mm"})
 
 

@@ -12,7 +12,7 @@ from castfem.base.shown_units import plain_unit, scale_of
 from castfem.base.types import Array
 from castfem.model.quality import Quality
 from castfem.post.plots.maps import band_norm, band_ticks, edges, temperature_colours
-from castfem.post.plots.strand_over_time import along, place_grid
+from castfem.post.plots.strand_over_time import along, place_grid, widest_gap
 from castfem.post.plots.style import STYLE, head, look, new_figure
 from castfem.runs.caster.files import CENTRE, definition, read_table
 from castfem.runs.output.folder import CASTER_NAME, STRAND_ROWS_NAME
@@ -62,7 +62,7 @@ def maps_figure(folder: Path, case: Case) -> Figure:
     strand, _, _ = read_table(folder / STRAND_ROWS_NAME)
     shown = mapped(strand, case.mould_exit() or 0.0)
     places, minutes = place_grid(case.casting.length), np.divide(caster["time"], 60.0)
-    names = list(shown)
+    names, gap = list(shown), widest_gap(strand)
     lines = -(-len(names) // _ACROSS)
     figure = new_figure(1.5 * STYLE.width, 0.6 + 2.3 * lines)
     panels = figure.subplots(lines, _ACROSS, sharex=True, sharey=True, squeeze=False)
@@ -72,7 +72,7 @@ def maps_figure(folder: Path, case: Case) -> Figure:
         panel.set_axis_off()
     for panel, name in zip(panels.flat, names, strict=False):
         rows = {**strand, name: shown[name]}
-        values = np.array([along(rows, name, now, places) for now in caster["time"]])
+        values = np.array([along(rows, name, now, places, gap) for now in caster["time"]])
         options, label, ticks = _look_of(name, values, (low, high))
         scaled = options.pop("values")
         shades = panel.pcolormesh(

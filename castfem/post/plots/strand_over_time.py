@@ -61,8 +61,8 @@ def _draw_shell(
 ) -> tuple[ScalarMappable, str]:
     """Draw the shell at the first probe over clock and position."""
     name = next(name for name in strand if name.startswith("shell_"))
-    places = place_grid(length)
-    values = np.array([along(strand, name, now, places) for now in clock])
+    places, gap = place_grid(length), widest_gap(strand)
+    values = np.array([along(strand, name, now, places, gap) for now in clock])
     found, probe = definition(name)
     scale = scale_of(found.unit, name)
     shades = axes.pcolormesh(
@@ -80,8 +80,22 @@ def place_grid(length: float) -> Array:
     return np.linspace(0.0, length, _ROWS, dtype=np.float64)
 
 
-def along(strand: dict[str, Array], name: str, now: float, places: Array) -> Array:
-    """A column along the strand at an instant, as at the lowest slice below that."""
+def widest_gap(strand: dict[str, Array]) -> float:
+    """Return the largest distance of two slices that follow one another, m."""
+    apart, same = np.diff(strand["position"]), np.diff(strand["clock"]) == 0.0
+    return float(np.max(apart[same], initial=0.0))
+
+
+def along(strand: dict[str, Array], name: str, now: float, places: Array, gap: float) -> Array:
+    """A column along the strand at an instant: at its ends as at the nearest slice.
+
+    NaN below the first slice of a cast, and farther from a slice than slices are from one another.
+    """
     rows = np.flatnonzero(strand["clock"] == now)
+    if not len(rows):
+        return np.full(len(places), np.nan)
     order = rows[np.argsort(strand["position"][rows])]
-    return np.interp(places, strand["position"][order], strand[name][order])
+    at = strand["position"][order]
+    below = 0.0 if strand["slice"][order[-1]] == 1.0 else gap
+    there = (places >= at[0] - gap) & (places <= at[-1] + below)
+    return np.where(there, np.interp(places, at, strand[name][order]), np.nan)

@@ -11,11 +11,11 @@ import numpy as np
 
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.shown_units import place_said, said
-from castfem.base.types import Array
+from castfem.base.types import Array, Flags
 from castfem.model.caster import cast_of
 from castfem.model.quality import Quality
 from castfem.physics.machine.phases import phases
-from castfem.runs.caster.files import definition, read_table
+from castfem.runs.caster.files import CENTRE, definition, read_table
 from castfem.runs.output.folder import CASTER_NAME, SLICES_NAME, STRAND_ROWS_NAME
 
 if TYPE_CHECKING:
@@ -36,11 +36,12 @@ def answers(folder: Path, case: Case) -> list[str]:
     events = [
         (float(at), event) for at, event in zip(time, words.get("event", ()), strict=False) if event
     ]
-    lines = [*_pool(time, numbers[_POOL], numbers["speed"], length, events)]
+    strand, _, _ = read_table(folder / STRAND_ROWS_NAME)
+    liquid = np.isin(time, strand["clock"][strand[CENTRE] < 1.0])
+    lines = [*_pool(time, numbers[_POOL], numbers["speed"], length, events, liquid)]
     lines += [f"{_clock(at)}: {event}" for at, event in events]
     slices, _, _ = read_table(folder / SLICES_NAME)
     lines += _leaving(slices)
-    strand, _, _ = read_table(folder / STRAND_ROWS_NAME)
     lines += pieces_in_band(strand, case, events)
     worst = float(np.nanmax(np.abs(numbers["energy_error"]), initial=0.0))
     return [*lines, f"balance of heat of all slices: {worst:.1e} of the heat removed"]
@@ -57,11 +58,22 @@ def _after(time: float, events: Sequence[tuple[float, str]]) -> str:
 
 
 def _pool(
-    time: Array, pool: Array, speed: Array, length: float, events: Sequence[tuple[float, str]]
+    time: Array,
+    pool: Array,
+    speed: Array,
+    length: float,
+    events: Sequence[tuple[float, str]],
+    liquid: Flags,
 ) -> Iterator[str]:
     inside = np.isfinite(pool)
-    if not inside.all():
-        beyond = time[~inside]
+    solid = ~inside & ~liquid
+    if solid.any():
+        yield (
+            f"no slice has liquid at {solid.sum()} of {len(time)} instants, first at "
+            f"{_clock(time[solid][0])}{_after(time[solid][0], events)}"
+        )
+    if (~inside & liquid).any():
+        beyond = time[~inside & liquid]
         yield (
             f"the strand leaves the machine ({place_said(length)}) with liquid at {len(beyond)} of "
             f"{len(time)} instants, first at {_clock(beyond[0])} and last at {_clock(beyond[-1])}"
@@ -74,9 +86,9 @@ def _pool(
         place = place_said(float(pool[i]))
         after = _after(time[i], events)
         yield f"the pool is {word} {at}: it ends {place} below the meniscus{after}"
-    if inside.all():
+    if (inside | solid).all():
         yield (
-            f"it ends within the machine at every instant, {place_said(length - np.max(pool))} "
+            f"it ends within the machine at every instant, {place_said(length - np.nanmax(pool))} "
             "or more above its end"
         )
 

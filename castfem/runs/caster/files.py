@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 Row = Mapping[str, float | str]
 CENTRE = "centre_solid_fraction"
+"""A column that all rows of slices have."""
 
 
 class GrowingTable(Closing):

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from castfem.model.caster import Cast
+from castfem.model.caster import Cast, Plant
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,12 @@ class Look:
 
 
 def pool_end(
-    inside: Sequence[Look], closed: Mapping[int, float], cast: Cast, clock: float, length: float
+    inside: Sequence[Look],
+    closed: Mapping[int, float],
+    cast: Cast,
+    clock: float,
+    length: float,
+    has_head: bool = False,
 ) -> float:
     """Where the liquid ends, m below the meniscus; NaN where it is not within the machine.
 
@@ -60,10 +65,13 @@ def pool_end(
         cast: What has been cast.
         clock: The instant, s.
         length: Of the machine, m.
+        has_head: Whether the first slice is the head of the strand: there liquid ends at it.
     """
     liquid = next((one for one in inside if math.isnan(one.closed)), None)
     if liquid is None:
         return math.nan
+    if liquid.number == 1 and has_head:
+        return liquid.position
     age = closed.get(liquid.number - 1, math.nan)
     if math.isnan(age):
         return math.nan
@@ -80,3 +88,9 @@ def heat_of(before: tuple[float, float], looks: Iterable[Look]) -> tuple[float, 
     for one in looks:
         removed, gained = removed + one.removed, gained + one.gained
     return removed, gained
+
+
+def events_between(plant: Plant, after: float, until: float) -> str:
+    """Return what happened after an instant, up to another."""
+    pairs = zip(plant.times, plant.events, strict=True)
+    return "; ".join(event for at, event in pairs if event and after < at <= until)

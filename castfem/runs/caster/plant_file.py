@@ -25,8 +25,9 @@ PAUSE = 0.2
 _NUMBER = re.compile(r"[+-]?[\d.]+(?:[eE][+-]?\d+)?")
 LATE, ROWS = 3.0, 20
 """A row is late after so many times the usual time between two, the median of the last rows."""
-REST, BEYOND = 600.0, 1e6
-"""s after the last row: when a strand at rest is taken to go on, and how long it then does."""
+REST, BEYOND, ONWARD = 600.0, 1e6, 1.0 / 60.0
+"""When a strand at rest is taken to go on, s after the last row; how long it then does, s; and how
+fast one that has not moved yet, m/s. Nothing is computed beyond the last row."""
 
 
 class PlantFile:
@@ -67,7 +68,7 @@ class PlantFile:
         """The history so far, whose last row holds; a strand at rest goes on later."""
         last, values = self.last, self._values
         after = {name: (cells[-1],) * 3 for name, cells in values.items()}
-        speed = next(v for v in reversed(values["speed"]) if v > 0.0)
+        speed = next((v for v in reversed(values["speed"]) if v > 0.0), ONWARD)
         after["speed"] = (values["speed"][-1], speed, speed)
         return Plant(
             (*self._times, last + REST, last + REST + 1.0, last + BEYOND),
@@ -179,8 +180,6 @@ class PlantFile:
         now, last = one.times[0], self.last
         if not now > last:
             raise ValueError(f"time ({now:g} s) does not exceed that of the row before, {last:g} s")
-        if not self._times and not one.values["speed"][0] > 0.0:
-            raise ValueError("the strand is at rest; the caster begins with steady casting")
         if now - last > self._long:
             self._report(f"line {number}: no row between {last:g} s and {now:g} s", 0)
         self._times.append(now)

@@ -12,7 +12,8 @@ from castfem.base.errors import InputError
 from castfem.base.types import Array
 
 if TYPE_CHECKING:
-    from castfem.model.caster import Caster, Pyrometer
+    from castfem.model.caster import Caster
+    from castfem.model.probe import Pyrometer
     from castfem.runs.caster.files import Row
     from castfem.runs.caster.look import Look
     from castfem.runs.results.run_state import RunState

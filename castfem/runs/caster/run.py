@@ -26,7 +26,7 @@ from castfem.runs import restart
 from castfem.runs.caster import pyrometers
 from castfem.runs.caster.demand import demand
 from castfem.runs.caster.files import GrowingTable, Row, SliceRows
-from castfem.runs.caster.look import Look, heat_of, pool_end
+from castfem.runs.caster.look import Look, events_between, heat_of, pool_end
 from castfem.runs.caster.moments import Moments
 from castfem.runs.caster.strand import Slice, Strand
 from castfem.runs.interrupt import Interrupt, Stopped
@@ -42,7 +42,6 @@ from castfem.runs.output.folder import (
 
 if TYPE_CHECKING:
     from castfem.model import Case
-    from castfem.model.caster import Plant
     from castfem.runs.caster.plant_file import PlantFile
 
 T = TypeVar("T")
@@ -211,7 +210,10 @@ class CasterRun:
         ended = [one for one in looks.values() if one.has_left]
         inside = [one for one in looks.values() if not one.has_left]
         self._closed |= {one.number: one.closed for one in looks.values()}
-        pool = pool_end(inside, self._closed, strand.cast, now, self._case.casting.length)
+        pool = pool_end(
+            inside, self._closed, strand.cast, now, self._case.casting.length,
+            has_head=caster.cast_from is not None,
+        )  # fmt: skip
         lowest = inside[0].number if inside else max(self._closed, default=0) + 1
         self._closed = {n: age for n, age in self._closed.items() if n >= lowest - 1}
         self._left = heat_of(self._left, ended)
@@ -234,7 +236,7 @@ class CasterRun:
             "metallurgical_length": pool,
             "cooling_power": 1e-3 * (removed - self._before) / apart,
             "energy_error": (removed + gained) / max(abs(removed), 1e-300),
-            "event": _events(caster.plant, now - (apart if self._index else math.inf), now),
+            "event": events_between(caster.plant, now - (apart if self._index else math.inf), now),
         }  # fmt: skip
         self._files[CASTER_NAME].append([row])
         if self._asked.pyrometer:
@@ -330,12 +332,6 @@ def _merged(parts: list[dict[int, T]] | None) -> dict[int, T]:
     return dict(sorted(found.items()))
 
 
-def _events(plant: Plant, after: float, until: float) -> str:
-    """What happened after an instant, up to another."""
-    pairs = zip(plant.times, plant.events, strict=True)
-    return "; ".join(event for at, event in pairs if event and after < at <= until)
-
-
 def _physics(case: Case, grows: bool = False) -> dict[str, str]:
     """What a checkpoint holds of the case: that of a slice, and what they are."""
     written = case.document()
@@ -382,7 +378,7 @@ def run_caster(
     comm, asked = MPI.COMM_WORLD if comm is None else comm, case
     if source is not None:
         case = first_looked_at(case, source, comm.size)
-    line = comm.bcast(on_root(comm, lambda: demand(case, len(build_mesh(case).points), comm.size)))
+    line = comm.bcast(on_root(comm, lambda: demand(case, build_mesh(case), comm.size)))
     output = OutputFolder(folder)
     goes_on = begin_folder(case, output, comm, resume)
     together = Together(comm, (RunFailure, Stopped), lambda e: output.fail(reason_to_end(e)))

@@ -18,7 +18,14 @@ from mpi4py import MPI
 from castfem.base.constants import EXACT
 from castfem.base.errors import RunFailure
 from castfem.model.build.simulation import CurveEnds, Simulation, build, build_beside
-from castfem.model.caster import by_plant, cast_of, followed, slice_of, starts_of
+from castfem.model.caster import (
+    by_plant,
+    cast_of,
+    ends_with_tail,
+    followed,
+    slice_of,
+    starts_of,
+)
 from castfem.runs import restart
 from castfem.runs.caster.look import Look
 from castfem.runs.caster.pyrometers import Passing
@@ -26,7 +33,7 @@ from castfem.runs.loop import TimeLoop
 
 if TYPE_CHECKING:
     from castfem.model import Case
-    from castfem.model.caster import Pyrometer
+    from castfem.model.probe import Pyrometer
     from castfem.physics.thermal.problem import ThermalProblem
     from castfem.runs.interrupt import Interrupt
     from castfem.runs.results.run_state import RunState
@@ -162,7 +169,7 @@ class Strand:
         self.inside: list[Slice] = []
         self._rank, self._ranks, self._begun = rank, ranks, 0
         self._warned: set[tuple[int, bool]] = set()
-        self._places = case.caster.pyrometer if case.caster is not None else ()
+        self._places = case.caster.pyrometer
         self.grow(case)
         self._first = build(slice_of(self.base, self.starts[0]), MPI.COMM_SELF)
         self._problems: WeakValueDictionary[CurveEnds, ThermalProblem] = WeakValueDictionary()
@@ -173,11 +180,13 @@ class Strand:
         base = by_plant(case)  # it may be refused
         self.instants, self.cast = case.caster.instants, cast_of(case)
         self.starts, self.base, self.work = starts_of(case), base, followed(case)
+        self._tail = ends_with_tail(case)
         numbers = range(self._rank + 1, len(self.starts) + 1, self._ranks)
         self._to_come = [number for number in numbers if number > self._begun]
         for one in self.inside:
             new = build_beside(slice_of(base, one.start), self._first, self._problems)
             one.go_on_in(new)
+            one.length = self.length_of(one.number)  # the next may have been unknown
             self._warn_once(one)
 
     def _warn_once(self, one: Slice) -> None:
@@ -212,12 +221,16 @@ class Strand:
         return made
 
     def length_of(self, number: int) -> float:
-        """Length of strand that a slice stands for: to that below, as they leave the meniscus, m.
+        """Length of strand that a slice stands for: to the next, as they leave the meniscus, m.
 
-        That of the lowest is to the next above.
+        The tail of the strand stands for none.
         """
-        i = max(number - 1, 1)
-        return self.cast.length(self.starts[i]) - self.cast.length(self.starts[i - 1])
+        if number == len(self.starts):
+            if self._tail:
+                return 0.0
+            number = max(number - 1, 1)  # as long as the one before
+        ends = [self.cast.length(start) for start in self.starts[number - 1 : number + 1]]
+        return ends[-1] - ends[0]
 
     def waiting(self, clock: float, passed: Container[int] = ()) -> list[Slice]:
         """Return the slices that are to be taken to an instant of the clock, s.
