@@ -10,7 +10,7 @@ from pydantic import Field
 
 from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError, choices
-from castfem.base.quantities import Distance, Kind
+from castfem.base.quantities import Distance, Kind, Length
 from castfem.base.types import Array
 from castfem.base.units import in_mm, nearest
 from castfem.model.base import TableModel
