@@ -20,7 +20,7 @@ from castfem.base.table import pairs
 from castfem.base.types import Array
 from castfem.model import Case, load_case
 from castfem.model.machine import thickness_of
-from castfem.model.quality import Quality
+from castfem.model.quality import band_of
 from castfem.model.shipped_cases import CASE_NAME
 from castfem.model.shown_units import units_of
 from castfem.physics.machine.side import Side
@@ -132,7 +132,7 @@ def _panels(shown: dict[str, Array], case: Case) -> Iterator[Panel]:
         band = None
         if names is surfaces:
             scale = scale_of("degC", "surface_temperature")
-            ends = (scale(t - ZERO_CELSIUS) for t in (case.quality or Quality()).band)
+            ends = (scale(t - ZERO_CELSIUS) for t in band_of(case))
             band = _places_up(ends, limits)
         curves = tuple(
             (name, probe_label(places[name]) if name in places else "", colours[places[name]])

@@ -10,7 +10,7 @@ import numpy as np
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.shown_units import plain_unit, scale_of
 from castfem.base.types import Array
-from castfem.model.quality import Quality
+from castfem.model.quality import band_of
 from castfem.post.plots.maps import band_norm, band_ticks, edges, temperature_colours
 from castfem.post.plots.strand_over_time import along, place_grid, widest_gap
 from castfem.post.plots.style import STYLE, head, look, new_figure
@@ -44,14 +44,17 @@ def mapped(strand: dict[str, Array], exit: float) -> dict[str, Array]:
 def reheated(strand: dict[str, Array], name: str, exit: float) -> Array:
     """How far a surface is above the coldest that the slice has been since the mould, K.
 
-    As it is known at the instants: between two of them it may have been colder.
+    As it is known at the instants: between two of them it may have been colder. NaN of a slice that
+    has left the mould before the first of them.
     """
     found = np.zeros(len(strand[name]))
     for number in np.unique(strand["slice"]):
         rows = np.flatnonzero((strand["slice"] == number) & (strand["position"] >= exit))
         rows = rows[np.argsort(strand["clock"][rows])]
         values = strand[name][rows]
-        found[rows] = values - np.minimum.accumulate(values) if rows.size else 0.0
+        in_mould = (strand["slice"] == number) & (strand["position"] < exit)
+        known = exit == 0.0 or in_mould.any()
+        found[rows] = values - np.minimum.accumulate(values) if known else np.nan
     return found
 
 
@@ -67,7 +70,7 @@ def maps_figure(folder: Path, case: Case) -> Figure:
     figure = new_figure(1.5 * STYLE.width, 0.6 + 2.3 * lines)
     panels = figure.subplots(lines, _ACROSS, sharex=True, sharey=True, squeeze=False)
     head(figure, case.title)
-    low, high = (end - ZERO_CELSIUS for end in (case.quality or Quality()).band)
+    low, high = (end - ZERO_CELSIUS for end in band_of(case))
     for panel in panels.flat[len(names) :]:
         panel.set_axis_off()
     for panel, name in zip(panels.flat, names, strict=False):

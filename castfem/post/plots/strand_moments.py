@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _SHOWN = "temperature", "solid_fraction"
 _CELSIUS = 500.0, 1550.0
-_SOLID = 0.999  # drawn as the end of the pool
+_SOLID, _THICKER = 0.999, 4.0  # where the pool ends; how much thicker the strand is drawn
 
 
 @look()
@@ -30,25 +30,25 @@ def moments_figure(folder: Path, case: Case) -> Figure | None:
         return None
     cuts = [middle_of(path) for _, path in found]
     spans = np.max([np.ptp(points.reshape(-1, 2), axis=0) for points, _, _ in cuts], axis=0)
-    width = STYLE.width
-    each = float(np.clip(width * spans[1] / max(spans[0], 1e-9), 2.0, 7.0))
-    figure = new_figure(width, each * len(found) + 0.8)
+    each = float(np.clip(STYLE.width * spans[1] / max(spans[0], 1e-9), 2.0, 5.0))
+    figure = new_figure(STYLE.width, each * len(found) + 0.8)
     panels = figure.subplots(len(found), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
     head(figure, case.title)
     for panel, (clock, _), (points, temperature, solid) in zip(panels, found, cuts, strict=True):
-        x, y = points[..., 0], points[..., 1]
+        middle = 0.5 * (points[:, :1] + points[:, -1:])
+        x, y = np.moveaxis(middle + _THICKER * (points - middle), -1, 0)
         shades = panel.pcolormesh(
             x, y, temperature - ZERO_CELSIUS, shading="gouraud", cmap="inferno",
             vmin=_CELSIUS[0], vmax=_CELSIUS[1], rasterized=True,
         )  # fmt: skip
-        panel.contour(x, y, solid, levels=[_SOLID], colors="w", linewidths=0.9)
+        panel.contour(x, y, solid, levels=[_SOLID], colors="#00c8ff", linewidths=1.2)
         panel.set_aspect("equal")
         panel.set_title(f"{clock / 60.0:.4g} min by the clock", fontsize=9)
         panel.set_ylabel("height [m]")
         panel.grid(False)
-        bar = figure.colorbar(shades, ax=panel, label="temperature [°C]")
-        bar.ax.tick_params(labelsize=7)
-    panels[-1].set_xlabel("from the mould [m]; white: where the strand is solid")
+    figure.colorbar(shades, ax=list(panels), label="temperature [°C]", shrink=0.5)
+    caption = f"from the mould [m]; drawn {_THICKER:g} times as thick; blue: end of the pool"
+    panels[-1].set_xlabel(caption)
     return figure
 
 

@@ -13,7 +13,7 @@ from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.shown_units import place_said, said
 from castfem.base.types import Array, Flags
 from castfem.model.caster import cast_of
-from castfem.model.quality import Quality
+from castfem.model.quality import band_of
 from castfem.physics.machine.phases import phases
 from castfem.runs.caster.files import CENTRE, definition, read_table
 from castfem.runs.output.folder import CASTER_NAME, SLICES_NAME, STRAND_ROWS_NAME
@@ -109,11 +109,17 @@ def pieces_in_band(
     caster, rolls = case.caster, None if case.machine is None else case.machine.pairs()
     if caster is None or caster.cut is None or rolls is None:
         return
-    cast, low_high = cast_of(case), (case.quality or Quality()).band
+    cast, low_high = cast_of(case), band_of(case)
     low, high = (end - ZERO_CELSIUS for end in low_high)
     first = cast.length(caster.plant.times[0])
     band = f"{said(low, 'degC', '.0f')} to {said(high, 'degC', '.0f')}"
     names = [name for name in strand if name.startswith(_SURFACE)]
+    left, cut = strand["clock"] - strand["time"], caster.cut
+
+    def pieces(rows: Flags) -> list[int]:
+        found = (math.floor((cast.length(at) - first) / cut) + 1 for at in np.unique(left[rows]))
+        return sorted({*found})
+
     for phase in (one for one in phases(rolls) if one.kind == "straightening"):
         start, end = (rolls.pairs[i].position for i in (phase.first, phase.last))
         there = (strand["position"] >= start) & (strand["position"] <= end)
@@ -121,31 +127,33 @@ def pieces_in_band(
         for name in names:
             found, probe = definition(name)
             label = found.result(math.nan, probe).label
-            rows = np.flatnonzero(there & (strand[name] > low) & (strand[name] < high))
-            if not rows.size:
-                yield f"{label}: no piece is within {band} {where}"
+            values = strand[name]
+            spans = (float(values[there].min()), float(values[there].max())) if there.any() else ()
+            met = ", which has " + " to ".join(said(one, "degC", ".0f", name) for one in spans)
+            within = there & (values > low) & (values < high)
+            if not within.any():
+                yield f"{label}: no piece is within {band} {where}{met if spans else ''}"
                 continue
-            rows = rows[np.argsort(strand["clock"][rows], kind="stable")]
-            left = strand["clock"][rows] - strand["time"][rows]
-            numbers = [math.floor((cast.length(at) - first) / caster.cut) + 1 for at in left]
-            clock = strand["clock"][rows]
+            first_in, last_in = (end(strand["clock"][within]) for end in (np.min, np.max))
+            some, passed = pieces(within), pieces(there)
+            every = "all that pass: " if some == passed else ""
             yield (
-                f"{label}: {_runs(numbers)} of {place_said(caster.cut)} within {band} {where}, "
-                f"first at {_clock(clock[0])}{_after(clock[0], events)}; last at "
-                f"{_clock(clock[-1])}"
+                f"{label}: {every}{_runs(some)} of {place_said(caster.cut)} within {band} {where}"
+                f"{met}; first at {_clock(first_in)}{_after(first_in, events)}; last at "
+                f"{_clock(last_in)}"
             )
 
 
 def _runs(numbers: Sequence[int]) -> str:
     """Numbers of pieces, those that follow one another as a range."""
     found: list[list[int]] = []
-    for number in sorted({*numbers}):
+    for number in numbers:
         if found and number == found[-1][1] + 1:
             found[-1][1] = number
         else:
             found.append([number, number])
     ranges = [f"{a}" if a == b else f"{a} to {b}" for a, b in found]
-    return f"piece{'s' if len({*numbers}) > 1 else ''} {', '.join(ranges)}"
+    return f"piece{'s' if len(numbers) > 1 else ''} {', '.join(ranges)}"
 
 
 def _leaving(slices: dict[str, Array]) -> Iterator[str]:

@@ -77,13 +77,13 @@ def follow(
     assert case.caster is not None
     end = math.inf if case.caster.end is None else case.caster.end
     try:
-        _advance(run, source, output, interrupt)
+        _advance(run, source, output, interrupt, time.monotonic())
         while source.last < end:
-            before = len(source)
+            before, begun = len(source), time.monotonic()
             if not source.take():
                 _wait(run, interrupt)
             elif _grow(run, case, source, before):
-                _advance(run, source, output, interrupt)
+                _advance(run, source, output, interrupt, begun)
         run.save()
     finally:
         text, files = portable(grown(case, source), PROPERTIES_NAME)
@@ -114,9 +114,14 @@ def _wait(run: CasterRun, interrupt: Interrupt) -> None:
     time.sleep(PAUSE)
 
 
-def _advance(run: CasterRun, source: PlantFile, output: OutputFolder, interrupt: Interrupt) -> None:
-    """Bring the strand to the last row and write where it is."""
-    begun = time.monotonic()
+def _advance(
+    run: CasterRun,
+    source: PlantFile,
+    output: OutputFolder,
+    interrupt: Interrupt,
+    begun: float,
+) -> None:
+    """Bring the strand to the last row, which was taken in at `begun`, and write where it is."""
     run.advance(interrupt, None)
     if run.latest is None:
         return
