@@ -19,8 +19,11 @@ from small_caster import caster
 from test_caster_exact import ZONES
 
 from castfem.base.errors import InputError
+from castfem.model import load_case
+from castfem.model.caster import by_plant, slice_of
+from castfem.model.shipped_cases import find
 from castfem.runs.caster.files import read_table
-from castfem.runs.caster.plant_file import PlantFile
+from castfem.runs.caster.plant_file import PlantFile, recent
 from castfem.runs.caster.run import run_caster
 from castfem.runs.output.run_record import RunRecord
 
@@ -207,6 +210,29 @@ def test_lines_as_they_come(
     monkeypatch.setattr("castfem.runs.caster.plant_file.LATE", 1e-9)
     assert source.take() == source.take() == 0
     assert caplog.text.count("no row since that of 360 s") == 1
+
+
+def test_it_takes_the_place_of_the_plant_of_a_case(tmp_path: Path) -> None:
+    path = tmp_path / "plant.csv"
+    path.write_text("time [s], speed [m/min], event\n0, 1.1, begun\n")
+    source = PlantFile(path)
+    source.take()
+    caster = load_case(find("slab1200/ladle_change"), [source.assignment()]).caster
+    assert caster is not None and set(caster.plant.values) == {"speed"}
+    assert caster.plant.times[0] == 0.0 and caster.plant.events[0] == "begun"
+
+
+def test_rows_that_no_slice_meets_any_more_are_left_out(whole: Path) -> None:
+    case = of_file(whole / "plant.csv")
+    start = 4.5
+    ends = []
+    for one in (case, recent(case, start)):
+        casting = slice_of(by_plant(one), start).casting
+        ends.append([casting.travel.position(age) for age in np.linspace(0.0, 4.4, 45)])
+    assert ends[0] == ends[1]
+    assert recent(case, start).caster.plant.times == (2.2, 3.0, 4.4, 5.0, 9.0)  # it stands at 3 s
+    assert recent(case, 6.0).caster.plant.times == (5.0, 9.0)
+    assert recent(case, -1.0) is case
 
 
 def test_a_header_that_no_row_can_do_with(tmp_path: Path) -> None:

@@ -11,7 +11,9 @@ import json
 import math
 import re
 import time
+from bisect import bisect_right
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +21,9 @@ from castfem.base import log
 from castfem.base.csv_files import CsvFile, Heading, parse_csv
 from castfem.base.errors import InputError
 from castfem.model.caster import EVENT, Plant, PlantTable
+
+if TYPE_CHECKING:
+    from castfem.model import Case
 
 PAUSE = 0.2
 """s between two looks at a file."""
@@ -196,3 +201,24 @@ def _full(cell: str, heading: Heading) -> str:
     """A cell with the unit of its column, where that is a bare number."""
     bare = heading.unit and heading.name != EVENT and _NUMBER.fullmatch(cell)
     return f"{cell} {heading.unit}" if bare else cell
+
+
+def recent(case: Case, since: float) -> Case:
+    """Return the case of a caster with the rows alone that a slice meets which began at a time, s.
+
+    A record of days would be read by each slice at each row otherwise.
+    """
+    assert case.caster is not None
+    plant = case.caster.plant
+    first = bisect_right(plant.times, since) - 1
+    while first > 0 and not plant.values["speed"][first] > 0.0:
+        first -= 1  # a history begins with the strand on its way
+    if first <= 0:
+        return case
+    kept = Plant(
+        plant.times[first:],
+        {name: cells[first:] for name, cells in plant.values.items()},
+        plant.events[first:],
+    )
+    rest = {"plant": kept, "start": None, "cast_from": None, "moments": ()}
+    return case.model_copy(update={"caster": case.caster.model_copy(update=rest)})

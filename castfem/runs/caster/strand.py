@@ -28,6 +28,7 @@ from castfem.model.caster import (
 )
 from castfem.runs import restart
 from castfem.runs.caster.look import Look
+from castfem.runs.caster.plant_file import recent
 from castfem.runs.caster.pyrometers import Passing
 from castfem.runs.loop import TimeLoop
 
@@ -177,7 +178,8 @@ class Strand:
     def grow(self, case: Case) -> None:
         """Take in the case with a longer history, which begins as that so far."""
         assert case.caster is not None
-        base = by_plant(case)  # it may be refused
+        since = self.inside[0].start if self.inside else -math.inf
+        base = by_plant(recent(case, since))  # it may be refused
         self.instants, self.cast = case.caster.instants, cast_of(case)
         self.starts, self.base, self.work = starts_of(case), base, followed(case)
         self._tail = ends_with_tail(case)
