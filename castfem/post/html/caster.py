@@ -185,7 +185,7 @@ def _side_view(case: Case) -> dict[str, Any] | None:
     if rolls is None or thickness is None:
         return None
     side, length = Side(rolls, thickness, case.casting.length), case.casting.length
-    ends = np.linspace(0.0, length, _PIECES + 1)
+    ends = [float(end) for end in np.linspace(0.0, length, _PIECES + 1)]
     outlines = [side.part(a, b)[:, :2] for a, b in pairwise(ends)]
     corners = np.concatenate(outlines)
     low, span = corners.min(axis=0), np.ptp(corners, axis=0)

@@ -10,7 +10,7 @@ import numpy as np
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.types import Array
 from castfem.post.plots.style import STYLE, head, look, new_figure
-from castfem.runs.caster.moments import moment_files
+from castfem.runs.caster.files import moment_files
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

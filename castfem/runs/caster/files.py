@@ -20,7 +20,7 @@ from castfem.base.csv_files import read_csv
 from castfem.base.errors import InputError
 from castfem.base.result_registry import QuantityDefinition, find
 from castfem.base.types import Array
-from castfem.runs.output.folder import CASTER_NAME, SLICES_NAME, STRAND_ROWS_NAME
+from castfem.runs.output.folder import CASTER_NAME, MOMENTS_NAME, SLICES_NAME, STRAND_ROWS_NAME
 from castfem.runs.results.registry import Columns
 
 if TYPE_CHECKING:
@@ -140,6 +140,12 @@ def read_table(path: Path) -> tuple[dict[str, Array], dict[str, str], dict[str, 
         else:
             words[heading.name] = list(cells)
     return numbers, {h.name: h.unit for h in file.headings}, words
+
+
+def moment_files(folder: Path) -> list[tuple[float, Path]]:
+    """Return the files of a caster's moments, by the clock, s."""
+    found = (folder / MOMENTS_NAME).glob("strand_*s.vtu")
+    return sorted((float(path.stem[len("strand_") : -1]), path) for path in found)
 
 
 class CasterResult:

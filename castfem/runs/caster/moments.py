@@ -21,6 +21,7 @@ from castfem.base.types import Array
 from castfem.fem.root import on_root
 from castfem.model.machine import thickness_of
 from castfem.physics.machine.side import Side
+from castfem.runs.caster.files import moment_files
 from castfem.runs.output.folder import MOMENTS_NAME, STRAND_SERIES_NAME
 from castfem.runs.output.layout import vtk_cells
 from castfem.runs.output.stacked_slices import CORNERS, between, over, write_stack
@@ -113,9 +114,3 @@ class Moments:
         head = '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1"><Collection>\n'
         text = head + "\n".join(lines) + "\n</Collection></VTKFile>\n"
         write_text(self._folder / STRAND_SERIES_NAME, text)
-
-
-def moment_files(folder: Path) -> list[tuple[float, Path]]:
-    """Return the files of a caster's moments, by the clock, s."""
-    found = (folder / MOMENTS_NAME).glob("strand_*s.vtu")
-    return sorted((float(path.stem[len("strand_") : -1]), path) for path in found)
