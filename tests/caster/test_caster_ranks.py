@@ -51,15 +51,25 @@ def few() -> Case:
     return caster({"caster.spacing": "160 mm", "caster.every": "3 s", "casting.length": "170 mm"})
 
 
+def watched() -> Case:
+    """A caster with a pyrometer and a moment."""
+    return caster(
+        {"caster.pyrometer": [{"name": "exit", "at": "150 mm"}], "caster.moments": ["4 s"]}
+    )
+
+
+MORE = "pyrometers.csv", "strand.pvd", "moments/strand_4s.vtu"
+
+
 @pytest.mark.mpi
-@pytest.mark.parametrize("made", [caster, few])
+@pytest.mark.parametrize("made", [caster, few, watched])
 def test_many_ranks_write_what_one_writes(made: Callable[[], Case], tmp_path: Path) -> None:
     comm = MPI.COMM_WORLD
     folder = Path(comm.bcast(str(tmp_path)))
     run_caster(made(), tmp_path / "one", comm=MPI.COMM_SELF)
     run_caster(made(), folder / "many", comm=comm)
     if comm.rank == 0:
-        for name in FILES:
+        for name in (*FILES, *(MORE if made is watched else ())):
             assert (folder / "many" / name).read_bytes() == (folder / "one" / name).read_bytes()
         assert RunRecord.load(folder / "many").ranks == comm.size
 
