@@ -364,7 +364,7 @@ def run_caster(
         RunFailure: A slice cannot go on; the last checkpoint is on disk.
     """
     comm = MPI.COMM_WORLD if comm is None else comm
-    line = comm.bcast(on_root(comm, lambda: demand(case, build_mesh(case), comm.size)))
+    line = comm.bcast(on_root(comm, lambda: demand(case, build_mesh(case).vertices, comm.size)))
     output = OutputFolder(folder)
     goes_on = begin_folder(case, output, comm, resume)
     together = Together(comm, (RunFailure, Stopped), lambda e: output.fail(reason_to_end(e)))
