@@ -10,11 +10,11 @@ import numpy as np
 
 from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError
+from castfem.base.types import Indices
 from castfem.model.caster import by_plant, cast_of, starts_of
 from castfem.model.mechanics import Way
 
 if TYPE_CHECKING:
-    from castfem.meshes import SectionMesh
     from castfem.model import Case
 
 _VERTEX, _SLICE, _PROCESS = 130.0, 3.6e6, 1.5e8
@@ -25,12 +25,12 @@ _MOST = 0.8
 """Share of the machine's memory that a caster may take."""
 
 
-def demand(case: Case, mesh: SectionMesh, ranks: int = 1) -> str:
+def demand(case: Case, vertices: Indices, ranks: int = 1) -> str:
     """Return what a caster takes, in a line.
 
     Args:
         case: Sound.
-        mesh: Of its section.
+        vertices: Of the cells of its mesh (m, k).
         ranks: That share its slices.
 
     Raises:
@@ -41,7 +41,7 @@ def demand(case: Case, mesh: SectionMesh, ranks: int = 1) -> str:
         raise InputError(f"{case.title}: has no table [caster]; add {fix}")
     inside = _most_inside(case)
     vertex, slice_, process = (_VERTEX, _SLICE, _PROCESS) if case.mechanics is None else _STRAINED
-    each = slice_ + vertex * len(np.unique(mesh.vertices))
+    each = slice_ + vertex * len(np.unique(vertices))
     memory = ranks * process + inside * each
     there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if memory > _MOST * there:

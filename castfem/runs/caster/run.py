@@ -378,7 +378,7 @@ def run_caster(
     comm, asked = MPI.COMM_WORLD if comm is None else comm, case
     if source is not None:
         case = first_looked_at(case, source, comm.size)
-    line = comm.bcast(on_root(comm, lambda: demand(case, build_mesh(case), comm.size)))
+    line = comm.bcast(on_root(comm, lambda: demand(case, build_mesh(case).vertices, comm.size)))
     output = OutputFolder(folder)
     goes_on = begin_folder(case, output, comm, resume)
     together = Together(comm, (RunFailure, Stopped), lambda e: output.fail(reason_to_end(e)))
