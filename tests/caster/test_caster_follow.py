@@ -62,15 +62,16 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def same(one: Path, other: Path) -> bool:
     """Whether two folders have the same strand, byte for byte, and the same numbers of the whole.
 
-    Which length the youngest slice stands for is known once the next one has its start, to its
-    rounding: the heat of the whole strand has that error until then.
+    Which length the youngest slice stands for is known once the next one has its start. It is 40 mm
+    until then; starts are rounded to 1e-6 s, which at 3.7 m/min is 1.5e-6 of that. The power of the
+    whole strand is a difference of two instants, and may have twice that error.
     """
     (here, _, events), (there, _, others) = (read_table(f / "caster.csv") for f in (one, other))
     heat = [here.pop("cooling_power"), there.pop("cooling_power")]
     assert max(abs(found.pop("energy_error")).max() for found in (here, there)) < 1e-12
     alike = events == others and all(np.array_equal(here[n], there[n], True) for n in here)
     alike = alike and all((one / n).read_bytes() == (other / n).read_bytes() for n in FILES)
-    return alike and np.allclose(*heat, rtol=1e-6, atol=1e-6, equal_nan=True)
+    return alike and np.allclose(*heat, rtol=3.1e-6, atol=0.0, equal_nan=True)
 
 
 def test_a_file_that_grows(whole: Path, tmp_path: Path) -> None:
