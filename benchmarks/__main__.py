@@ -40,6 +40,7 @@ STUDIES = {
     "slab_cells": ("slab_cells", "slab_error.md"),
     "slab_sprays": ("slab_sprays", "slab_heat.md"),
     "whole_caster": ("whole_caster", "caster.md"),
+    "caster_follow": ("caster_follow", "caster.md"),
     "stated_error": ("stated_error", "accuracy.md"),
     "throughput": ("sweep_cost", "scripting.md"),
     "sensitivity": ("sensitivity", "sensitivity.md"),

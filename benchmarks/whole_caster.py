@@ -27,6 +27,17 @@ from castfem.runs.caster.files import read_table
 from castfem.runs.output.run_record import RunRecord
 from castfem.studies.accuracy.sizes import assignments
 
+SHORT = {"casting.length": "6 m", "caster.end": "240 s"}
+"""Of the case, by which ranks are measured."""
+RANK = """
+import sys, time
+from mpi4py import MPI
+from castfem.model import load_case
+from castfem.runs.caster.run import run_caster
+run_caster(load_case(sys.argv[1]), sys.argv[2])
+spent = MPI.COMM_WORLD.gather(time.process_time())
+MPI.COMM_WORLD.rank or print(*spent)
+"""
 CASE, SEPARATE = "slab1200/ladle_change", (30, 50, 70)
 """The case, and the slices that are run by themselves as well."""
 
@@ -87,8 +98,33 @@ def alone(case: Case, numbers: Sequence[int], home: Path) -> list[dict[str, Any]
     return rows
 
 
+def by_ranks(case: Case, home: Path) -> list[dict[str, Any]]:
+    """Some ranks that share the slices: what each spends, waiting for the others included."""
+    (home / "ranks.toml").write_text(case.resolved_toml(), encoding="utf-8")
+    rows: list[dict[str, Any]] = []
+    for ranks in (1, 2):
+        words = [sys.executable, "-c", RANK, str(home / "ranks.toml"), str(home / f"ranks_{ranks}")]
+        launcher = ["mpirun", "--oversubscribe", "-n", str(ranks)] if ranks > 1 else []
+        done = subprocess.run(
+            [*launcher, *words], check=True, cwd=ROOT, capture_output=True, text=True
+        )
+        most = max(float(word) for word in done.stdout.split())
+        rows.append({"ranks": ranks, "slices": len(starts_of(case)), "busiest rank [s]": most})
+    return rows
+
+
 def show(output: Output) -> None:
-    """Make the table anew."""
+    """Make the tables anew."""
+    if shared := output.rows("whole_caster_ranks"):
+        rows = [
+            {**row, "faster": shared[0]["busiest rank [s]"] / row["busiest rank [s]"]}
+            for row in shared
+        ]
+        columns: dict[str, Any] = {
+            "ranks": "ranks", "slices": "slices", "faster": ("times as fast", ".2f"),
+            "busiest rank [s]": ("processor, busiest rank, s", ".1f"),
+        }  # fmt: skip
+        output.table("caster ranks", rows, columns)
     found, single = output.rows("whole_caster"), output.rows("whole_caster_alone")
     if not (found and single):
         return
@@ -109,13 +145,15 @@ def show(output: Output) -> None:
 def main(output: Output, quick: bool) -> None:
     """Measure, and write data and table."""
     case = coarse()
+    shorter = case.with_(SHORT)
     numbers: tuple[int, ...] = SEPARATE
     if quick:
         case = case.with_(
             {"casting.length": "1 m", "caster.spacing": "0.6 m", "caster.end": "60 s"}
         )
-        numbers = (2,)
+        numbers, shorter = (2,), case
     with tempfile.TemporaryDirectory() as home:
+        output.csv("whole_caster_ranks", by_ranks(shorter, Path(home)))
         output.csv("whole_caster_alone", alone(case, numbers, Path(home)))
         output.csv("whole_caster", [together(case, Path(home))])
         shown = strand_figure(Path(home, "caster"), case.title, case.casting.length)

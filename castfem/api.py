@@ -102,9 +102,12 @@ def caster(
     *,
     resume: bool = False,
     overwrite: bool = False,
+    comm: MPI.Intracomm | None = None,
     progress: bool = False,
 ) -> CasterResult:
-    """Follow a whole strand through changes of speed, superheat and water (docs/caster.md).
+    """Follow a whole strand through changes of speed, superheat and water (collective).
+
+    See docs/caster.md.
 
     Args:
         case: A case with a table [caster], or what `load` takes.
@@ -112,6 +115,7 @@ def caster(
             is no longer used.
         resume: Go on from the checkpoint in `folder`.
         overwrite: Replace a run of another case, too.
+        comm: Ranks that share the slices; all when None.
         progress: Draw a bar, or write lines where there is no terminal.
 
     Returns:
@@ -121,21 +125,27 @@ def caster(
         InputError: Case, folder or checkpoint cannot be used.
         RunFailure: A slice cannot go on; its last good state is in `folder`.
     """
+    from mpi4py import MPI
+
     from castfem.base import log
     from castfem.base.progress import Progress
+    from castfem.fem.root import on_root
     from castfem.runs.caster.files import CasterResult
     from castfem.runs.caster.run import run_caster
 
-    sound, made = as_case(case, "castfem.caster"), folder is None
-    target = Path(tempfile.mkdtemp() if folder is None else folder)
-    if not made:
-        _may_run_in(target, sound, resume, overwrite)
-    bar = Progress(0 if progress else -1, unit="s of slices")
-    found = CasterResult(target, temporary=made)
+    comm = MPI.COMM_WORLD if comm is None else comm
+    sound = as_case(case, "castfem.caster")
+    made = None if folder is not None else on_root(comm, tempfile.mkdtemp)
+    target = Path(comm.bcast(made) or folder or ".")
+    bar = Progress(0 if progress else -1, unit="s of slices") if comm.rank == 0 else None
+    found = CasterResult(target, temporary=made is not None)
     try:
-        run_caster(sound, target, resume=resume, progress=bar)
+        if folder is not None:
+            on_root(comm, lambda: _may_run_in(target, sound, resume, overwrite))
+        run_caster(sound, target, comm=comm, resume=resume, progress=bar)
     finally:
-        bar.stop()
+        if bar is not None:
+            bar.stop()
         log.end_file()
         gc.collect()
     return found

@@ -17,6 +17,19 @@ PLANT: dict[str, Any] = {
     "mould_heat": [1.0, 1.0, 0.8, 0.8],
     "event": ["", "ladle change", "", ""],
 }
+STOP: dict[str, Any] = {
+    "time": ["0 s", "1 s", "1.1 s", "2 s", "2.1 s", "4 s"],
+    "speed": ["3.6 m/min", "3.6 m/min", "0 m/min", "0 m/min", "3.6 m/min", "3.6 m/min"],
+    "superheat": None, "mould_heat": [1.0, 1.0, 0.9, 0.9, 1.0, 1.0], "event": None,
+}  # fmt: skip
+"""The strand stands for a second, and is withdrawn again."""
+STRAINED: dict[str, Any] = {
+    "mechanics": {"law": "norton_hoff_kozlowski"}, "mould": {"length": "100 mm"}, "mesh.order": 2,
+    "cooling.0.surface.0.gap_conductivity": "0.15 W/(m K)",
+    "coupling": {"interval": "15 mm", "passes": 2},
+    "caster.spacing": "60 mm", "casting.length": "100 mm",
+}  # fmt: skip
+"""Of the small billet with its mechanics, in a mould that it leaves."""
 
 
 def caster(

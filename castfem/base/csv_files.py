@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -97,6 +98,15 @@ def read_csv(path: Path) -> CsvFile:
         raise UnreadableError(error.strerror or str(error)) from None
     except UnicodeDecodeError:
         raise UnreadableError("is not UTF-8 text; save it in that encoding (CSV UTF-8)") from None
+    return parse_csv(lines)
+
+
+def parse_csv(lines: Sequence[str]) -> CsvFile:
+    """Return what stands in the lines of a CSV file; see `read_csv`.
+
+    Raises:
+        UnreadableError: What its numbers mean is not certain.
+    """
     kept = [
         (number, line)
         for number, line in enumerate(lines, start=1)

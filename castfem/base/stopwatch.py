@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from time import perf_counter
 
 LIBRARIES = ("petsc", "assembly")
 TIME_LOOP = (*LIBRARIES, "law", "python", "time loop", "results")
+
+
+class _Section(AbstractContextManager[None]):
+    """A block that is charged to a section; a generator would take three times as long."""
+
+    __slots__ = ("_name", "_watch")
+
+    def __init__(self, watch: Stopwatch, name: str) -> None:
+        self._watch, self._name = watch, name
+
+    def __enter__(self) -> None:
+        self._watch.start(self._name)
+
+    def __exit__(self, *raised: object) -> None:
+        self._watch.stop()
 
 
 class Stopwatch:
@@ -45,14 +60,9 @@ class Stopwatch:
         self._charge()
         self._stack.pop()
 
-    @contextmanager
-    def section(self, name: str) -> Iterator[None]:
+    def section(self, name: str) -> AbstractContextManager[None]:
         """Charge the block to `name`."""
-        self.start(name)
-        try:
-            yield
-        finally:
-            self.stop()
+        return _Section(self, name)
 
     def share(self, names: tuple[str, ...], of: tuple[str, ...] | None = None) -> float:
         """Time of the sections `names` over that of `of` (all when None)."""

@@ -15,21 +15,16 @@ or a CSV file, `{ file = "spray.csv" }`, whose header names the columns and thei
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
-
-import numpy as np
+from typing import Any, NoReturn
 
 from castfem.base import units
-from castfem.base.csv_files import DECIMAL_COMMAS, UnreadableError, read_csv, with_unit
+from castfem.base.csv_files import DECIMAL_COMMAS, UnreadableError, read_csv
 from castfem.base.quantities import Kind, Notation
 from castfem.base.tables import ARGUMENTS, Table
-from castfem.base.types import Array
-
-Made = TypeVar("Made")
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,94 +144,6 @@ def _check(over: str, x: Sequence[float], y: Sequence[float], places: Sequence[s
 def _place(places: Sequence[str], number: int) -> str:
     """Where a row stands, counted from 0: its line, or its number where there is none."""
     return places[number] if places else f"row {number + 1}"
-
-
-@dataclass(frozen=True, slots=True)
-class Columns:
-    """Columns of quantities that make up a table, in a case or in a CSV file.
-
-    Attributes:
-        kinds: What each column holds, by its name.
-        units: Key that has the unit of the bare numbers of each column.
-        what: What they make up, for messages.
-        header: First line of a file, likewise.
-    """
-
-    kinds: Mapping[str, Kind]
-    units: Mapping[str, str]
-    what: str
-    header: str
-
-    def read(self, given: Mapping[str, Any], make: Callable[[Array, Sequence[str]], Made]) -> Made:
-        """Return what is made of the rows (n, columns) in SI, and of where each row stands.
-
-        Raises:
-            ValueError: A column or a cell is not as it must be, or nothing can be made of them.
-        """
-        if "file" not in given:
-            return make(*self._rows(given))
-        if len(given) > 1:
-            raise ValueError("a table with a file takes no other key")
-        path = Path(str(given["file"]))
-        try:
-            file = read_csv(path)
-        except UnreadableError as error:
-            raise ValueError(f"cannot read the {self.what} '{path}': {error}") from None
-        names = [heading.name for heading in file.headings]
-        if sorted(names) != sorted(self.kinds) or not file.rows:
-            text = f"a header and rows are needed: {self.header}"
-            raise ValueError(f"'{path}' line {file.line}: {text}")
-        for row in file.rows:
-            if len(row.cells) != len(names):
-                text = f"{len(row.cells)} cells, not {len(names)}"
-                raise ValueError(f"'{path}' line {row.line}: {text}")
-        columns = {
-            heading.name: [with_unit(row.cells[i], heading.unit) for row in file.rows]
-            for i, heading in enumerate(file.headings)
-        }
-        try:
-            return make(*self._rows(columns, [row.line for row in file.rows]))
-        except ValueError as error:
-            colon = "" if str(error).startswith("line ") else ":"
-            raise ValueError(f"'{path}'{colon} {error}") from None
-
-    def _rows(self, given: Mapping[str, Any], lines: Sequence[int] = ()) -> tuple[Array, list[str]]:
-        allowed = (*self.kinds, *dict.fromkeys(self.units.values()), "file")
-        for key in given:
-            if key not in allowed:
-                fix = f"allowed: {', '.join(allowed)}{units.nearest(str(key), allowed)}"
-                raise ValueError(f"unknown key '{key}' in a {self.what}; {fix}")
-        for name in self.kinds:
-            cells = given.get(name)
-            if not isinstance(cells, Sequence) or isinstance(cells, str) or not cells:
-                raise ValueError(f"a {self.what} needs the column '{name}', a list of values")
-        counts = {len(given[name]) for name in self.kinds}
-        if len(counts) > 1:
-            raise ValueError(f"the columns of a {self.what} must be equally long")
-        places = [f"line {n}" for n in lines] or [f"row {i + 1}" for i in range(counts.pop())]
-        columns = [
-            [
-                _cell(name, kind, cell, given.get(self.units[name]), where)
-                for cell, where in zip(given[name], places, strict=True)
-            ]
-            for name, kind in self.kinds.items()
-        ]
-        return np.transpose(columns), places
-
-
-def _cell(name: str, kind: Kind, cell: object, unit: object, where: str) -> float:
-    """Read a cell, in the unit of its column where it has none itself."""
-    text = str(cell).strip()
-    try:
-        try:
-            float(text)
-        except ValueError:
-            return kind.read(text)
-        if not unit:
-            raise ValueError(f"name the unit of the column, {name} [{kind.shown}]")
-        return kind.read(f"{text} {unit}")
-    except ValueError as error:
-        raise ValueError(f"{where}: {name} ({text}): {error}") from None
 
 
 def schema_of_columns(

@@ -18,7 +18,7 @@ from castfem.base.errors import CastfemError, InputError
 from castfem.cli import parallel
 
 _INTERRUPTED = 130
-ALL_RANKS = ("run", "sweep", "error", "optimise", "calibrate", "sensitivity", "section")
+ALL_RANKS = ("run", "sweep", "error", "optimise", "calibrate", "sensitivity", "section", "caster")
 """Commands that run cases."""
 
 
@@ -140,7 +140,7 @@ def _unexpected(error: Exception) -> str:
 
 _GOES_ON = {
     **dict.fromkeys(("sweep", "error", "optimise", "calibrate"), "the same command again"),
-    **{name: f"`castfem {name} ... --resume`" for name in ("run", "sensitivity")},
+    **{name: f"`castfem {name} ... --resume`" for name in ("run", "sensitivity", "caster")},
 }
 """What takes up an interrupted command where it was, by its name."""
 HINT = " (repeat with -v and add the traceback)"

@@ -117,7 +117,7 @@ def show(folder: Path, at: tuple[str, ...], units: tuple[str, ...]) -> int:
             show_errors(folder)
         return 0
     if (folder / CASTER_NAME).is_file():
-        from castfem.cli.running import show_caster
+        from castfem.cli.caster import show_caster
 
         if at:
             raise InputError(f"{folder}: --at is of a run; {STRAND_ROWS_NAME} has all positions")

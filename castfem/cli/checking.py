@@ -274,7 +274,7 @@ def describe(name: str, case: Case, steel: Steel, mesh: SectionMesh) -> str:
     if case.caster is not None:
         from castfem.runs.caster.demand import demand
 
-        lines.append(f"  caster: {demand(case, len(mesh.points))}")
+        lines.append(f"  caster: {demand(case, mesh.vertices)}")
     return "\n".join([*lines, *_written(case, mesh)])
 
 

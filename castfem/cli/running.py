@@ -1,8 +1,7 @@
-"""`castfem run` and `castfem caster`: validate, look at the folder, run, end all ranks in order."""
+"""`castfem run`: validate, look at the folder, run, and end all ranks in order."""
 
 from __future__ import annotations
 
-import gc
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,21 +11,13 @@ from typing import TYPE_CHECKING, Any
 from castfem.base import log
 from castfem.base.errors import CastfemError, InputError
 from castfem.base.progress import Progress
-from castfem.base.shown_units import shown_in
 from castfem.cli import parallel
 from castfem.cli.checking import problems_of
-from castfem.cli.options import DEFAULT, Request, chosen, read_from
-from castfem.model import AnyCase, TensileCase, load_case, shipped_cases
+from castfem.cli.options import DEFAULT, Request, read_from
+from castfem.model import AnyCase, TensileCase, shipped_cases
 from castfem.model.shipped_cases import CASE_NAME
-from castfem.model.shown_units import units_of
 from castfem.runs import existing_run
-from castfem.runs.output.folder import (
-    CASTER_NAME,
-    ERROR_ENDING,
-    ERROR_NAME,
-    SLICES_NAME,
-    STRAND_ROWS_NAME,
-)
+from castfem.runs.output.folder import ERROR_ENDING, ERROR_NAME
 from castfem.runs.output.run_record import RUN_NAME
 from castfem.runs.results.run_case import error_lines
 
@@ -157,45 +148,3 @@ def _show(target: Path, quiet: bool, *, figures: bool) -> None:
         for line in error_lines({"": target}):
             print(line)
         print(f"results in {target}")
-
-
-def caster_of_case(options: Request) -> None:
-    """Run, print what came out, and draw it."""
-    from castfem.runs.caster.run import run_caster
-
-    path = shipped_cases.find(options.name)
-    case, target = options.case(path), options.target(path, "_caster")
-    log.setup(-1 if options.quiet else 0, 0)
-    existing_run.check(target, case, resume=options.resume, overwrite=options.overwrite)
-    progress = Progress(-1 if options.quiet else 0, unit="s of slices")
-    try:
-        with read_from(path):
-            run_caster(
-                case, target, comm=parallel.communicator(), resume=options.resume,
-                progress=progress,
-            )  # fmt: skip
-    finally:
-        progress.stop()
-        log.close()
-        gc.collect()
-    show_caster(target, options.units, figures=options.figures, quiet=options.quiet)
-
-
-def show_caster(
-    folder: Path, units: tuple[str, ...] = (), *, figures: bool = True, quiet: bool = False
-) -> None:
-    """Print what the files of a caster tell, and draw them."""
-    case = load_case(folder / CASE_NAME)
-    with chosen(units), shown_in(units_of(case)):
-        written = [CASTER_NAME, STRAND_ROWS_NAME, SLICES_NAME]
-        if figures:
-            from castfem.post.plots.strand_over_time import draw_strand
-
-            drawn = draw_strand(folder, case.title, case.casting.length)
-            written.append(str(drawn.relative_to(folder)))
-        if not quiet:
-            from castfem.base.table import say
-            from castfem.post.report.caster import answers
-
-            say(parallel.console(), case.title, "", *answers(folder, case.casting.length))
-            print(f"{', '.join(written)} in {folder}")

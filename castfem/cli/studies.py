@@ -168,6 +168,12 @@ def sensitivity(**given: Any) -> None:
 @command("caster slab1200/ladle_change --accuracy coarse")
 @case_name
 @output("Folder; by default results/<family>/<name>_caster.")
+@click.option(
+    "--follow",
+    metavar="PLANT.csv",
+    type=PATH,
+    help="Follow a history that grows, row by row, in the place of caster.plant.",
+)
 @overrides
 @options.accuracy
 @click.option("--resume/--no-resume", help="Go on from the last checkpoint.")
@@ -177,8 +183,8 @@ def sensitivity(**given: Any) -> None:
 @quiet
 def caster(**given: Any) -> None:
     """Follow a whole strand through changes of speed, superheat and water, by [caster]."""
-    from castfem.cli.running import caster_of_case
+    from castfem.cli.caster import CasterRequest, caster_of_case
 
     if given["resume"] and given["overwrite"]:
         raise InputError("--resume and --overwrite exclude each other")
-    caster_of_case(asked(options.Request, **given))
+    caster_of_case(asked(CasterRequest, **given))

@@ -251,12 +251,11 @@ class SnesSolver:
         self._raised: BaseException | None = None
         self._given_up = False
 
-    @contextmanager
-    def _called_back(self) -> Iterator[None]:
+    def _called_back(self, method: Callable[..., Returned], *given: Any) -> Returned:
         """Charge a call from SNES to "python"; keep what it raises, which PETSc may replace."""
         self.watch.start("python")
         try:
-            yield
+            return method(*given)
         except BaseException as error:
             self._raised = error
             raise
@@ -264,28 +263,25 @@ class SnesSolver:
             self.watch.stop()
 
     def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
-        with self._called_back():
-            self.problem.residual(x, f)
+        self._called_back(self.problem.residual, x, f)
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
-        with self._called_back():
-            self.problem.jacobian(x, p)
+        self._called_back(self.problem.jacobian, x, p)
 
     def _precheck(self, x: PETSc.Vec, correction: PETSc.Vec) -> bool:
         assert self._shorten is not None
-        with self._called_back():
-            shortened = self._shorten(x, correction)
-            if shortened is None:
-                self._given_up = True
-                correction.set(0.0)  # which SNES takes for convergence: see `solve`
-            return shortened is not False
+        shortened = self._called_back(self._shorten, x, correction)
+        if shortened is None:
+            self._given_up = True
+            correction.set(0.0)  # which SNES takes for convergence: see `solve`
+        return shortened is not False
 
     def _converged(
         self, snes: PETSc.SNES, its: int, norms: tuple[float, float, float]
     ) -> int | None:
         reasons = PETSc.SNES.ConvergedReason
-        with self._called_back():
-            sizes = self.problem.norms(snes.getSolution(), snes.getFunction()[0])
+        found = snes.getSolution(), snes.getFunction()[0]
+        sizes = self._called_back(self.problem.norms, *found)
         self._history.append(sizes)
         if self._given_up:
             return int(reasons.DIVERGED_LINE_SEARCH)

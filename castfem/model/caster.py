@@ -11,15 +11,14 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
 from castfem.base import units
 from castfem.base.constants import ROUNDING
-from castfem.base.csv_files import UnreadableError, read_csv
-from castfem.base.quantities import Kind, Notation, Time
+from castfem.base.named_columns import Columns
+from castfem.base.quantities import Kind, Length, Notation, Time
 from castfem.base.tables import ARGUMENTS, Table
 from castfem.base.units import in_mm
 from castfem.model.base import TableModel
@@ -27,6 +26,7 @@ from castfem.model.casting import Start
 from castfem.model.checks import Faults, check
 from castfem.model.heat_law import ScaledLaw
 from castfem.model.mechanics import Way, WindowMark
+from castfem.model.probe import Pyrometer
 from castfem.physics.machine.travel import Changing
 
 if TYPE_CHECKING:
@@ -40,7 +40,11 @@ _KINDS = {
     "superheat": Kind("K", "K", difference=True, least=0.0),
     "mould_heat": Kind("1", least=0.0, label="factor", sample="0.95"),
 }
-_HEADER = "time [min], speed [m/min], superheat [K], mould_heat [-], top [L/min], event"
+_COLUMNS = Columns(
+    _KINDS, {}, "history of the plant",
+    "time [min], speed [m/min], superheat [K], mould_heat [-], top [L/min], event",
+    optional=("superheat", "mould_heat"), words=(EVENT,), others=_FLOW,
+)  # fmt: skip
 _DIGITS = 6  # of a start in seconds: what is written of it is what is computed
 
 
@@ -86,18 +90,7 @@ class PlantTable(Notation):
             return given
         if not isinstance(given, Mapping):
             raise ValueError('a file is needed, plant = { file = "plant.csv" }, or columns')
-        if "file" not in given:
-            count = max((len(cells) for cells in given.values()), default=0)
-            return _plant(given, [f"row {i + 1}" for i in range(count)])
-        if len(given) > 1:
-            raise ValueError("a table with a file takes no other key")
-        path = Path(str(given["file"]))
-        try:
-            return _of_file(path)
-        except UnreadableError as error:
-            raise ValueError(f"cannot read '{path}': {error}") from None
-        except ValueError as error:
-            raise ValueError(f"'{path}' {error}") from None
+        return _COLUMNS.read_by_name(given, _plant)
 
     def write(self, value: Plant) -> Any:
         """Return what reads back to the same history."""
@@ -119,65 +112,16 @@ class PlantTable(Notation):
         }
 
 
-def _of_file(path: Path) -> Plant:
-    file = read_csv(path)
-    names = [heading.name for heading in file.headings]
-    if not file.rows:
-        raise ValueError(f"line {file.line}: a header and rows are needed: {_HEADER}")
-    if twice := next((name for name in names if names.count(name) > 1), None):
-        raise ValueError(f"line {file.line}: column '{twice}' stands there twice")
-    columns: dict[str, list[Any]] = {name: [] for name in names}
-    for row in file.rows:
-        cells = (*row.cells, *("",) * (len(names) - len(row.cells)))
-        if len(cells) > len(names):
-            raise ValueError(f"line {row.line}: {len(row.cells)} cells, not {len(names)}")
-        for heading, cell in zip(file.headings, cells, strict=True):
-            bare = heading.unit and heading.name != EVENT and _is_number(cell)
-            columns[heading.name].append(f"{cell} {heading.unit}" if bare else cell)
-    return _plant(columns, [f"line {row.line}" for row in file.rows])
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
-
-
 def _plant(columns: Mapping[str, Sequence[Any]], places: Sequence[str]) -> Plant:
     """Return the history in some columns; `places` says where each row stands."""
-    for name in ("time", "speed"):
-        if name not in columns:
-            raise ValueError(f"needs the column '{name}': {_HEADER}")
-    values: dict[str, tuple[float, ...]] = {}
-    for name, cells in columns.items():
-        if isinstance(cells, str) or len(cells) != len(places):
-            raise ValueError(f"the column '{name}' must have {len(places)} cells")
-        if name != EVENT:
-            kind = _KINDS.get(name, _FLOW)
-            read = [
-                _cell(kind, cell, f"{p}: {name}") for cell, p in zip(cells, places, strict=True)
-            ]
-            values[name] = tuple(read)
-    times = values.pop("time")
+    times = columns["time"]
     for (before, after), place in zip(itertools.pairwise(times), places[1:], strict=True):
         if not after > before:
             raise ValueError(f"{place}: time ({after:g} s) does not exceed the row before")
     if len(times) < 2:
-        raise ValueError(f"has one row, two are needed: {_HEADER}")
-    events = tuple(str(cell).strip() for cell in columns.get(EVENT, ("",) * len(times)))
-    return Plant(times, values, events)
-
-
-def _cell(kind: Kind, cell: Any, where: str) -> float:
-    text = cell.strip() if isinstance(cell, str) else cell
-    if text == "":
-        raise ValueError(f"{where} is empty; write what held then")
-    try:
-        return kind.read(float(text) if kind.unit == "1" and _is_number(str(text)) else text)
-    except ValueError as error:
-        raise ValueError(f"{where} ({text}): {error}") from None
+        raise ValueError(f"has one row, two are needed: {_COLUMNS.header}")
+    values = {n: tuple(cells) for n, cells in columns.items() if n not in ("time", EVENT)}
+    return Plant(tuple(times), values, tuple(columns.get(EVENT, ("",) * len(times))))
 
 
 Clock = Annotated[float, Kind("s", "s", least=0.0)]
@@ -190,9 +134,15 @@ class Caster(TableModel):
     """what the plant did, over the clock, linear between two rows: time, speed, superheat,
     mould_heat (factor of the laws of the mould), the flow of circuits and sprayed zones under
     their names, event"""
+    cast_from: Clock | None = Field(None, examples=["0 s"])
+    """when the cast begins with an empty machine, by the clock of plant: the head of the strand
+    leaves the meniscus then; left out: it has been cast before with the values of the first row"""
+    cast_until: Clock | None = Field(None, examples=["3000 s"])
+    """when the last steel is poured: the tail of the strand leaves the meniscus then, and is
+    withdrawn; left out: casting goes on"""
     start: Clock | None = Field(None, examples=["0 s"])
-    """when the caster is looked at first, by the clock of plant; left out: at its first row. Before
-    that row its values hold"""
+    """when the caster is looked at first, by the clock of plant; left out: at its first row, or at
+    cast_from"""
     end: Clock | None = Field(None, examples=["3600 s"])
     """when it is looked at last; left out: at the last row of plant"""
     spacing: Annotated[float | Way, WindowMark()] = Field(examples=["0.5 m"])
@@ -204,12 +154,22 @@ class Caster(TableModel):
     """longest time between two rows of plant; a longer one is refused as a gap in the record; left
     out: any"""
 
+    moments: tuple[Clock, ...] = Field((), examples=[["0 s", "20 min"]])
+    """when the whole strand, bent through its machine, is written for ParaView (strand.pvd) and
+    drawn: at the first instant from each on"""
+    cut: Length | None = Field(None, examples=["8 m"])
+    """length of the pieces that the strand is cut into, from what leaves the meniscus at the first
+    row of plant; with it answers name pieces"""
+    pyrometer: tuple[Pyrometer, ...] = ()
+
     @property
     def window(self) -> tuple[float, float]:
         """When it is looked at first and last, s."""
         times = self.plant.times
         start, end = self.start, self.end
-        return times[0] if start is None else start, times[-1] if end is None else end
+        if start is None:
+            start = times[0] if self.cast_from is None else self.cast_from
+        return start, times[-1] if end is None else end
 
     @property
     def instants(self) -> list[float]:
@@ -245,6 +205,8 @@ def cast_of(case: Case) -> Cast:
     """Return what is cast, from before the oldest slice of the caster has left the meniscus."""
     assert case.caster is not None
     plant = case.caster.plant
+    if case.caster.cast_from is not None:
+        return Cast(plant, 0.0)
     early = max(plant.times[0] - case.caster.window[0], 0.0)
     # One slice more than is inside, which tells where the liquid ends above it.
     return Cast(plant, 2.01 * case.casting.length / plant.values["speed"][0] + early + 1.0)
@@ -253,24 +215,39 @@ def cast_of(case: Case) -> Cast:
 def starts_of(case: Case) -> list[float]:
     """When each slice leaves the meniscus, by the clock, s: the oldest first.
 
-    That one has just left the machine when it is looked at first.
+    That one is the head of the strand, or has just left the machine when it is looked at first; the
+    last one is the tail where casting ends.
     """
     caster = case.caster
     assert caster is not None
     cast, instants, spacing = cast_of(case), caster.instants, caster.spacing
-    first, last = instants[0], instants[-1]
-    here, speed = cast.length(first), caster.plant.table("speed")
-    oldest = cast.when(here - case.casting.length)
-    if isinstance(spacing, Way):
-        count = math.floor(case.casting.length / spacing.length * (1.0 - ROUNDING))
-        more = math.floor((cast.length(last) - here) / spacing.length * (1.0 + ROUNDING))
-        found = [cast.when(here + k * spacing.length) for k in range(-count - 1, more + 1)]
-    else:
-        before = math.floor((first - oldest) / spacing * (1.0 - ROUNDING))
-        after = math.floor((last - first) / spacing * (1.0 + ROUNDING))
-        found = [first + k * spacing for k in range(-before - 1, after + 1)]
+    began, until, speed = caster.cast_from, caster.cast_until, caster.plant.table("speed")
+    first = instants[0] if began is None else began
+    last = instants[-1] if until is None else min(instants[-1], until)
+    here = cast.length(first)
+    by_way = isinstance(spacing, Way)
+    apart = spacing.length if isinstance(spacing, Way) else spacing
+    above = cast.length(last) - here if by_way else last - first
+    numbers = range(math.floor(above / apart * (1.0 + ROUNDING)) + 1)
+    if began is None:
+        length = case.casting.length
+        below = length if by_way else first - cast.when(here - length)
+        numbers = range(-math.floor(below / apart * (1.0 - ROUNDING)) - 1, numbers.stop)
+    found = [cast.when(here + k * apart) if by_way else first + k * apart for k in numbers]
+    if not by_way:
         found = [start for start in found if speed(start) > 0.0]
+    if began is not None:  # the strand may stand for a while before it is withdrawn
+        found = [began, *(start for start in found if start > began)]
+    if until == last and cast.length(until) > cast.length(found[-1]) * (1.0 + ROUNDING):
+        found.append(until)
     return [round(start, _DIGITS) for start in found]
+
+
+def ends_with_tail(case: Case) -> bool:
+    """Whether the last slice of a caster is the tail of the strand."""
+    assert case.caster is not None
+    until = case.caster.cast_until
+    return until is not None and until <= case.caster.instants[-1]
 
 
 def followed(case: Case) -> list[float]:
@@ -333,8 +310,9 @@ def _plant_fits(case: Case, caster: Caster) -> Faults:
     """Yield columns that the case has no place for, and what the history cannot tell."""
     plant, names = caster.plant, _sprays(case)
     speeds, times = plant.values["speed"], plant.times
-    if not speeds[0] > 0.0:
-        yield "plant", "begins with the strand at rest; the caster begins with steady casting"
+    if not speeds[0] > 0.0 and caster.cast_from is None:
+        fix = "the caster begins with steady casting, or empty with cast_from"
+        yield "plant", f"begins with the strand at rest; {fix}"
     if not speeds[-1] > 0.0:
         yield "plant", "ends with the strand at rest, from where it never goes on; add a row"
     for name in plant.water:
@@ -370,6 +348,35 @@ def _window(case: Case, caster: Caster) -> Faults:
     if not gap < length:
         text = f"leaves no slice within casting.length ({in_mm(length)})"
         yield "spacing", f"({in_mm(gap)} at the fastest) {text}"
+
+
+@check("caster")
+def _looks_at(case: Case, caster: Caster) -> Faults:
+    """Yield pyrometers beyond the strand or of one name, and moments at which nobody looks."""
+    (start, end), names = caster.window, [one.name for one in caster.pyrometer]
+    for i, one in enumerate(caster.pyrometer):
+        if one.at > case.casting.length * (1.0 + ROUNDING):
+            text = f"({one.at:g} m): the strand is followed to {case.casting.length:g} m"
+            yield f"pyrometer.{i}.at", text
+        if one.name in names[:i]:
+            yield f"pyrometer.{i}.name", f"'{one.name}' stands there twice"
+    for moment in caster.moments:
+        if not start <= moment <= end:
+            yield "moments", f"({moment:g} s): it is looked at from {start:g} s to {end:g} s"
+
+
+@check("caster")
+def _ends_of_cast(case: Case, caster: Caster) -> Faults:
+    """Yield a begin and an end of the cast that the history does not tell of."""
+    begun, until, times = caster.cast_from, caster.cast_until, caster.plant.times
+    span = f"the plant's history goes from {times[0]:g} s to {times[-1]:g} s"
+    if begun is not None and not times[0] <= begun < times[-1]:
+        yield "cast_from", f"({begun:g} s): {span}"
+    elif begun is not None and caster.window[0] < begun:
+        yield "start", f"({caster.window[0]:g} s): the cast begins at {begun:g} s, cast_from"
+    if until is not None and not (times[0] if begun is None else begun) < until <= times[-1]:
+        after = "" if begun is None else f", the cast begins at {begun:g} s"
+        yield "cast_until", f"({until:g} s): {span}{after}"
 
 
 @check("caster")

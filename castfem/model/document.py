@@ -40,7 +40,7 @@ _EXCLUSIVE: tuple[tuple[Keys, str, str], ...] = (
 _KINDS = ("shape", "law")
 _MANY_SIDED: tuple[Keys, ...] = (("mechanics",),)
 # What may be written in several ways that do not mix.
-_UNDIVIDED: tuple[Keys, ...] = (("mould", "taper"), ("machine", "rolls"))
+_UNDIVIDED: tuple[Keys, ...] = (("mould", "taper"), ("machine", "rolls"), ("caster", "plant"))
 # A table that one word may stand for, and the key that the word is the value of.
 _ONE_WORD: dict[Keys, str] = {
     ("mould", "contact"): "method",

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError, choices
-from castfem.base.quantities import Distance, Kind
+from castfem.base.quantities import Distance, Kind, Length
 from castfem.base.types import Array
 from castfem.base.units import in_mm, nearest
 from castfem.model.base import TableModel
@@ -109,3 +109,15 @@ def _is_within(case: Case, probe: Probe) -> Faults:
         elif at is not None and at < -ROUNDING * size and key in _ONE_SIDED.get(part, ""):
             fix = f"the modelled part is a {part}; give its mirror image, {in_mm(-at)}"
             yield key, f"({in_mm(at)}) lies beyond the line of symmetry: {fix}"
+
+
+class Pyrometer(TableModel):
+    """A fixed place at which the surface temperature is noted of each slice that passes."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$")
+    """its name in pyrometers.csv"""
+    at: Length = Field(examples=["18.5 m"])
+    """position, from the meniscus"""
+    on: str = Field("mid_face", examples=["mid_face"])
+    """place of the surface it looks at: mid_face, narrow_face, corner ... as in the columns of
+    history.csv"""

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
 from castfem.base.quantities import Kind, Notation
 from castfem.model.base import TableModel, written
+
+if TYPE_CHECKING:
+    from castfem.model.case import Case
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,3 +68,8 @@ class Quality(TableModel):
     share of it is told"""
     soft_reduction: Annotated[tuple[float, float], SOLID_FRACTIONS] = written([0.3, 0.7])  # type: ignore[arg-type]
     """solid fractions on the centre line between which reduction closes segregation"""
+
+
+def band_of(case: Case) -> tuple[float, float]:
+    """Temperatures between which the steel of a case has little ductility, K."""
+    return (case.quality or Quality.model_validate({})).band

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
+from castfem.base.named_columns import Columns
 from castfem.base.quantities import (
     HeatTransferCoefficient,
     Kind,
@@ -23,7 +24,7 @@ from castfem.base.quantities import (
     WaterFlow,
     WaterTemperature,
 )
-from castfem.base.table_notation import Columns, schema_of_columns
+from castfem.base.table_notation import schema_of_columns
 from castfem.base.types import Array
 from castfem.model.base import TableModel, written
 from castfem.model.cooling import CoefficientOfTemperature, EmissivityOfTemperature

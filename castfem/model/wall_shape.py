@@ -18,8 +18,9 @@ import numpy as np
 
 from castfem.base.atomic_files import replacing
 from castfem.base.errors import InputError
+from castfem.base.named_columns import Columns
 from castfem.base.quantities import Kind, Notation
-from castfem.base.table_notation import Columns, schema_of_columns
+from castfem.base.table_notation import schema_of_columns
 from castfem.base.types import Array
 from castfem.physics.mould.displaced import WallDisplacement
 

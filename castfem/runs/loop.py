@@ -219,6 +219,27 @@ class TimeLoop:
                 self.run_state.snapshots[position] = quantities(sample)
 
 
+def begin_folder(case: Case, output: OutputFolder, comm: MPI.Comm, resume: bool) -> bool:
+    """Begin the folder of a run and its log (collective).
+
+    Returns:
+        Whether there is a checkpoint to go on from.
+
+    Raises:
+        InputError: The folder cannot be used.
+    """
+
+    def begin() -> bool:
+        text, files = portable(case, PROPERTIES_NAME)
+        goes_on = output.begin(text, files=files, ranks=comm.size, resume=resume)
+        log.to_file(output / "run.log", append=goes_on)
+        if resume and not goes_on:
+            log.logger.warning("%s: no checkpoint to go on from; the run begins anew", output.path)
+        return goes_on
+
+    return bool(comm.bcast(on_root(comm, begin)))
+
+
 @one_at_a_time()
 def run(
     case: Case,
@@ -253,18 +274,11 @@ def run(
     """
     comm = MPI.COMM_WORLD if comm is None else comm
     output = OutputFolder(folder)
-
-    def begin() -> bool:
-        text, files = portable(case, PROPERTIES_NAME)
-        goes_on = output.begin(text, files=files, ranks=comm.size, resume=resume)
-        log.to_file(output / "run.log", append=goes_on)
-        if resume and not goes_on:
-            log.logger.warning("%s: no checkpoint to go on from; the run begins anew", folder)
-        return goes_on
-
-    resume = bool(comm.bcast(on_root(comm, begin)))
+    resume = begin_folder(case, output, comm, resume)
     # From the last to the first: ranks that fail meet before anything is freed that is theirs all.
-    together = Together(comm, (RunFailure, Stopped), lambda error: output.fail(_reason(error)))
+    together = Together(
+        comm, (RunFailure, Stopped), lambda error: output.fail(reason_to_end(error))
+    )
     with output, ExitStack() as freed, together:
         simulation = build(case, comm)
         freed.callback(simulation.destroy)
@@ -340,13 +354,13 @@ def _leave(run: RunState, recorder: Recorder, output: OutputFolder, error: BaseE
         if run.fall_back():
             recorder.save(run)
         stopped = isinstance(error, KeyboardInterrupt)
-        _finish(run, output, "interrupted" if stopped else "failed", _reason(error))
+        _finish(run, output, "interrupted" if stopped else "failed", reason_to_end(error))
     except Exception as other:
         if str(other) != str(error):  # as of a full disk, which ends the run and is told then
             log.logger.warning("the state could not be saved: %s", other)
 
 
-def _reason(error: BaseException) -> str:
+def reason_to_end(error: BaseException) -> str:
     """Why a run ended, one line for run.json."""
     if isinstance(error, CastfemError):
         return str(error)

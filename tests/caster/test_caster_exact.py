@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
-from small_caster import caster
+from small_caster import STOP, STRAINED, caster
 
 import castfem
+from castfem.model import Case
 from castfem.model.caster import slice_of
+from castfem.runs import restart
 from castfem.runs.caster.strand import Strand
 from castfem.runs.output.checkpoint import load_checkpoint
 from castfem.runs.output.history import read_columns
@@ -30,29 +30,47 @@ ZONES = {
 }  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def advanced() -> Any:
-    """The strand of a caster with water, its slices' rows by number, and states at their ends."""
-    case = caster(ZONES, {"ring": ["2 L/min", "2 L/min", "1 L/min", "0 L/min"]})
-    strand = Strand(case, MPI.COMM_SELF)
+def _advanced(case: Case) -> Any:
+    """The strand of a caster, its slices' rows by number, and their states as they left."""
+    strand = Strand(case)
     rows: dict[int, list[dict[str, float]]] = {}
     ends: dict[int, Any] = {}
     for clock in strand.instants:
-        for one in strand.advance(clock):
-            simulation, sample = one.loop.simulation, one.run_state.sample
-            assert sample is not None and sample.time == one.age
+        for one in strand.waiting(clock):
+            simulation, sample = one.loop.simulation, one.advance(clock)
+            assert sample.time == one.age
             rows.setdefault(one.number, []).append(Columns(simulation).row(sample))
             if one.has_left:
-                ends[one.number] = one.run_state.state.thermal.enthalpy
+                ends[one.number] = restart.arrays(one.run_state)
         strand.release()
         assert len(strand.inside) <= 8  # of 14: memory is that of those inside
-    yield strand, rows, ends
-    strand.destroy()
+    return strand, rows, ends
 
 
-@pytest.mark.parametrize("number", [3, 6, 9])
-def test_a_slice_is_the_run_of_its_case(advanced: Any, number: int, tmp_path: Path) -> None:
-    strand, rows, ends = advanced
+@pytest.fixture(scope="module")
+def advanced() -> Any:
+    """A caster with water."""
+    found = _advanced(caster(ZONES, {"ring": ["2 L/min", "2 L/min", "1 L/min", "0 L/min"]}))
+    yield found
+    found[0].destroy()
+
+
+@pytest.fixture(scope="module")
+def strained() -> Any:
+    """A caster with mechanics, through a stop."""
+    found = _advanced(caster(STRAINED, STOP))
+    yield found
+    found[0].destroy()
+
+
+@pytest.mark.parametrize(
+    ("which", "number"),
+    [*(("advanced", number) for number in (3, 6, 9)), ("strained", 2), ("strained", 4)],
+)
+def test_a_slice_is_the_run_of_its_case(
+    which: str, number: int, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    strand, rows, ends = request.getfixturevalue(which)
     case = slice_of(strand.base, strand.starts[number - 1])
     assert castfem.run(case, tmp_path).case == case  # the file of a slice has all its digits
     history = read_columns(tmp_path / "history.csv")
@@ -64,8 +82,11 @@ def test_a_slice_is_the_run_of_its_case(advanced: Any, number: int, tmp_path: Pa
         alone = {name: float(history[name][line]) for name in history}
         np.testing.assert_equal(alone, written)
     _, arrays = load_checkpoint(tmp_path / "checkpoint.h5")
-    nodes = strand.model.section.node_of_owned
-    assert np.array_equal(arrays["enthalpy"][nodes], ends[number])
+    ended = {name: values for name, values in ends[number].items() if values is not None}
+    assert set(arrays) == set(ended)
+    assert ("stress_deviator" in ended) == (which == "strained")
+    for name, values in ended.items():
+        assert np.array_equal(arrays[name], values, equal_nan=True), name
 
 
 def test_what_a_slice_meets_is_that_of_its_own_time(advanced: Any) -> None:
@@ -81,11 +102,11 @@ def test_what_a_slice_meets_is_that_of_its_own_time(advanced: Any) -> None:
 
 def test_steady_casting_is_one_slice_at_every_instant() -> None:
     same = {"speed": ["3.6 m/min"] * 4, "superheat": None, "mould_heat": None}
-    strand = Strand(caster({}, same), MPI.COMM_SELF)
+    strand = Strand(caster({}, same))
     by_position: dict[float, float] = {}
     for clock in strand.instants:
-        for one in strand.advance(clock):
-            row = Columns(one.loop.simulation).row(one.run_state.sample)  # type: ignore[arg-type]
+        for one in strand.waiting(clock):
+            row = Columns(one.loop.simulation).row(one.advance(clock))
             known = by_position.setdefault(round(row["position"], 9), row["heat_removed"])
             assert row["heat_removed"] == pytest.approx(known, rel=2e-4)
         strand.release()

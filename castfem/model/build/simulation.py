@@ -99,8 +99,16 @@ class Simulation:
         self.probes.destroy()
 
 
-def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulation:
+def build(
+    case: Case, comm: MPI.Comm, watch: Stopwatch | None = None, other: Simulation | None = None
+) -> Simulation:
     """Build the objects of `case` on the ranks of `comm` (collective).
+
+    Args:
+        case: What is to be computed.
+        comm: The ranks.
+        watch: Charged with the time; a new one if None.
+        other: Of a case with the same steel and section, on the same ranks: both are shared.
 
     Raises:
         InputError: If the steel, the mesh or the solver options cannot be had.
@@ -108,11 +116,14 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
     watch = watch if watch is not None else Stopwatch()
     with watch.section("setup: steel"):
         machine = build_machine(case)
-        steel = case_steel(case)
+        steel = case_steel(case) if other is None else other.steel
         start = starting_temperature(case, steel)
         exact = _closed_form(case, steel, start)
     with watch.section("setup: mesh"):
-        section = Section(comm, on_root(comm, lambda: build_mesh(case)))
+        if other is None:
+            section = Section(comm, on_root(comm, lambda: build_mesh(case)))
+        else:
+            section = other.section
         probes = LineProbes(section, _probe_lines(case, section))
     with watch.section("setup: mechanics"):
         mechanics = None
@@ -154,13 +165,17 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
 def build_beside(
     case: Case, other: Simulation, problems: MutableMapping[CurveEnds, ThermalProblem]
 ) -> Simulation:
-    """Build what cools as another simulation does, at other times, of the temperature alone.
+    """Build what cools as another simulation does, at other times.
 
     Args:
         case: That of the other but for speed, superheat, water and start.
-        other: Its mesh, steel, operators and probes are shared: use the two in turn.
-        problems: Heat balances so far, by the ends of their curves: they are shared, too.
+        other: Its mesh and steel are shared, and without mechanics its operators and probes, too:
+            use the two in turn.
+        problems: Heat balances without mechanics so far, by the ends of their curves: they are
+            shared, too.
     """
+    if case.mechanics is not None:
+        return build(case, other.section.comm, other=other)
     machine, steel = build_machine(case), other.steel
     start = starting_temperature(case, steel)
     zones = Zones(case, machine, steel, other.zones.surface)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -151,38 +151,66 @@ class SprayWater(SurfaceLaw):
         """Water of each row at a time, kg/(m2 s) (n,)."""
         return [row.water * row.flow(time) for row in self.rows]
 
-    def heat_transfer(self, flows: Sequence[Array], surface: Array) -> Array:
-        """H at the water of each row, kg/(m2 s), and surface temperatures, K, W/m2K."""
-        total = sum(flows[1:], start=flows[0])
-        first = self.rows[0].coefficient
-        if all(row.coefficient == first for row in self.rows[1:]):
-            return first(total, surface)
-        found = np.zeros_like(surface)
-        for flow, row in zip(flows, self.rows, strict=True):
-            weight = np.divide(flow, total, out=np.zeros_like(total), where=total > 0.0)
-            found += weight * row.coefficient(total, surface)
-        return found
-
     def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
         """See `SurfaceLaw.flux`."""
-        return self._flux(self.flows(time), temperature)
-
-    def _flux(self, flows: Sequence[Array], temperature: Array) -> tuple[Array, Array]:
-        h, slope = with_slope(lambda surface: self.heat_transfer(flows, surface), temperature)
-        excess = temperature - self.water_temperature
-        return h * excess, h + slope * excess
+        coefficients = [row.coefficient for row in self.rows]
+        return _flux(coefficients, self.flows(time), self.water_temperature, temperature)
 
     def least_rise(self, temperatures: Array, time: float) -> Array:
         """See `SurfaceLaw.least_rise` (n,), at the largest flows."""
         grid = temperatures[::5]  # as close as it takes
-        shape = (len(self.rows[0].water), len(grid))
-        flows = [np.broadcast_to((row.water * row.most)[:, None], shape) for row in self.rows]
-        slope = self._flux(flows, np.broadcast_to(grid, shape))[1]
-        return np.asarray(slope.min(axis=1, initial=np.inf))
+        most = tuple(((row.water * row.most).tobytes(), row.coefficient) for row in self.rows)
+        return _least_rise(most, self.water_temperature, grid.tobytes())
 
     def ambient_range(self, time: float) -> tuple[float, float]:
         """See `SurfaceLaw.ambient_range`."""
         return self.water_temperature, self.water_temperature
+
+
+def _heat_transfer(
+    coefficients: Sequence[Coefficient], flows: Sequence[Array], surface: Array
+) -> Array:
+    """H at the water of each row, kg/(m2 s), and surface temperatures, K, W/m2K."""
+    total = sum(flows[1:], start=flows[0])
+    first = coefficients[0]
+    if all(one == first for one in coefficients[1:]):
+        return first(total, surface)
+    found = np.zeros_like(surface)
+    for flow, coefficient in zip(flows, coefficients, strict=True):
+        weight = np.divide(flow, total, out=np.zeros_like(total), where=total > 0.0)
+        found += weight * coefficient(total, surface)
+    return found
+
+
+def _flux(
+    coefficients: Sequence[Coefficient],
+    flows: Sequence[Array],
+    water_temperature: float,
+    temperature: Array,
+) -> tuple[Array, Array]:
+    """Heat flux at the water of each row, and its derivative, see `SurfaceLaw.flux`."""
+    h, slope = with_slope(lambda t: _heat_transfer(coefficients, flows, t), temperature)
+    excess = temperature - water_temperature
+    return h * excess, h + slope * excess
+
+
+@lru_cache(maxsize=1024)  # the slices of a strand come past the same rows, each with its own laws
+def _least_rise(
+    rows: tuple[tuple[bytes, Coefficient], ...], water_temperature: float, grid: bytes
+) -> Array:
+    """Least rise of the flux at each vertex (n,), of the water of each row there and of its h.
+
+    Arrays are given by their bytes, which can be compared.
+    """
+    temperatures = np.frombuffer(grid)
+    water = [np.frombuffer(one)[:, None] for one, _ in rows]
+    shape = (len(water[0]), len(temperatures))
+    flows = [np.broadcast_to(one, shape) for one in water]
+    coefficients = [coefficient for _, coefficient in rows]
+    slope = _flux(coefficients, flows, water_temperature, np.broadcast_to(temperatures, shape))[1]
+    found = np.asarray(slope.min(axis=1, initial=np.inf))
+    found.flags.writeable = False
+    return found
 
 
 @dataclass(frozen=True, slots=True)

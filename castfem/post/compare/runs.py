@@ -77,7 +77,8 @@ def _run(folder: Path, label: str = "") -> Run:
     if not folder.is_dir():
         raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
     if (folder / CASTER_NAME).is_file():
-        raise InputError(f"{folder}: is a caster of many slices; use castfem show {folder}")
+        fix = f"use castfem show {folder}, or castfem report {folder} alone"
+        raise InputError(f"{folder}: is a caster of many slices; {fix}")
     status = RunRecord.load(folder).status
     summary = Summary.load(folder)
     if summary is None:

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from castfem.base.atomic_files import write_text
 from castfem.base.errors import InputError
@@ -34,11 +34,14 @@ from castfem.post.report.cracks import crack_places
 from castfem.post.report.remarks import remarks_of
 from castfem.post.report.show import how_it_ended
 from castfem.post.report.tables import balance_tables
-from castfem.runs.output.folder import FIGURES_NAME
+from castfem.runs.output.folder import CASTER_NAME, FIGURES_NAME
 from castfem.runs.output.run_record import RunRecord
 from castfem.runs.output.summary import Summary
 from castfem.runs.results.numbers import finely, unit_shown
 from castfem.runs.results.run_case import units_of_run
+
+if TYPE_CHECKING:
+    import jinja2
 
 REPORT_NAME = "report.html"
 LARGEST = 3_000_000  # bytes of a page; pictures beyond it are left out
@@ -69,7 +72,13 @@ class AtWork:
 
 
 def write(folders: Sequence[Path], target: Path, at: Sequence[float] = ()) -> Path:
-    """Write the report of one run, or of several beside one another."""
+    """Write the report of one run, of several beside one another, or of a caster."""
+    if len(folders) == 1 and (folders[0] / CASTER_NAME).is_file():
+        from castfem.post.html.caster import write_caster
+
+        if at:
+            raise InputError(f"{folders[0]}: --at is of a run; of a caster use a pyrometer")
+        return write_caster(folders[0], target)
     found = alone(folders[0]) if len(folders) == 1 else None
     runs = [found] if found is not None else read_runs(folders)
     write_text(target, rendered(runs, at=at), durable=False)
@@ -78,14 +87,18 @@ def write(folders: Sequence[Path], target: Path, at: Sequence[float] = ()) -> Pa
 
 def rendered(runs: Sequence[Run], at_work: AtWork | None = None, at: Sequence[float] = ()) -> str:
     """The page of some runs, one file without links to others."""
+    with shown_in(units_of_run(runs[0].folder) if runs else ShownUnits()):
+        return template("report.html.j2").render(_content(runs, at_work, at))
+
+
+def template(name: str) -> jinja2.Template:
+    """A template of a page."""
     import jinja2
 
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, keep_trailing_newline=True
     )
-    template = environment.from_string(_text("report.html.j2"))
-    with shown_in(units_of_run(runs[0].folder) if runs else ShownUnits()):
-        return template.render(_content(runs, at_work, at))
+    return environment.from_string(text_of(name))
 
 
 def _content(runs: Sequence[Run], at_work: AtWork | None, at: Sequence[float]) -> dict[str, Any]:
@@ -107,21 +120,21 @@ def _content(runs: Sequence[Run], at_work: AtWork | None, at: Sequence[float]) -
     place = f'Number(x.toPrecision(4)) + " {along}"'
     words = {name: str(size[name.lower()]) for name in ("WIDTH", "LEFT", "RIGHT")}
     words["PLACE"] = '(1000 * x).toFixed(0) + " mm"' if in_mm else place
-    script = _text("report.js")
+    script = text_of("report.js")
     for name, value in words.items():
         script = script.replace(name, value)
     title = runs[0].summary.title if len(runs) == 1 else f"{len(runs)} runs side by side"
     found = {
         "title": title if at_work is None else at_work.title,
         "at_work": at_work,
-        "css": _text("report.css"),
+        "css": text_of("report.css"),
         "script": script,
         "runs": [_part(run, runs, one) for run, one in zip(runs, drawn_sections, strict=True)],
         "tables": tables,
         "notes": list(_notes(runs)),
         "differences": Table(heads, keys, words=range(len(heads))) if keys else None,
         "charts": charts,
-        "chart_data": [_json(chart.data) for chart in charts],
+        "chart_data": [json_of(chart.data) for chart in charts],
         "size": size,
         "along": along,
     }
@@ -168,12 +181,12 @@ def _part(run: Run, runs: Sequence[Run], section: Section | None) -> dict[str, A
         "cracks": cracks,
         "ranking": Table((), ranking, words=(0, 3)) if ranking else None,
         "section": section,
-        "slice_data": _json(pointed),
+        "slice_data": json_of(pointed),
         "pictures": list(_pictures(run.folder, LARGEST / 2 / len(runs))),
         "balances": list(balance_tables(summary)),
         "effort": effort(record, summary),
         "unchecked": summary.unchecked,
-        "provenance": pairs(provenance(run, record)),
+        "provenance": pairs(provenance(run.folder, record)),
         "case": case_text(run.folder),
     }
 
@@ -224,13 +237,14 @@ def _pictures(folder: Path, room: float) -> Iterator[dict[str, str]]:
             yield {"name": figure.title, "data": data}
 
 
-def _json(content: Any) -> str:
+def json_of(content: Any) -> str:
     """JSON that can stand in a page: nothing in it ends its script."""
     text = json.dumps(content, ensure_ascii=True, separators=(",", ":"), allow_nan=False)
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
-def _text(name: str) -> str:
+def text_of(name: str) -> str:
+    """The text of a file of the page."""
     return (resources.files(__package__) / "templates" / name).read_text(encoding="utf-8")
 
 
@@ -242,9 +256,9 @@ def effort(record: RunRecord, summary: Summary) -> str:
     return f"Steps: {steps}. {seconds:.1f} s on {record.ranks} rank(s){memory}."
 
 
-def provenance(run: Run, record: RunRecord) -> list[tuple[str, str]]:
+def provenance(folder: Path, record: RunRecord) -> list[tuple[str, str]]:
     """By what the run was made."""
-    rows = [("folder", str(run.folder)), ("how it ended", how_it_ended(record))]
+    rows = [("folder", str(folder)), ("how it ended", how_it_ended(record))]
     rows += [("started", record.started), ("ended", record.ended)]
     rows += [("command", command) for command in record.commands]
     rows += [("versions", ", ".join(f"{n} {v}" for n, v in record.versions.items()))]

@@ -10,14 +10,9 @@ import numpy as np
 from castfem.base.shown_units import plain_unit, scale_of
 from castfem.base.types import Array
 from castfem.post.plots.maps import edges
-from castfem.post.plots.style import STYLE, head, look, new_figure, save
+from castfem.post.plots.style import STYLE, head, look, new_figure
 from castfem.runs.caster.files import definition, read_table
-from castfem.runs.output.folder import (
-    CASTER_FIGURE,
-    CASTER_NAME,
-    FIGURES_NAME,
-    STRAND_ROWS_NAME,
-)
+from castfem.runs.output.folder import CASTER_NAME, STRAND_ROWS_NAME
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,20 +21,6 @@ if TYPE_CHECKING:
 
 _ROWS = 200  # of the map, along the strand
 _LINE = "#d55e00"
-
-
-def draw_strand(folder: Path, title: str, length: float) -> Path:
-    """Draw a caster's files.
-
-    Args:
-        folder: Of the run.
-        title: Above the picture.
-        length: To the end of the machine, m.
-    """
-    path = folder / FIGURES_NAME / f"{CASTER_FIGURE}.png"
-    path.parent.mkdir(exist_ok=True)
-    save(strand_figure(folder, title, length), path)
-    return path
 
 
 @look()
@@ -80,8 +61,8 @@ def _draw_shell(
 ) -> tuple[ScalarMappable, str]:
     """Draw the shell at the first probe over clock and position."""
     name = next(name for name in strand if name.startswith("shell_"))
-    places: Array = np.linspace(0.0, length, _ROWS, dtype=np.float64)
-    values = np.array([_along(strand, name, now, places) for now in clock])
+    places, gap = place_grid(length), widest_gap(strand)
+    values = np.array([along(strand, name, now, places, gap) for now in clock])
     found, probe = definition(name)
     scale = scale_of(found.unit, name)
     shades = axes.pcolormesh(
@@ -94,8 +75,27 @@ def _draw_shell(
     return shades, f"{found.result(0.0, probe).label} [{plain_unit(scale.unit)}]"
 
 
-def _along(strand: dict[str, Array], name: str, now: float, places: Array) -> Array:
-    """A column along the strand at an instant, as at the lowest slice below that."""
+def place_grid(length: float) -> Array:
+    """Return the positions at which a strand is shown, m."""
+    return np.linspace(0.0, length, _ROWS, dtype=np.float64)
+
+
+def widest_gap(strand: dict[str, Array]) -> float:
+    """Return the largest distance of two slices that follow one another, m."""
+    apart, same = np.diff(strand["position"]), np.diff(strand["clock"]) == 0.0
+    return float(np.max(apart[same], initial=0.0))
+
+
+def along(strand: dict[str, Array], name: str, now: float, places: Array, gap: float) -> Array:
+    """A column along the strand at an instant: at its ends as at the nearest slice.
+
+    NaN below the first slice of a cast, and farther from a slice than slices are from one another.
+    """
     rows = np.flatnonzero(strand["clock"] == now)
+    if not len(rows):
+        return np.full(len(places), np.nan)
     order = rows[np.argsort(strand["position"][rows])]
-    return np.interp(places, strand["position"][order], strand[name][order])
+    at = strand["position"][order]
+    below = 0.0 if strand["slice"][order[-1]] == 1.0 else gap
+    there = (places >= at[0] - gap) & (places <= at[-1] + below)
+    return np.where(there, np.interp(places, at, strand[name][order]), np.nan)

@@ -1,61 +1,159 @@
-"""What is said of a caster: when its pool was longest, whether liquid left the machine."""
+"""What is said of a caster: its pool, after which event, and pieces with little ductility."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.shown_units import place_said, said
-from castfem.base.types import Array
-from castfem.runs.caster.files import definition, read_table
-from castfem.runs.output.folder import CASTER_NAME, SLICES_NAME
+from castfem.base.types import Array, Flags
+from castfem.model.caster import cast_of
+from castfem.model.quality import band_of
+from castfem.physics.machine.phases import phases
+from castfem.runs.caster.files import CENTRE, definition, read_table
+from castfem.runs.output.folder import CASTER_NAME, SLICES_NAME, STRAND_ROWS_NAME
 
-_POOL = "metallurgical_length"
+if TYPE_CHECKING:
+    from castfem.model import Case
+
+_POOL, _SURFACE = "metallurgical_length", "surface_temperature_"
 
 
-def answers(folder: Path, length: float) -> list[str]:
+def answers(folder: Path, case: Case) -> list[str]:
     """Return what a caster's files tell, a line each.
 
     Args:
         folder: Of the run.
-        length: To the end of the machine, m.
+        case: That it is of.
     """
     numbers, _, words = read_table(folder / CASTER_NAME)
-    time, pool, speed = (numbers[name] for name in ("time", _POOL, "speed"))
-    lines = [*_pool(time, pool, speed, length)]
-    lines += [
-        f"{said(at, 's', '.6g')}: {event}"
-        for at, event in zip(time, words.get("event", ()), strict=False)
-        if event
+    time, length = numbers["time"], case.casting.length
+    events = [
+        (float(at), event) for at, event in zip(time, words.get("event", ()), strict=False) if event
     ]
+    strand, _, _ = read_table(folder / STRAND_ROWS_NAME)
+    liquid = np.isin(time, strand["clock"][strand[CENTRE] < 1.0])
+    lines = [*_pool(time, numbers[_POOL], numbers["speed"], length, events, liquid)]
+    lines += [f"{_clock(at)}: {event}" for at, event in events]
     slices, _, _ = read_table(folder / SLICES_NAME)
     lines += _leaving(slices)
+    lines += pieces_in_band(strand, case, events)
     worst = float(np.nanmax(np.abs(numbers["energy_error"]), initial=0.0))
     return [*lines, f"balance of heat of all slices: {worst:.1e} of the heat removed"]
 
 
-def _pool(time: Array, pool: Array, speed: Array, length: float) -> Iterator[str]:
+def _clock(time: float) -> str:
+    return said(time, "s", ".6g")
+
+
+def _after(time: float, events: Sequence[tuple[float, str]]) -> str:
+    """The last event before a time, in words; nothing where there is none."""
+    before = [one for one in events if one[0] <= time]
+    return f", {_clock(time - before[-1][0])} after: {before[-1][1]}" if before else ""
+
+
+def _pool(
+    time: Array,
+    pool: Array,
+    speed: Array,
+    length: float,
+    events: Sequence[tuple[float, str]],
+    liquid: Flags,
+) -> Iterator[str]:
     inside = np.isfinite(pool)
-    if not inside.all():
-        beyond = time[~inside]
+    solid = ~inside & ~liquid
+    if solid.any():
+        yield (
+            f"no slice has liquid at {solid.sum()} of {len(time)} instants, first at "
+            f"{_clock(time[solid][0])}{_after(time[solid][0], events)}"
+        )
+    if (~inside & liquid).any():
+        beyond = time[~inside & liquid]
         yield (
             f"the strand leaves the machine ({place_said(length)}) with liquid at {len(beyond)} of "
-            f"{len(time)} instants, first at {said(beyond[0], 's', '.6g')} and last at "
-            f"{said(beyond[-1], 's', '.6g')}"
+            f"{len(time)} instants, first at {_clock(beyond[0])} and last at {_clock(beyond[-1])}"
+            f"{_after(beyond[0], events)}"
         )
     if not inside.any():
         return
     for word, i in (("longest", int(np.nanargmax(pool))), ("shortest", int(np.nanargmin(pool)))):
-        at = f"at {said(time[i], 's', '.6g')}, cast at {said(speed[i], 'm/min', '.3g')}"
-        yield f"the pool is {word} {at}: it ends {place_said(float(pool[i]))} below the meniscus"
-    if inside.all():
+        at = f"at {_clock(time[i])}, cast at {said(speed[i], 'm/min', '.3g')}"
+        place = place_said(float(pool[i]))
+        after = _after(time[i], events)
+        yield f"the pool is {word} {at}: it ends {place} below the meniscus{after}"
+    if (inside | solid).all():
         yield (
-            f"it ends within the machine at every instant, {place_said(length - np.max(pool))} "
+            f"it ends within the machine at every instant, {place_said(length - np.nanmax(pool))} "
             "or more above its end"
         )
+
+
+def pieces_in_band(
+    strand: dict[str, Array], case: Case, events: Sequence[tuple[float, str]]
+) -> Iterator[str]:
+    """Yield which pieces have little ductility at the surface while they are straightened.
+
+    Pieces count from what leaves the meniscus at the first row of the plant; before it they have
+    numbers from 0 down.
+
+    Args:
+        strand: Columns of strand.csv.
+        case: Of the caster; without the key `cut` there are no pieces.
+        events: Time by the clock, s, and words.
+    """
+    caster, rolls = case.caster, None if case.machine is None else case.machine.pairs()
+    if caster is None or caster.cut is None or rolls is None:
+        return
+    cast, low_high = cast_of(case), band_of(case)
+    low, high = (end - ZERO_CELSIUS for end in low_high)
+    first = cast.length(caster.plant.times[0])
+    band = f"{said(low, 'degC', '.0f')} to {said(high, 'degC', '.0f')}"
+    names = [name for name in strand if name.startswith(_SURFACE)]
+    left, cut = strand["clock"] - strand["time"], caster.cut
+
+    def pieces(rows: Flags) -> list[int]:
+        found = (math.floor((cast.length(at) - first) / cut) + 1 for at in np.unique(left[rows]))
+        return sorted({*found})
+
+    for phase in (one for one in phases(rolls) if one.kind == "straightening"):
+        start, end = (rolls.pairs[i].position for i in (phase.first, phase.last))
+        there = (strand["position"] >= start) & (strand["position"] <= end)
+        where = f"in the straightener ({start:.2f} to {end:.2f} m)"
+        for name in names:
+            found, probe = definition(name)
+            label = found.result(math.nan, probe).label
+            values = strand[name]
+            spans = (float(values[there].min()), float(values[there].max())) if there.any() else ()
+            met = ", which has " + " to ".join(said(one, "degC", ".0f", name) for one in spans)
+            within = there & (values > low) & (values < high)
+            if not within.any():
+                yield f"{label}: no piece is within {band} {where}{met if spans else ''}"
+                continue
+            first_in, last_in = (end(strand["clock"][within]) for end in (np.min, np.max))
+            some, passed = pieces(within), pieces(there)
+            every = "all that pass: " if some == passed else ""
+            yield (
+                f"{label}: {every}{_runs(some)} of {place_said(caster.cut)} within {band} {where}"
+                f"{met}; first at {_clock(first_in)}{_after(first_in, events)}; last at "
+                f"{_clock(last_in)}"
+            )
+
+
+def _runs(numbers: Sequence[int]) -> str:
+    """Numbers of pieces, those that follow one another as a range."""
+    found: list[list[int]] = []
+    for number in numbers:
+        if found and number == found[-1][1] + 1:
+            found[-1][1] = number
+        else:
+            found.append([number, number])
+    ranges = [f"{a}" if a == b else f"{a} to {b}" for a, b in found]
+    return f"piece{'s' if len(numbers) > 1 else ''} {', '.join(ranges)}"
 
 
 def _leaving(slices: dict[str, Array]) -> Iterator[str]:

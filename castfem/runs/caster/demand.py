@@ -6,8 +6,11 @@ import math
 import os
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError
+from castfem.base.types import Indices
 from castfem.model.caster import by_plant, cast_of, starts_of
 from castfem.model.mechanics import Way
 
@@ -15,18 +18,20 @@ if TYPE_CHECKING:
     from castfem.model import Case
 
 _VERTEX, _SLICE, _PROCESS = 130.0, 3.6e6, 1.5e8
-"""Bytes of a vertex of a slice, of the slice besides, of the process; measured."""
+"""Bytes of a vertex of a slice, of the slice besides, of each process; measured."""
+_STRAINED = 4.4e4, 3.6e6, 2.8e8
+"""The same with mechanics, of which each slice has equations of its own."""
 _MOST = 0.8
 """Share of the machine's memory that a caster may take."""
 
 
-def demand(case: Case, vertices: int, ranks: int = 1) -> str:
+def demand(case: Case, vertices: Indices, ranks: int = 1) -> str:
     """Return what a caster takes, in a line.
 
     Args:
         case: Sound.
-        vertices: Of its mesh.
-        ranks: On which it is to run.
+        vertices: Of the cells of its mesh (m, k).
+        ranks: That share its slices.
 
     Raises:
         InputError: It is no caster, or asks for more than there is.
@@ -34,12 +39,10 @@ def demand(case: Case, vertices: int, ranks: int = 1) -> str:
     if case.caster is None:
         fix = "[caster] with plant, spacing and every (docs/caster.md)"
         raise InputError(f"{case.title}: has no table [caster]; add {fix}")
-    if case.mechanics is not None:
-        raise InputError("mechanics: a caster is of the temperature alone; leave out [mechanics]")
-    if ranks > 1:
-        raise InputError("a caster runs on one rank: start castfem caster without mpirun")
     inside = _most_inside(case)
-    memory = _PROCESS + inside * (_SLICE + _VERTEX * vertices)
+    vertex, slice_, process = (_VERTEX, _SLICE, _PROCESS) if case.mechanics is None else _STRAINED
+    each = slice_ + vertex * len(np.unique(vertices))
+    memory = ranks * process + inside * each
     there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if memory > _MOST * there:
         raise InputError(
@@ -60,5 +63,5 @@ def _most_inside(case: Case) -> int:
     if isinstance(caster.spacing, Way):
         return 1 + math.floor(length / caster.spacing.length * (1.0 + ROUNDING))
     cast = cast_of(case)
-    stays = [at - cast.when(cast.length(at) - length) for at in caster.instants]
+    stays = [at - cast.when(max(cast.length(at) - length, 0.0)) for at in caster.instants]
     return 1 + math.floor(max(stays) / caster.spacing * (1.0 + ROUNDING))

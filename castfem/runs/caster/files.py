@@ -20,12 +20,18 @@ from castfem.base.csv_files import read_csv
 from castfem.base.errors import InputError
 from castfem.base.result_registry import QuantityDefinition, find
 from castfem.base.types import Array
-from castfem.runs.output.folder import CASTER_NAME, SLICES_NAME, STRAND_ROWS_NAME
+from castfem.runs.output.folder import CASTER_NAME, MOMENTS_NAME, SLICES_NAME, STRAND_ROWS_NAME
+from castfem.runs.results.registry import Columns
 
 if TYPE_CHECKING:
     import pandas
 
+    from castfem.model.build.simulation import Simulation
+    from castfem.runs.results.sample import Sample
+
 Row = Mapping[str, float | str]
+CENTRE = "centre_solid_fraction"
+"""A column that all rows of slices have."""
 
 
 class GrowingTable(Closing):
@@ -60,7 +66,7 @@ class GrowingTable(Closing):
 
     def append(self, rows: Iterable[Row]) -> None:
         """Add rows, all of them or none; what is missing or not finite is an empty cell."""
-        lines = [_line([_cell(row.get(name, "")) for name in self._names]) for row in rows]
+        lines = [_line(line) for line in cells(rows, self._names)]
         if lines:
             self._file.append("".join(lines).encode())
 
@@ -71,6 +77,11 @@ class GrowingTable(Closing):
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+
+def cells(rows: Iterable[Row], names: Sequence[str]) -> list[list[str]]:
+    """Return rows as CSV has them, in the order of the columns."""
+    return [[_cell(row.get(name, "")) for name in names] for row in rows]
 
 
 def _cell(value: float | str) -> str:
@@ -92,6 +103,25 @@ def definition(column: str) -> tuple[QuantityDefinition, str]:
     return found
 
 
+class SliceRows:
+    """A row of a slice: the columns of its history, and the solid fraction in the centre."""
+
+    def __init__(self, model: Simulation) -> None:
+        self._model, self._columns = model, Columns(model)
+        self.heading = list(self._columns.heading)
+        self._adds = CENTRE not in dict(self.heading)
+        if self._adds:
+            self.heading.append((CENTRE, definition(CENTRE)[0].unit))
+
+    def row(self, sample: Sample) -> dict[str, float]:
+        """One row in its units."""
+        found = self._columns.row(sample)
+        if self._adds:
+            centre = next(iter(sample.profiles.values())).temperature[-1]
+            found[CENTRE] = float(np.asarray(self._model.steel.solid_fraction(centre)))
+        return found
+
+
 def read_table(path: Path) -> tuple[dict[str, Array], dict[str, str], dict[str, list[str]]]:
     """Return the columns of numbers of such a file, their units, and the columns of words.
 
@@ -110,6 +140,12 @@ def read_table(path: Path) -> tuple[dict[str, Array], dict[str, str], dict[str, 
         else:
             words[heading.name] = list(cells)
     return numbers, {h.name: h.unit for h in file.headings}, words
+
+
+def moment_files(folder: Path) -> list[tuple[float, Path]]:
+    """Return the files of a caster's moments, by the clock, s."""
+    found = (folder / MOMENTS_NAME).glob("strand_*s.vtu")
+    return sorted((float(path.stem[len("strand_") : -1]), path) for path in found)
 
 
 class CasterResult:

@@ -7,13 +7,11 @@ import json
 import math
 import time
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from mpi4py import MPI
-
-import numpy as np
 
 from castfem.base import log
 from castfem.base.errors import RunFailure
@@ -21,29 +19,33 @@ from castfem.base.process import one_at_a_time
 from castfem.base.progress import Progress, clock
 from castfem.base.stopwatch import peak_memory
 from castfem.base.types import Array
+from castfem.fem.root import Together, on_root
 from castfem.model.build.simulation import build_mesh
-from castfem.model.load import portable
+from castfem.model.caster import EVENT
 from castfem.runs import restart
+from castfem.runs.caster import pyrometers
 from castfem.runs.caster.demand import demand
-from castfem.runs.caster.files import GrowingTable, definition
+from castfem.runs.caster.files import GrowingTable, Row, SliceRows
+from castfem.runs.caster.look import Look, events_between, heat_of, pool_end
+from castfem.runs.caster.moments import Moments
 from castfem.runs.caster.strand import Slice, Strand
 from castfem.runs.interrupt import Interrupt, Stopped
+from castfem.runs.loop import begin_folder, reason_to_end
 from castfem.runs.output.checkpoint import CHECKPOINT_NAME, load_checkpoint, save_checkpoint
 from castfem.runs.output.folder import (
     CASTER_NAME,
-    PROPERTIES_NAME,
+    PYROMETERS_NAME,
     SLICES_NAME,
     STRAND_ROWS_NAME,
     OutputFolder,
 )
-from castfem.runs.results.registry import Columns
 
 if TYPE_CHECKING:
     from castfem.model import Case
-    from castfem.model.build.simulation import Simulation
-    from castfem.runs.results.sample import Sample
+    from castfem.runs.caster.plant_file import PlantFile
 
-CENTRE = "centre_solid_fraction"
+T = TypeVar("T")
+
 HEADING = [
     ("time", "s"), ("speed", "m/min"), ("superheat", "K"), ("slices", "-"),
     ("metallurgical_length", "m"), ("cooling_power", "kW"), ("energy_error", "-"), ("event", ""),
@@ -53,188 +55,269 @@ SAVED_EVERY = 30.0
 """s of the wall clock between two checkpoints, at least."""
 
 
-@dataclass(slots=True)
-class Heat:
-    """Heat of slices of the whole strand.
-
-    Attributes:
-        removed: By the cooling, J. gained: Change of their enthalpy since the meniscus, J.
-    """
-
-    removed: float = 0.0
-    gained: float = 0.0
-
-    def add(self, one: Slice) -> None:
-        """Add a slice, with the length that it stands for."""
-        sampler, state = one.run_state.sampler, one.run_state.state.thermal
-        whole = one.length * one.loop.simulation.section.multiplicity
-        self.removed += whole * state.removed
-        self.gained += whole * sampler.heat_gained(state)
-
-
 class CasterRun:
-    """Takes a strand from instant to instant and keeps its files.
+    """Takes a strand from instant to instant and keeps its files (collective throughout).
 
     Args:
         case: With a table [caster], sound.
         output: Its folder, begun.
+        comm: Ranks that share the slices; files are rank 0's business.
         goes_on: Whether to go on from the checkpoint in it.
         save_every: Of the wall clock, s.
+        source: The file that its plant grows with; None where that is known from the beginning.
+
+    Attributes:
+        latest: The row of the last instant, and those of the slices inside; None before the first.
+        is_saved: Whether the checkpoint has the last instant.
     """
 
     def __init__(
-        self, case: Case, output: OutputFolder, goes_on: bool, save_every: float = SAVED_EVERY
+        self,
+        case: Case,
+        output: OutputFolder,
+        comm: MPI.Comm,
+        goes_on: bool,
+        save_every: float = SAVED_EVERY,
+        source: PlantFile | None = None,
     ) -> None:
         assert case.caster is not None
-        self._case, self._output, self._every = case, output, save_every
-        self._physics = _physics(case)
-        self.strand = Strand(case, MPI.COMM_SELF)
-        self._columns = _Rows(self.strand.model)
-        self._index = 0
-        self._rows: dict[int, dict[str, float]] = {}
-        self._left, self._before = Heat(), math.nan
-        meta: dict[str, Any] = {}
-        if goes_on:
-            meta, arrays = load_checkpoint(output / CHECKPOINT_NAME, **self._physics)
-            self._restore(meta, arrays)
-        own = self._columns.heading
-        slices = [("slice", "-"), ("start", "s"), ("left", "s"), ("metallurgical_length", "m")]
-        self._files = {
-            name: GrowingTable(output / name, heading, meta.get("sizes", {}).get(name))
-            for name, heading in (
-                (CASTER_NAME, HEADING),
-                (STRAND_ROWS_NAME, [("clock", "s"), ("slice", "-"), *own]),
-                (SLICES_NAME, [*slices, *own]),
-            )
-        }
-        self._saved, self._begun = time.monotonic(), time.monotonic()
+        self._case, self._output, self._every, self._comm = case, output, save_every, comm
+        self._asked, self._source, self.is_saved = case.caster, source, goes_on
+        self.latest: tuple[Row, list[Row]] | None = None
+        self._physics = _physics(case, grows=source is not None)
+        self.strand = Strand(case, comm.rank, comm.size)
+        self._columns = SliceRows(self.strand.model)
+        self._moments = Moments(case, self.strand.model, output.path)
+        self._index = self._gone = 0
+        self._looks: dict[int, Look] = {}  # of this rank, at the instant that is on its way
+        self._closed: dict[int, float] = {}
+        self._left, self._before = (0.0, 0.0), math.nan
+        sizes = self._restore() if goes_on else {}
+        self._files: dict[str, GrowingTable] = {}
+        on_root(comm, lambda: self._open(sizes))
+        self._saved = self._begun = time.monotonic()
         self._done = 0.0  # s of all slices together
 
+    def _open(self, sizes: dict[str, int]) -> None:
+        own = self._columns.heading
+        slices = [("slice", "-"), ("start", "s"), ("left", "s"), ("metallurgical_length", "m")]
+        for name, heading in (
+            (CASTER_NAME, HEADING),
+            (STRAND_ROWS_NAME, self.heading),
+            (SLICES_NAME, [*slices, *own]),
+            *([(PYROMETERS_NAME, pyrometers.HEADING)] if self._asked.pyrometer else []),
+        ):
+            self._files[name] = GrowingTable(self._output / name, heading, sizes.get(name))
+
+    @property
+    def heading(self) -> list[tuple[str, str]]:
+        """Name and unit of the columns of the strand at an instant."""
+        return [("clock", "s"), ("slice", "-"), *self._columns.heading]
+
+    def grow(self, case: Case) -> None:
+        """Go on by a longer history of the plant, which begins as that so far."""
+        self.strand.grow(case)
+        assert case.caster is not None
+        self._case, self._moments.asked = case, case.caster.moments
+
     def go(self, interrupt: Interrupt, progress: Progress | None) -> None:
-        """Go through all instants.
+        """Go through all instants that are left, and save.
 
         Raises:
             RunFailure: A slice cannot go on.
             Stopped: It was asked to stop; all is saved.
         """
-        strand, work = self.strand, self.strand.work
-        ages = {one.number: one.age for one in strand.inside}
-        gone = strand.begun - len(strand.inside)
-        self._done = sum(work[:gone]) + sum(ages.values())
+        work = self.strand.work
+        ages = self._comm.allreduce(sum(one.age for one in self.strand.inside))
+        self._done = sum(work[: self._gone]) + ages
         if progress is not None:
             progress.start(sum(work), self._done)
+        self.advance(interrupt, progress)
+        self.save()
+
+    def advance(self, interrupt: Interrupt, progress: Progress | None) -> None:
+        """Go through all instants that are left; see `go`."""
         try:
-            while self._index < len(strand.instants):
-                now = strand.instants[self._index]
-                for one in strand.advance(now, interrupt, passed=self._rows):
-                    assert one.run_state.sample is not None
-                    self._rows[one.number] = self._columns.row(one.run_state.sample)
-                    passed = one.age - ages.get(one.number, 0.0)
-                    ages[one.number] = one.age
-                    self._tell(one, now, passed, progress)
-                    if time.monotonic() - self._saved >= self._every:
-                        self.save()
-                self._write(now)
+            while self._index < len(self.strand.instants):
+                now = self.strand.instants[self._index]
+                self._advance(now, interrupt, progress)
+                self._look_at(now)
                 self._index += 1
         except (Stopped, RunFailure):  # within a slice, between two of its steps
             self.save()
             raise
-        self.save()
 
-    def _tell(self, one: Slice, now: float, passed: float, progress: Progress | None) -> None:
+    def _advance(self, now: float, interrupt: Interrupt, progress: Progress | None) -> None:
+        """Take all slices to an instant; ranks meet after a slice of each."""
+        waiting = self.strand.waiting(now, self._looks)
+        counts = self._comm.allgather((len(waiting), len(self.strand.inside)))
+        for i in range(max(count for count, _ in counts)):
+            told, ended = None, None
+            try:
+                if i < len(waiting):
+                    told = self._take(waiting[i], now, interrupt)
+                interrupt.check()
+            except (Stopped, RunFailure) as error:
+                ended = error
+            due = time.monotonic() - self._saved >= self._every
+            met = self._comm.allgather((told, ended, due))
+            for told, _, _ in met:
+                if told is not None:
+                    self._tell(*told, now, sum(inside for _, inside in counts), progress)
+            for _, ended, _ in met:
+                if ended is not None:
+                    raise ended
+            if met[0][-1]:  # rank 0 has the clock for all
+                self.save()
+
+    def _take(self, one: Slice, now: float, interrupt: Interrupt) -> tuple[int, float]:
+        """Take a slice to an instant; its number, and the time that has passed for it, s."""
+        before = one.age
+        sample = one.advance(now, interrupt)
+        self._looks[one.number] = one.look(self._columns.row(sample))
+        return one.number, one.age - before
+
+    def _tell(
+        self, number: int, passed: float, now: float, inside: int, progress: Progress | None
+    ) -> None:
         """Tell that a slice has come to an instant; of the first, how long it took."""
-        strand = self.strand
+        work = self.strand.work
         if not self._done and passed > 0.0:
             taken = time.monotonic() - self._begun
-            left = taken / passed * sum(strand.work)
+            left = taken / passed * sum(work) / min(self._comm.size, inside)
             log.logger.info(
                 "%.0f s of a slice take %s; all take about %s", passed, clock(taken), clock(left)
             )
         self._done += passed
         if progress is not None:
-            note = f"slice {one.number}, {len(strand.inside)} at once"
+            note = f"slice {number}, {inside} at once"
             progress.update(self._done, now, 0, passed, note)
 
-    def _write(self, now: float) -> None:
-        """Write the strand at an instant, and let go of what has left it."""
+    def _look_at(self, now: float) -> None:
+        """Look at the strand at an instant, and let go of what has left it."""
+        found = self._comm.gather(self._looks)
+        before = self.strand.instants[self._index - 1] if self._index else -math.inf
+        self._moments.look(now, before, self.strand.inside, self._comm)
+        on_root(self._comm, lambda: self._write(now, _merged(found)))
+        self._gone += self._comm.allreduce(sum(one.has_left for one in self._looks.values()))
+        self._looks = {}
+        self.strand.release()
+
+    def _write(self, now: float, looks: dict[int, Look]) -> None:
+        """Write the strand at an instant (rank 0)."""
         strand, caster = self.strand, self._case.caster
         assert caster is not None
-        ended = [one for one in strand.inside if one.has_left]
-        inside = [one for one in strand.inside if not one.has_left]
-        pool = strand.pool_end(now)
-        for one in ended:
-            self._left.add(one)
-        heat = Heat(self._left.removed, self._left.gained)
-        for one in inside:
-            heat.add(one)
-        apart = caster.every if self._index else math.nan
-        plant = {name: float(caster.plant.table(name)(now)) for name in caster.plant.values}
-        superheat = plant.get("superheat", self.strand.base.casting.poured_superheat)
+        ended = [one for one in looks.values() if one.has_left]
+        inside = [one for one in looks.values() if not one.has_left]
+        self._closed |= {one.number: one.closed for one in looks.values()}
+        pool = pool_end(
+            inside, self._closed, strand.cast, now, self._case.casting.length,
+            has_head=caster.cast_from is not None,
+        )  # fmt: skip
+        lowest = inside[0].number if inside else max(self._closed, default=0) + 1
+        self._closed = {n: age for n, age in self._closed.items() if n >= lowest - 1}
+        self._left = heat_of(self._left, ended)
+        removed, gained = heat_of(self._left, inside)
         self._files[SLICES_NAME].append(
             {
                 "slice": one.number, "start": one.start, "left": one.start + one.lasts,
-                **self._rows[one.number], "metallurgical_length": _length(one),
+                **one.row, "metallurgical_length": one.solid,
             }
             for one in ended
         )  # fmt: skip
-        self._files[STRAND_ROWS_NAME].append(
-            {"clock": now, "slice": one.number, **self._rows[one.number]} for one in inside[::-1]
-        )
+        rows: list[Row] = [{"clock": now, "slice": o.number, **o.row} for o in inside[::-1]]
+        self._files[STRAND_ROWS_NAME].append(rows)
+        apart = caster.every if self._index else math.nan
+        plant = {name: float(caster.plant.table(name)(now)) for name in caster.plant.values}
+        superheat = plant.get("superheat", strand.base.casting.poured_superheat)
         row: dict[str, float | str] = {
             "time": now, "speed": 60.0 * plant["speed"], "slices": len(inside),
             "superheat": math.nan if superheat is None else superheat,
             "metallurgical_length": pool,
-            "cooling_power": 1e-3 * (heat.removed - self._before) / apart,
-            "energy_error": (heat.removed + heat.gained) / max(abs(heat.removed), 1e-300),
-            "event": _events(caster.plant, now - (apart if self._index else math.inf), now),
+            "cooling_power": 1e-3 * (removed - self._before) / apart,
+            "energy_error": (removed + gained) / max(abs(removed), 1e-300),
+            "event": events_between(caster.plant, now - (apart if self._index else math.inf), now),
         }  # fmt: skip
         self._files[CASTER_NAME].append([row])
-        self._before, self._rows = heat.removed, {}
-        strand.release()
+        if self._asked.pyrometer:
+            seen = pyrometers.rows(caster, list(looks.values()))
+            self._files[PYROMETERS_NAME].append(seen)
+        self.latest, self.is_saved = (row, rows), False
+        self._before = removed
 
     def save(self) -> None:
         """Replace the checkpoint by what there is; rows that were written later are cut off."""
-        arrays: dict[str, Array] = {}
-        slices = {}
+        slices: dict[int, tuple[dict[str, Any], dict[str, Array]]] = {}
         for one in self.strand.inside:
             run = one.run_state
             run.restored = ({}, {})  # results of a slice on its way are asked for by nobody
-            if run.sample is None:
-                continue  # it has not left the meniscus yet
-            slices[str(one.number)] = restart.description(run)
-            arrays |= {
-                f"{one.number}/{name}": values
-                for name, values in restart.arrays(run).items()
-                if values is not None
-            }
+            if run.sample is not None:  # it has left the meniscus
+                arrays = restart.arrays(run)
+                kept = {name: values for name, values in arrays.items() if values is not None}
+                passed = [] if one.passing is None else one.passing.passed
+                slices[one.number] = {**restart.description(run), "passed": passed}, kept
+        found, looks = self._comm.gather(slices), self._comm.gather(self._looks)
+        on_root(self._comm, lambda: self._save(_merged(found), _merged(looks)))
+        self._saved, self.is_saved = time.monotonic(), True
+
+    def _save(
+        self,
+        slices: dict[int, tuple[dict[str, Any], dict[str, Array]]],
+        looks: dict[int, Look],
+    ) -> None:
+        """Save a checkpoint and note how far the run has come (rank 0)."""
         for file in self._files.values():
             file.sync()
         meta = {
-            "index": self._index, "slices": slices,
-            "begun": self.strand.begun - len(self.strand.inside) + len(slices),
-            "rows": {str(number): row for number, row in self._rows.items()},
-            "closed": {str(number): age for number, age in self.strand.closed.items()},
-            "left": [self._left.removed, self._left.gained], "before": self._before,
+            "index": self._index, "gone": self._gone,
+            "slices": {str(number): described for number, (described, _) in slices.items()},
+            "looks": [asdict(one) for one in looks.values()],
+            "closed": {str(number): age for number, age in self._closed.items()},
+            "left": self._left, "before": self._before,
             "sizes": {name: file.size for name, file in self._files.items()},
         }  # fmt: skip
+        arrays = {
+            f"{number}/{name}": values
+            for number, (_, own) in slices.items()
+            for name, values in own.items()
+        }
+        if self._source is not None:
+            meta["plant"] = [len(self._source), self._source.digest(len(self._source))]
         save_checkpoint(self._output / CHECKPOINT_NAME, meta, arrays, **self._physics)
         instants = self.strand.instants
         self._output.update(reached={"time": instants[max(self._index - 1, 0)]})
-        self._saved = time.monotonic()
 
-    def _restore(self, meta: dict[str, Any], arrays: dict[str, Any]) -> None:
-        strand = self.strand
-        for number, description in meta["slices"].items():
-            one = strand.enter(int(number))
-            mine = f"{number}/"
-            own = {k.removeprefix(mine): v for k, v in arrays.items() if k.startswith(mine)}
+    def _restore(self) -> dict[str, int]:
+        """Go on from the checkpoint, each rank with its slices; the sizes of the files then."""
+        path, comm, strand = self._output / CHECKPOINT_NAME, self._comm, self.strand
+        loaded = on_root(comm, lambda: load_checkpoint(path, **self._physics))
+        meta, arrays = loaded if loaded is not None else ({}, {})
+        meta = comm.bcast(meta)
+        if self._source is not None:
+            self._source.expect(*meta["plant"])
+        self._index, self._gone = meta["index"], meta["gone"]
+        self._closed = {int(number): age for number, age in meta["closed"].items()}
+        self._left, self._before = tuple(meta["left"]), meta["before"]
+        looks = [Look(**one) for one in meta["looks"]]
+        self._looks = {one.number: one for one in looks if strand.holds(one.number)}
+        strand.pass_by(self._gone)
+        by_slice: dict[int, dict[str, Array]] = {}
+        for name, values in arrays.items():
+            number, _, own = name.partition("/")
+            by_slice.setdefault(int(number), {})[own] = values
+        parts = [
+            {n: own for n, own in by_slice.items() if (n - 1) % comm.size == rank}
+            for rank in range(comm.size)
+        ]
+        mine: dict[int, dict[str, Array]] = comm.scatter(parts)
+        for own_number, kept in sorted(mine.items()):
+            one = strand.enter(own_number)
             one.loop.simulation.probes.conducts = one.loop.simulation.problem.curve
-            restart.restore(one.run_state, description, own)
-        strand.begun = meta["begun"]
-        self._index = meta["index"]
-        self._rows = {int(number): row for number, row in meta["rows"].items()}
-        strand.closed = {int(number): age for number, age in meta["closed"].items()}
-        self._left, self._before = Heat(*meta["left"]), meta["before"]
+            described = meta["slices"][str(own_number)]
+            restart.restore(one.run_state, described, kept)
+            one.watch(self._asked.pyrometer, described["passed"])
+        sizes: dict[str, int] = meta["sizes"]
+        return sizes
 
     def close(self) -> None:
         """Close the files and free the PETSc objects."""
@@ -243,39 +326,20 @@ class CasterRun:
         self.strand.destroy()
 
 
-def _length(one: Slice) -> float:
-    length = one.run_state.sampler.metallurgical_length
-    return math.nan if length is None else length
+def _merged(parts: list[dict[int, T]] | None) -> dict[int, T]:
+    """What the ranks have handed on, by the numbers of the slices (rank 0; elsewhere nothing)."""
+    found = {number: one for part in parts or () for number, one in part.items()}
+    return dict(sorted(found.items()))
 
 
-def _events(plant: Any, after: float, until: float) -> str:
-    """What happened after an instant, up to another."""
-    pairs = zip(plant.times, plant.events, strict=True)
-    return "; ".join(event for at, event in pairs if event and after < at <= until)
-
-
-class _Rows:
-    """A row of a slice: the columns of its history, and the solid fraction in the centre."""
-
-    def __init__(self, model: Simulation) -> None:
-        self._model, self._columns = model, Columns(model)
-        self.heading = list(self._columns.heading)
-        self._adds = CENTRE not in dict(self.heading)
-        if self._adds:
-            self.heading.append((CENTRE, definition(CENTRE)[0].unit))
-
-    def row(self, sample: Sample) -> dict[str, float]:
-        """One row in its units."""
-        found = self._columns.row(sample)
-        if self._adds:
-            centre = next(iter(sample.profiles.values())).temperature[-1]
-            found[CENTRE] = float(np.asarray(self._model.steel.solid_fraction(centre)))
-        return found
-
-
-def _physics(case: Case) -> dict[str, str]:
+def _physics(case: Case, grows: bool = False) -> dict[str, str]:
     """What a checkpoint holds of the case: that of a slice, and what they are."""
     written = case.document()
+    if grows:  # its rows are compared by themselves
+        names = {name for name in written["caster"]["plant"] if name != EVENT}
+        written["caster"] |= {"plant": sorted(names), "end": None}
+    for name in ("moments", "cut"):
+        written["caster"].pop(name, None)
     tables = {**case.physics(), "caster": written["caster"], "casting": written["casting"]}
     text = json.dumps(tables, sort_keys=True)
     return {"physics": hashlib.sha256(text.encode()).hexdigest()[:16], "case": text}
@@ -290,36 +354,45 @@ def run_caster(
     resume: bool = False,
     progress: Progress | None = None,
     save_every: float = SAVED_EVERY,
+    source: PlantFile | None = None,
 ) -> None:
-    """Run the caster of a case and write everything into `folder`.
+    """Run the caster of a case and write everything into `folder` (collective).
 
     Args:
         case: With a table [caster].
         folder: Where the results go; see docs/caster.md.
-        comm: Communicator, of one rank; all when None.
-        resume: Go on from the checkpoint in `folder`; where there is none yet, begin.
-        progress: Told of each slice that has come to an instant.
+        comm: Ranks that share the slices; all when None.
+        resume: Go on from the checkpoint in `folder`, of whatever number of ranks; where there is
+            none yet, begin.
+        progress: Told of each slice that has come to an instant; on rank 0.
         save_every: Time between two checkpoints by the wall clock, s.
+        source: The file that the plant of the case grows with, after its first row; the run follows
+            it until it is stopped, or to the end that the case has; on one rank.
 
     Raises:
         InputError: The case, the folder or the checkpoint cannot be used.
         RunFailure: A slice cannot go on; the last checkpoint is on disk.
     """
-    comm = MPI.COMM_WORLD if comm is None else comm
-    line = demand(case, len(build_mesh(case).points), comm.size)
+    from castfem.runs.caster.following import first_looked_at, follow
+
+    comm, asked = MPI.COMM_WORLD if comm is None else comm, case
+    if source is not None:
+        case = first_looked_at(case, source, comm.size)
+    line = comm.bcast(on_root(comm, lambda: demand(case, build_mesh(case).vertices, comm.size)))
     output = OutputFolder(folder)
-    text, files = portable(case, PROPERTIES_NAME)
-    goes_on = output.begin(text, files=files, resume=resume)
-    with output, ExitStack() as closed:
-        log.to_file(output / "run.log", append=goes_on)
-        if resume and not goes_on:
-            log.logger.warning("%s: no checkpoint to go on from; the run begins anew", folder)
+    goes_on = begin_folder(case, output, comm, resume)
+    together = Together(comm, (RunFailure, Stopped), lambda e: output.fail(reason_to_end(e)))
+    with output, ExitStack() as closed, together:
         log.logger.info("%s", line)
         begun = time.monotonic()
-        caster = CasterRun(case, output, goes_on, save_every)
+        caster = CasterRun(case, output, comm, goes_on, save_every, source)
         closed.callback(caster.close)
         interrupt = Interrupt(MPI.COMM_SELF)
         with interrupt:
-            caster.go(interrupt, progress)
+            if source is None:
+                caster.go(interrupt, progress)
+            else:
+                follow(caster, asked, source, output, interrupt)
         watch = {"time loop": time.monotonic() - begun}
-        output.finish(wall_time=watch, memory_mb=round(1e-6 * peak_memory(), 1))
+        memory = comm.allreduce(peak_memory())
+        on_root(comm, lambda: output.finish(wall_time=watch, memory_mb=round(1e-6 * memory, 1)))

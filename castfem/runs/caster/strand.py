@@ -1,27 +1,40 @@
 """The slices that are inside a caster, taken together from one instant of its clock to the next.
 
-They share mesh, steel, operators and probes, and those of the same superheat a curve T(H) and its
-solver; a state is a few arrays a slice. Each takes its own steps, which are those of its own run:
-its case writes states at the instants of the clock (`output.by_clock`), so that steps end there.
+They share mesh and steel, and without mechanics operators and probes, those of the same superheat a
+curve T(H) and its solver, too; a state is then a few arrays a slice. Each takes its own steps,
+which are those of its own run: its case writes states at the instants of the clock
+(`output.by_clock`), so that steps end there.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Iterator
+from collections.abc import Container, Sequence
 from typing import TYPE_CHECKING
 from weakref import WeakValueDictionary
+
+from mpi4py import MPI
 
 from castfem.base.constants import EXACT
 from castfem.base.errors import RunFailure
 from castfem.model.build.simulation import CurveEnds, Simulation, build, build_beside
-from castfem.model.caster import by_plant, cast_of, followed, slice_of, starts_of
+from castfem.model.caster import (
+    by_plant,
+    cast_of,
+    ends_with_tail,
+    followed,
+    slice_of,
+    starts_of,
+)
+from castfem.runs import restart
+from castfem.runs.caster.look import Look
+from castfem.runs.caster.plant_file import recent
+from castfem.runs.caster.pyrometers import Passing
 from castfem.runs.loop import TimeLoop
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
     from castfem.model import Case
+    from castfem.model.probe import Pyrometer
     from castfem.physics.thermal.problem import ThermalProblem
     from castfem.runs.interrupt import Interrupt
     from castfem.runs.results.run_state import RunState
@@ -42,8 +55,9 @@ class Slice:
         self.number, self.start, self.length = number, start, length
         self.loop = TimeLoop(simulation, unsampled=self._passes)
         self._until = 0.0
-        # Crack indexes and the like grow with each step.
-        self._each = simulation.case.quality is not None
+        self.passing: Passing | None = None
+        # Crack indexes and extremes of the mechanics grow with each step.
+        self._each = simulation.case.quality is not None or simulation.mechanics is not None
 
     @property
     def run_state(self) -> RunState:
@@ -56,12 +70,6 @@ class Slice:
         return self.run_state.state.time
 
     @property
-    def closed(self) -> float:
-        """How old it was when it became solid, s; NaN while it is not."""
-        length = self.run_state.sampler.metallurgical_length
-        return math.nan if length is None else self.loop.simulation.machine.time_at(length)
-
-    @property
     def lasts(self) -> float:
         """How old it is when it leaves the machine, s."""
         return self.loop.simulation.control.end
@@ -71,8 +79,23 @@ class Slice:
         """Whether it has come to the end of the machine."""
         return self.age >= self.lasts
 
-    def advance(self, clock: float) -> Sample:
+    def go_on_in(self, simulation: Simulation) -> None:
+        """Go on from the same state in another simulation, whose plant has gone on."""
+        run = self.run_state
+        self.loop = TimeLoop(simulation, unsampled=self._passes)
+        if run.sample is None:
+            return
+        run.restored = ({}, {})  # results of a slice on its way are asked for by nobody
+        simulation.probes.conducts = simulation.problem.curve
+        state = {name: values for name, values in restart.arrays(run).items() if values is not None}
+        restart.restore(self.run_state, restart.description(run), state)
+
+    def advance(self, clock: float, interrupt: Interrupt | None = None) -> Sample:
         """Go on to an instant of the clock, s, or to where it leaves the machine.
+
+        Args:
+            clock: The instant.
+            interrupt: Asked after each step whether to stop there.
 
         Raises:
             RunFailure: At the smallest step.
@@ -82,10 +105,43 @@ class Slice:
         if run.zone >= 0:
             simulation.problem.set_cooling(simulation.zones.cooling(run.zone))
         self._until = min(clock - self.start, self.lasts)
-        return self.loop.run(self._until)
+        self.loop.interrupt = interrupt
+        try:
+            return self.loop.run(self._until)
+        except RunFailure as error:
+            start = f"the slice that left the meniscus at {self.start:g} s"
+            raise RunFailure(f"{start}: {error}") from None
+
+    def look(self, row: dict[str, float]) -> Look:
+        """Return what is seen of it, with a row of its history."""
+        run, simulation = self.run_state, self.loop.simulation
+        solid = run.sampler.metallurgical_length
+        whole = self.length * simulation.section.multiplicity
+        return Look(
+            self.number, self.start, self.length, self.age, self.lasts, run.position,
+            solid=math.nan if solid is None else solid,
+            closed=math.nan if solid is None else simulation.machine.time_at(solid),
+            removed=whole * run.state.thermal.removed,
+            gained=whole * run.sampler.heat_gained(run.state.thermal), row=row,
+            passed=self.take_passed(),
+        )  # fmt: skip
+
+    def watch(self, places: Sequence[Pyrometer], passed: Sequence[Sequence[float]] = ()) -> None:
+        """Note the surface as it passes some places from now on; `passed` is not written yet."""
+        if places:
+            self.passing = Passing(places, self.run_state, passed)
+
+    def take_passed(self) -> list[list[float]]:
+        """Return what pyrometers have seen since it was asked last."""
+        if self.passing is None:
+            return []
+        found, self.passing.passed = self.passing.passed, []
+        return found
 
     def _passes(self, run: RunState) -> bool:
         """Take in a step without results, but where they are asked for."""
+        if self.passing is not None:
+            self.passing.note(run)
         asked = run.sample is None or run.state.time >= self._until - EXACT * self.lasts
         if asked or self._each:
             return False
@@ -94,111 +150,116 @@ class Slice:
 
 
 class Strand:
-    """All slices of a caster that are inside at a time.
+    """The slices of a caster that are inside at a time, as far as they are a rank's own.
+
+    Slices go round the ranks by their numbers: neighbours take about as long.
 
     Args:
         case: With a table [caster], sound.
-        comm: Of one rank.
+        rank: That holds these slices. ranks: How many there are.
 
     Attributes:
         base: The case of each slice but for its start.
         starts: When each slice leaves the meniscus, by the clock, s.
         work: How long each is followed, s.
-        inside: Slices that are in the machine, the lowest first.
-        closed: How old slices were when they became solid, s, by number; NaN of one that has left
-            with liquid.
+        inside: The rank's slices that are in the machine, the lowest first.
     """
 
-    def __init__(self, case: Case, comm: MPI.Comm) -> None:
+    def __init__(self, case: Case, rank: int = 0, ranks: int = 1) -> None:
         assert case.caster is not None
-        self.instants, self.cast = case.caster.instants, cast_of(case)
-        self.starts, self.base = starts_of(case), by_plant(case)
-        self.work = followed(case)
-        self._first = build(slice_of(self.base, self.starts[0]), comm)
-        self._problems: WeakValueDictionary[CurveEnds, ThermalProblem] = WeakValueDictionary()
         self.inside: list[Slice] = []
-        self.closed: dict[int, float] = {}
-        self.begun = 0
-        self._warned: set[tuple[int, bool]] = set()  # of sprays: once for all slices
+        self._rank, self._ranks, self._begun = rank, ranks, 0
+        self._warned: set[tuple[int, bool]] = set()
+        self._places = case.caster.pyrometer
+        self.grow(case)
+        self._first = build(slice_of(self.base, self.starts[0]), MPI.COMM_SELF)
+        self._problems: WeakValueDictionary[CurveEnds, ThermalProblem] = WeakValueDictionary()
+
+    def grow(self, case: Case) -> None:
+        """Take in the case with a longer history, which begins as that so far."""
+        assert case.caster is not None
+        since = self.inside[0].start if self.inside else -math.inf
+        base = by_plant(recent(case, since))  # it may be refused
+        self.instants, self.cast = case.caster.instants, cast_of(case)
+        self.starts, self.base, self.work = starts_of(case), base, followed(case)
+        self._tail = ends_with_tail(case)
+        numbers = range(self._rank + 1, len(self.starts) + 1, self._ranks)
+        self._to_come = [number for number in numbers if number > self._begun]
+        for one in self.inside:
+            new = build_beside(slice_of(base, one.start), self._first, self._problems)
+            one.go_on_in(new)
+            one.length = self.length_of(one.number)  # the next may have been unknown
+            self._warn_once(one)
+
+    def _warn_once(self, one: Slice) -> None:
+        """Let sprays of all slices tell once that they are beyond their table."""
+        sprays = one.run_state.sampler.sprays
+        if sprays is not None:
+            sprays.warned = self._warned
 
     @property
     def model(self) -> Simulation:
         """The simulation of the first slice, which has what all share."""
         return self._first
 
+    def holds(self, number: int) -> bool:
+        """Whether a slice is of this rank."""
+        return (number - 1) % self._ranks == self._rank
+
+    def pass_by(self, gone: int) -> None:
+        """Leave out the first slices, which have left the machine before a run is resumed."""
+        self._to_come, self._begun = [n for n in self._to_come if n > gone], gone
+
     def enter(self, number: int) -> Slice:
-        """Let a slice, by number, leave the meniscus."""
+        """Let a slice of this rank, by number, leave the meniscus."""
         start = self.starts[number - 1]
         simulation = build_beside(slice_of(self.base, start), self._first, self._problems)
         made = Slice(number, start, self.length_of(number), simulation)
-        sprays = made.run_state.sampler.sprays
-        if sprays is not None:
-            sprays.warned = self._warned
+        self._warn_once(made)
+        made.watch(self._places)
         self.inside.append(made)
-        self.begun = number
+        self._to_come.remove(number)
+        self._begun = max(self._begun, number)
         return made
 
     def length_of(self, number: int) -> float:
-        """Length of strand that a slice stands for: to the next, as they leave the meniscus, m."""
-        i = min(number - 1, len(self.starts) - 2)
-        return self.cast.length(self.starts[i + 1]) - self.cast.length(self.starts[i])
+        """Length of strand that a slice stands for: to the next, as they leave the meniscus, m.
 
-    def advance(
-        self,
-        clock: float,
-        interrupt: Interrupt | None = None,
-        passed: Container[int] = (),
-    ) -> Iterator[Slice]:
-        """Take all slices to an instant of the clock, s; yields each that has come there.
+        The tail of the strand stands for none.
+        """
+        if number == len(self.starts):
+            if self._tail:
+                return 0.0
+            number = max(number - 1, 1)  # as long as the one before
+        ends = [self.cast.length(start) for start in self.starts[number - 1 : number + 1]]
+        return ends[-1] - ends[0]
+
+    def waiting(self, clock: float, passed: Container[int] = ()) -> list[Slice]:
+        """Return the slices that are to be taken to an instant of the clock, s.
 
         Args:
-            clock: The instant.
-            interrupt: Asked after each step whether to stop there.
+            clock: The instant; those that leave the meniscus until then enter.
             passed: Numbers of those that are there already.
-
-        Raises:
-            RunFailure: At the smallest step of one of them.
         """
-        while self.begun < len(self.starts) and self.starts[self.begun] <= clock:
-            self.enter(self.begun + 1)
-        for one in self.inside:
-            if one.number in passed:
-                continue
-            one.loop.interrupt = interrupt
-            try:
-                one.advance(clock)
-            except RunFailure as error:
-                start = f"the slice that left the meniscus at {one.start:g} s"
-                raise RunFailure(f"{start}: {error}") from None
-            self.closed[one.number] = one.closed
-            yield one
+        while self._to_come and self.starts[self._to_come[0] - 1] <= clock:
+            self.enter(self._to_come[0])
+        return [one for one in self.inside if one.number not in passed]
 
     def release(self) -> None:
         """Let go of the slices that have left the machine."""
+        for one in self.inside:
+            if one.has_left:
+                self._free(one)
         self.inside = [one for one in self.inside if not one.has_left]
-        lowest = self.inside[0].number if self.inside else self.begun + 1
-        self.closed = {n: age for n, age in self.closed.items() if n >= lowest - 1}
 
-    def pool_end(self, clock: float) -> float:
-        """Where the liquid ends, m below the meniscus; NaN where it is not within the machine.
-
-        The strand between the lowest slice with liquid and the next, which is solid, takes as long
-        to become solid as that one did.
-        """
-        liquid = next((one for one in self.inside if math.isnan(one.closed)), None)
-        if liquid is None:
-            return math.nan
-        age = self.closed.get(liquid.number - 1, math.nan)
-        if math.isnan(age):
-            return math.nan
-        position = self.cast.length(clock) - self.cast.length(clock - age)
-        below = next((one for one in self.inside if one.number == liquid.number - 1), None)
-        if below is None and position > self.base.casting.length:
-            return math.nan
-        end = math.inf if below is None else below.run_state.position
-        return min(max(position, liquid.run_state.position), end)
+    def _free(self, one: Slice) -> None:
+        """Free what a slice has for itself: without mechanics it shares all but its arrays."""
+        if self.base.mechanics is not None:
+            one.loop.simulation.destroy()
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
+        for one in self.inside:
+            self._free(one)
         self.inside = []
         self._first.destroy()

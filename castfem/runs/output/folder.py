@@ -17,6 +17,10 @@
     caster.csv     of a caster instead of a history: a row an instant (`castfem.runs.caster.files`)
     strand.csv     ... the strand at each instant, a row a slice ...
     slices.csv     ... and each slice as it has left
+    now.json       of a caster that follows its plant: the strand at the last instant ...
+    now.csv        ... and its slices, for other programs
+    pyrometers.csv ... the surface at fixed places, a row for each slice that passes
+    strand.pvd     ... the strand at moments, for ParaView, with a file each in moments/
     figures/       what `castfem show` draws (`castfem.post.plots.figures`)
 
 castfem begins anew only in a folder without any of these names, or in one that holds its own
@@ -69,13 +73,16 @@ MAPS_NAME, ROWS_NAME = "surface_maps.h5", "surface_maps.rows"
 ERROR_NAME, ERROR_ENDING = "error.json", "_error"
 """File of the errors of a case, and what its folder has behind the name of a run's."""
 CASTER_NAME, STRAND_ROWS_NAME, SLICES_NAME = "caster.csv", "strand.csv", "slices.csv"
+NOW_NAME, NOW_ROWS_NAME = "now.json", "now.csv"
+PYROMETERS_NAME = "pyrometers.csv"
+STRAND_SERIES_NAME, MOMENTS_NAME = "strand.pvd", "moments"
 STRAND_NAME = "strand.vtu"  # written on demand, from the others
 FIGURES = ("temperature", "states", "stack", "surface_temperature", "shell", "heat", "steps")
 MECHANICS_FIGURES = ("von_mises", "shape", "stress", "size", "axial", "contact")
 BENDING_FIGURES = ("slice", "bulging", "extraction", "maps", "caster", "roll_to_roll")
 TENSILE_FIGURES = ("tensile",)
 ALL_FIGURES = FIGURES + MECHANICS_FIGURES + BENDING_FIGURES + TENSILE_FIGURES
-CASTER_FIGURE = "strand_over_time"
+CASTER_FIGURES = "strand_over_time", "strand_maps", "strand_moments"
 _LOCK_NAME = ".castfem.lock"
 # Of a property file; whatever run.json says, nothing else is removed on its word.
 _COPY = re.compile(rf"{PROPERTIES_NAME}/\w+/[^/]*\w[^/]*")
@@ -83,8 +90,9 @@ _COPY = re.compile(rf"{PROPERTIES_NAME}/\w+/[^/]*\w[^/]*")
 ARTEFACTS = (
     *(CHECKPOINT_NAME, CASE_NAME, RUN_NAME, LOG_NAME, HISTORY_NAME, XDMF_NAME, HDF5_NAME),
     *(SUMMARY_NAME, DERIVATIVES_NAME, MAPS_NAME, ROWS_NAME, STRAND_NAME, WALL_FLUX_NAME),
-    *(CASTER_NAME, STRAND_ROWS_NAME, SLICES_NAME),
-    *(f"{FIGURES_NAME}/{name}.png" for name in (*ALL_FIGURES, CASTER_FIGURE)),
+    *(CASTER_NAME, STRAND_ROWS_NAME, SLICES_NAME, NOW_NAME, NOW_ROWS_NAME),
+    *(PYROMETERS_NAME, STRAND_SERIES_NAME),
+    *(f"{FIGURES_NAME}/{name}.png" for name in (*ALL_FIGURES, *CASTER_FIGURES)),
 )
 
 
@@ -193,11 +201,11 @@ class OutputFolder(Closing):
 
     def _begin_no_more(self, record: RunRecord, inputs: Mapping[str, bytes]) -> None:
         """Leaves the folder as it was before a resume that turned out to be impossible."""
-        self._write_inputs(inputs)
+        self.write_inputs(inputs)
         self.record = record
         self.update()
 
-    def _write_inputs(self, inputs: Mapping[str, bytes]) -> None:
+    def write_inputs(self, inputs: Mapping[str, bytes]) -> None:
         """Puts the case and its property files in place; takes away those it names no more.
 
         They are replaced, never removed first: the case may have been read from these very files.
@@ -308,7 +316,7 @@ class OutputFolder(Closing):
         self.update()
         if not resume:
             self._remove_artefacts()
-        self._write_inputs(inputs)
+        self.write_inputs(inputs)
         self._before = (earlier, before) if resume else None
         return resume
 
@@ -333,6 +341,9 @@ class OutputFolder(Closing):
                     with saving(path):
                         leftover.unlink(missing_ok=True)
         remove_singles(self.path)
+        for path in (self / MOMENTS_NAME).glob("strand_*s.vtu"):
+            with saving(path):
+                path.unlink()
         before = self / CASE_NAME
         for name in _probe_files(before.read_bytes() if before.is_file() else b""):
             with saving(self / name):

@@ -9,6 +9,7 @@ inside it is NaN. Where one of these is largest there is a row: the file has the
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,7 +25,7 @@ from castfem.runs.output.surface_maps import SurfaceMaps
 if TYPE_CHECKING:
     from castfem.physics.machine.side import Side
 
-_CORNERS = {"triangle": 3, "quadrilateral": 4}
+CORNERS = {"triangle": 3, "quadrilateral": 4}
 _SOLIDS = {"triangle": "wedge", "quadrilateral": "hexahedron"}
 
 
@@ -44,8 +45,6 @@ def write_strand(folder: Path, target: Path, side: Side, every: float) -> tuple[
         InputError: The run has not written two slices one below the other.
         RunFailure: The file cannot be written.
     """
-    import meshio
-
     with Fields(folder) as fields:
         times = np.flatnonzero(np.diff(fields.positions, prepend=-1.0) > 0.0)
         if len(times) < 2:
@@ -55,7 +54,7 @@ def write_strand(folder: Path, target: Path, side: Side, every: float) -> tuple[
         rows = between(slices, every)
         if maps is not None:
             rows = np.unique(np.concatenate([rows, peaks(maps, rows)]))
-        corners = _CORNERS[fields.cell]
+        corners = CORNERS[fields.cell]
         table = fields.cells[:, :corners].astype(np.int64)
         nodes, cells = np.unique(table, return_inverse=True)
         cells = cells.reshape(-1, corners)
@@ -64,14 +63,42 @@ def write_strand(folder: Path, target: Path, side: Side, every: float) -> tuple[
     if maps is not None:
         data |= _mapped(maps, nodes, rows)
     data["position"] = np.repeat(rows, len(nodes))
-    points = side.placed(rows, place).reshape(-1, 3)
-    table = stacked(cells, len(nodes), len(rows))
+    return write_stack(target, side.placed(rows, place), cells, fields.cell, data)
+
+
+def write_stack(
+    target: Path, points: Array, cells: Indices, cell: str, data: Mapping[str, Array]
+) -> tuple[int, int]:
+    """Write slices one below the other as an unstructured grid of VTK.
+
+    Args:
+        target: The file.
+        points: Of the slices (rows, n, 3), m.
+        cells: Of one slice (m, k), by its points in VTK's order.
+        cell: "triangle" or "quadrilateral".
+        data: Values at the points, (rows * n, ...) or (rows, n).
+
+    Returns:
+        Number of points and of cells.
+
+    Raises:
+        RunFailure: The file cannot be written.
+    """
+    import meshio
+
+    rows, count, _ = points.shape
+    table = stacked(cells, count, rows)
+    values = {
+        n: (v.ravel() if v.ndim == 2 and v.shape == (rows, count) else v) for n, v in data.items()
+    }
     mesh = meshio.Mesh(
-        points, [(_SOLIDS[fields.cell], table)], {n: v.astype(np.float32) for n, v in data.items()}
+        points.reshape(-1, 3),
+        [(_SOLIDS[cell], table)],
+        {name: found.astype(np.float32) for name, found in values.items()},
     )
     with replacing(target, durable=False) as temporary:
         meshio.write(temporary, mesh, file_format="vtu", binary=True)
-    return len(points), len(table)
+    return rows * count, len(table)
 
 
 def between(slices: Array, every: float) -> Array:
@@ -104,7 +131,7 @@ def stacked(cells: Indices, nodes: int, rows: int) -> Indices:
 
     The first face of VTK's hexahedron looks into it, that of its wedge out of it.
     """
-    cells = cells[:, ::-1] if cells.shape[1] == _CORNERS["triangle"] else cells
+    cells = cells[:, ::-1] if cells.shape[1] == CORNERS["triangle"] else cells
     starts = nodes * np.arange(rows - 1)[:, None, None]
     both = np.concatenate([cells + starts, cells + starts + nodes], axis=2)
     return np.asarray(both.reshape(-1, 2 * cells.shape[1]))

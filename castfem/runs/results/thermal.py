@@ -114,6 +114,11 @@ class Sampler:
                 dof = int(on_surface[int(distance.argmin())])
                 self._surface[name] = dof
 
+    @property
+    def surface_vertices(self) -> dict[str, int]:
+        """The vertex (owned) nearest to the start of each probe, of those on this rank."""
+        return dict(self._surface)
+
     def read(
         self,
         strand: StrandState,

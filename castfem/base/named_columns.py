@@ -1,0 +1,148 @@
+"""Several quantities in columns that make up a table, in a case or in a CSV file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from castfem.base import units
+from castfem.base.csv_files import UnreadableError, read_csv, with_unit
+from castfem.base.quantities import Kind
+from castfem.base.types import Array
+
+Made = TypeVar("Made")
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """Columns of quantities that make up a table, in a case or in a CSV file.
+
+    Attributes:
+        kinds: What each column holds, by its name.
+        units: Key that has the unit of the bare numbers of each column.
+        what: What they make up, for messages.
+        header: First line of a file, likewise.
+        optional: Those of `kinds` that may be left out.
+        words: Columns of words, which may be left out, and whose cells may be empty.
+        others: What a column of any other name holds; None where there is no other.
+    """
+
+    kinds: Mapping[str, Kind]
+    units: Mapping[str, str]
+    what: str
+    header: str
+    optional: Collection[str] = ()
+    words: Collection[str] = ()
+    others: Kind | None = None
+
+    def read(self, given: Mapping[str, Any], make: Callable[[Array, Sequence[str]], Made]) -> Made:
+        """Return what is made of the rows (n, columns) in SI, and of where each row stands.
+
+        Raises:
+            ValueError: A column or a cell is not as it must be, or nothing can be made of them.
+        """
+        return self.read_by_name(
+            given, lambda found, places: make(np.transpose([found[n] for n in self.kinds]), places)
+        )
+
+    def read_by_name(
+        self,
+        given: Mapping[str, Any],
+        make: Callable[[dict[str, list[Any]], Sequence[str]], Made],
+    ) -> Made:
+        """Return what is made of the columns in SI, by name, and of where each row stands.
+
+        Raises:
+            ValueError: As `read`.
+        """
+        if "file" not in given:
+            return make(*self._columns(given))
+        if len(given) > 1:
+            raise ValueError("a table with a file takes no other key")
+        path = Path(str(given["file"]))
+        try:
+            file = read_csv(path)
+        except UnreadableError as error:
+            raise ValueError(f"cannot read the {self.what} '{path}': {error}") from None
+        names = [heading.name for heading in file.headings]
+        if not file.rows or not self._are_those(names):
+            text = f"a header and rows are needed: {self.header}"
+            raise ValueError(f"'{path}' line {file.line}: {text}")
+        for row in file.rows:
+            count = len(row.cells)
+            if count > len(names) or not set(names[count:]) <= set(self.words):
+                raise ValueError(f"'{path}' line {row.line}: {count} cells, not {len(names)}")
+        columns = {
+            heading.name: [with_unit((*row.cells, "")[i], heading.unit) for row in file.rows]
+            for i, heading in enumerate(file.headings)
+        }
+        try:
+            return make(*self._columns(columns, [row.line for row in file.rows]))
+        except ValueError as error:
+            colon = "" if str(error).startswith("line ") else ":"
+            raise ValueError(f"'{path}'{colon} {error}") from None
+
+    def _are_those(self, names: Sequence[str]) -> bool:
+        """Whether a file has the columns that it must, none twice, and none that it may not."""
+        known = {*self.kinds, *self.words}
+        needed = set(self.kinds) - set(self.optional)
+        return (
+            len(names) == len(set(names))
+            and needed <= set(names)
+            and (self.others is not None or set(names) <= known)
+        )
+
+    def _columns(
+        self, given: Mapping[str, Any], lines: Sequence[int] = ()
+    ) -> tuple[dict[str, list[Any]], list[str]]:
+        beside = (*dict.fromkeys(self.units.values()), "file")
+        allowed = (*self.kinds, *self.words, *beside)
+        if self.others is None:
+            for key in given:
+                if key not in allowed:
+                    fix = f"allowed: {', '.join(allowed)}{units.nearest(str(key), allowed)}"
+                    raise ValueError(f"unknown key '{key}' in a {self.what}; {fix}")
+        names = [name for name in self.kinds if name in given or name not in self.optional]
+        names += [name for name in given if name not in names and name not in beside]
+        for name in names:
+            cells = given.get(name)
+            if not isinstance(cells, Sequence) or isinstance(cells, str) or not cells:
+                raise ValueError(f"a {self.what} needs the column '{name}', a list of values")
+        counts = {len(given[name]) for name in names}
+        if len(counts) > 1:
+            raise ValueError(f"the columns of a {self.what} must be equally long")
+        places = [f"line {n}" for n in lines] or [f"row {i + 1}" for i in range(counts.pop())]
+        found: dict[str, list[Any]] = {}
+        for name in names:
+            kind, unit = self.kinds.get(name, self.others), given.get(self.units.get(name, ""))
+            if name in self.words or kind is None:
+                found[name] = [str(cell).strip() for cell in given[name]]
+                continue
+            found[name] = [
+                _cell(name, kind, cell, unit, where)
+                for cell, where in zip(given[name], places, strict=True)
+            ]
+        return found, places
+
+
+def _cell(name: str, kind: Kind, cell: object, unit: object, where: str) -> float:
+    """Read a cell, in the unit of its column where it has none itself."""
+    text = str(cell).strip()
+    if not text:
+        raise ValueError(f"{where}: {name} is empty")
+    try:
+        try:
+            number = float(text)
+        except ValueError:
+            return kind.read(text)
+        if unit:
+            return kind.read(f"{text} {unit}")
+        if kind.unit != "1":
+            raise ValueError(f"name the unit of the column, {name} [{kind.shown}]")
+        return kind.read(number)
+    except ValueError as error:
+        raise ValueError(f"{where}: {name} ({text}): {error}") from None
