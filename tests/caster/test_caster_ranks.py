@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 import pytest
 from ranks import killed_on, needs_mpirun, python_on
-from small_caster import caster
+from small_caster import STOP, STRAINED, caster
 
 from castfem.model import Case
 from castfem.runs.caster.files import read_table
@@ -61,8 +61,13 @@ def watched() -> Case:
 MORE = "pyrometers.csv", "strand.pvd", "moments/strand_4s.vtu"
 
 
+def strained() -> Case:
+    """A caster with mechanics, through a stop."""
+    return caster(STRAINED, STOP)
+
+
 @pytest.mark.mpi
-@pytest.mark.parametrize("made", [caster, few, watched])
+@pytest.mark.parametrize("made", [caster, few, watched, strained])
 def test_many_ranks_write_what_one_writes(made: Callable[[], Case], tmp_path: Path) -> None:
     comm = MPI.COMM_WORLD
     folder = Path(comm.bcast(str(tmp_path)))

@@ -21,6 +21,7 @@ pycalphad = pytest.importorskip("pycalphad", reason="needs the extra calphad: to
 DATABASE = Path(pycalphad.__file__).parent / "tests" / "databases" / "cfe_broshe.tdb"
 PHASES = ("LIQUID", "BCC_A2", "FCC_A1", "CEMENTITE_D011")
 ZERO = 273.15
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(autouse=True)
@@ -140,7 +141,7 @@ def test_no_equilibrium_is_one_line_and_leaves_nothing(tmp_path, monkeypatch):
 
 
 def test_the_better_of_two_equilibria_counts(monkeypatch):
-    """Pycalphad may end at a state that is not the most stable one."""
+    """A start of pycalphad may end at a state that is not the most stable one."""
     solve = equilibria.Equilibria(DATABASE, ["Fe", "C"], PHASES)
     moles = solve.moles({"C": 0.1})
     real = solve._solve
@@ -153,9 +154,30 @@ def test_the_better_of_two_equilibria_counts(monkeypatch):
     assert solve.state(1300.0, moles).mass[0] == 0.0
 
 
+def test_states_that_do_not_fit_together_are_sought_from_more_starts(monkeypatch):
+    """Where the first starts find austenite in the cold, the enthalpy falls at the end of that."""
+    real = equilibria.Equilibria._solve
+
+    def deceived(self, temperature, moles, phases, samples):
+        cold = 500.0 < temperature < 700.0 and samples in (60, 20)
+        return real(self, temperature, moles, ["FCC_A1"] if cold else phases, samples)
+
+    honest = table(0.6)
+    monkeypatch.setattr(equilibria.Equilibria, "_solve", deceived)
+    found = table(0.6)
+    t = np.linspace(300.0, 1800.0, 60)
+    assert found.value("enthalpy", t) == pytest.approx(honest.value("enthalpy", t), abs=3e3)
+    for name in ("alpha", "carbides", "liquid"):
+        assert found.fraction(name, t) == pytest.approx(honest.fraction(name, t), abs=0.02)
+
+
 def test_a_table_is_computed_once(tmp_path, monkeypatch):
     request = Request(str(DATABASE), PHASES)
     first = calphad.table_of(request, {"C": 0.6})
+    stored = tmp_path / "phases.csv"
+    stored.write_text(first.to_text())
+    again = calphad.table_of(replace(request, file=str(stored)), {"C": 0.6})
+    assert again.to_text() == first.to_text()
     (kept,) = (tmp_path / "cache" / "phases").glob("*.csv")
     assert kept.read_text() == first.to_text()
     calphad._cached.cache_clear()

@@ -16,7 +16,8 @@ import pytest
 from castfem.base.errors import InputError
 from castfem.base.tables import Constant
 from castfem.model.load import load_case, portable
-from castfem.physics.materials import load_steel
+from castfem.model.plausibility import warnings_with
+from castfem.physics.materials import describe_steel, load_steel
 from castfem.physics.materials.alloying import alloyed
 from castfem.physics.materials.calphad import beyond_range, described
 from castfem.physics.materials.phase_table import FRACTIONS, Request, Scheil, read
@@ -100,6 +101,20 @@ def test_the_enthalpy_goes_on_beyond_the_rows():
     assert TABLE.value("specific_heat", last + 100.0) == TABLE.columns["specific_heat"][-1]
 
 
+def test_a_composition_beyond_the_stated_range_is_warned_of(tmp_path):
+    text = TEXT.replace("# by: ", "# outside: C 0.17 (to 0.1)\n# by: ")
+    (tmp_path / "fe_c.csv").write_text(text)
+    (tmp_path / "case.toml").write_text(CASE)
+    case = load_case(tmp_path / "case.toml")
+    made = load_steel("plain_carbon", composition={"C": 0.17}, overrides=case.steel.changes)
+    found = [p for p in warnings_with(case, made, None, None) if p.path == ("steel", "composition")]
+    assert ["C 0.17 (to 0.1)" in p.text for p in found] == [True]
+    assert ("extrapolated", "C 0.17 (to 0.1)") in [
+        (label, value.partition(": ")[2].removesuffix(" wt%"))
+        for label, value in describe_steel(made)
+    ]
+
+
 def test_an_enthalpy_of_the_case_stays():
     made = steel(overrides={"latent_heat": "272 kJ/kg", "specific_heat": "700 J/(kg K)"})
     assert made.latent_heat == 272e3 and float(made.specific_heat(1000.0)) == 700.0
@@ -137,7 +152,7 @@ def test_a_changed_table_is_refused_in_one_line(tmp_path, change, said):
         ({"composition": {"C": 0.2}}, "composition"),
         ({"composition": {"C": 0.17, "Mn": 0.5}}, "composition"),
         ({"scheil": Scheil()}, "freezing"),
-        ({"phases": ("LIQUID", "FCC_A1", "BCC_A2")}, "phases"),
+        ({"phases": ("LIQUID", "FCC_A1", "BCC_A2")}, "choice of phases"),
     ],
 )
 def test_a_table_of_another_steel_is_refused(asked, key):
@@ -208,7 +223,7 @@ sys.exit(str([n for n in names if n in sys.modules] or ""))
     assert done.stderr.strip() == ""
 
 
-DATABASE = """$ steel_v3.2
+DATABASE = """$ steel_v3.2.tdb
 $ created long ago; made available under the
 $ Open Licence 1.0
 $ Alloy composition (wt.%): Al<3  C<0.5  Cr<25

@@ -32,6 +32,7 @@ WITHOUT = {
     *("thermal.time.adaptive.smallest", "thermal.time.adaptive.largest", "mould.tube.cell_size"),
     *("coupling.mechanical_step", "coupling.settled", "coupling.window_error"),
     *("caster.start", "caster.end", "caster.every", "caster.longest_gap"),
+    *("caster.cast_from", "caster.cast_until"),
     *("output.shell_at", "output.probe.x", "output.probe.y", "output.probe.depth", "reference.at"),
 }
 

@@ -28,7 +28,7 @@ from castfem.physics.materials.expansion import (
     MeanExpansion,
 )
 from castfem.physics.materials.formulas import FORMULAS
-from castfem.physics.materials.phase_table import PhaseTable, TableCurve
+from castfem.physics.materials.phase_table import HEAT, PhaseTable, TableCurve
 from castfem.physics.materials.plausible import COLDEST, HOTTEST, implausible
 from castfem.physics.materials.properties import ByFormula, Property
 from castfem.physics.materials.schema import (
@@ -51,8 +51,8 @@ from castfem.physics.materials.steel import Origin, Steel
 CURVES = ("density", "specific_heat", "enthalpy", "conductivity", "emissivity", "youngs_modulus",
           "poisson_ratio")  # fmt: skip
 NEEDED = ("density", "specific_heat", "conductivity")
-BY_DIAGRAM = ("lever_rule", "iron_carbon")  # formulas that are the iron-carbon diagram
 BY_DATABASE = "database"  # formula of what comes from the table of a database
+BY_DIAGRAM = ("lever_rule", "iron_carbon", BY_DATABASE)  # that are the diagram or that table
 BY_PHASE = ("lever_rule", BY_DATABASE)  # solid fractions that agree with an enthalpy by phase
 
 
@@ -119,20 +119,15 @@ class Workshop:
             return None
 
     def _make_diagram(self) -> None:
-        if "C" not in self.composition or self.diagram is not None or self._by_database_failed():
+        if "C" not in self.composition or self.diagram is not None:
             return
         try:
             self.diagram = alloying.alloyed(self.composition, self.given.diagram)
         except ValueError as error:
             self.fail("composition", text=str(error))
 
-    def _by_database_failed(self) -> bool:
-        return any(problem.path[0] == "database" for problem in self.problems)
-
     def _phases(self, key: str, formula: str) -> iron_carbon.Diagram:
         """Return the iron-carbon diagram for a formula that needs it."""
-        if self._by_database_failed():
-            raise Faulty  # the cause has been told
         if formula == BY_DATABASE and not isinstance(self.diagram, PhaseTable):
             raise self.fail(key, "formula", text="needs a database: set steel.database in the case")
         if self.diagram is not None:
@@ -225,9 +220,7 @@ class Workshop:
     def _curve(self, key: str, entry: Entry) -> Property:
         allowed = ("table", "formula") if key == "enthalpy" else ("value", "table", "formula")
         form = self._form(key, entry, allowed)
-        if entry.formula == BY_DATABASE and key in ("enthalpy", "specific_heat"):
-            self._phases(key, BY_DATABASE)
-            assert isinstance(self.diagram, PhaseTable)
+        if isinstance(self.diagram, PhaseTable) and entry.formula == BY_DATABASE and key in HEAT:
             return TableCurve(self.diagram, key)
         if form == "value":
             return Constant(self._constant(key, entry))
@@ -381,11 +374,11 @@ class Workshop:
             if entry.forms == ("value",):
                 law = str(entry.value)
             formula = FORMULAS.get(entry.formula or "")
-            if isinstance(self.diagram, PhaseTable) and entry.formula in (*BY_DIAGRAM, BY_DATABASE):
-                origins[key] = Origin(law, self.diagram.source, "C")
-                continue
             if entry.formula in BY_DIAGRAM and not entry.source:
-                origins[key] = Origin(law, *iron_carbon.SOURCES[self.given.diagram])
+                found = iron_carbon.SOURCES[self.given.diagram]
+                if isinstance(self.diagram, PhaseTable):
+                    found = self.diagram.source, "C"
+                origins[key] = Origin(law, *found)
                 continue
             source = entry.source or (formula.source if formula else "")
             status = entry.status if entry.source or not formula else formula.status

@@ -6,7 +6,7 @@ import importlib.util
 import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from functools import lru_cache
+from functools import lru_cache, partial
 from hashlib import sha256
 from pathlib import Path
 from types import MappingProxyType
@@ -16,8 +16,9 @@ import numpy as np
 from castfem.base.atomic_files import replacing, taken
 from castfem.base.errors import CannotWrite
 from castfem.base.libraries import cache_folder
+from castfem.base.log import logger
 from castfem.base.types import Array
-from castfem.physics.materials.equilibria import Equilibria, State, content
+from castfem.physics.materials.equilibria import SETTINGS, Equilibria, State, content
 from castfem.physics.materials.freezing_paths import equilibrium_rows, scheil_rows
 from castfem.physics.materials.phase_table import (
     CARBON,
@@ -55,11 +56,12 @@ def _stored(content: bytes, request: Request, composition: Mapping[str, float]) 
     table = read(content.decode("utf-8-sig", "replace"))
     asked = {"composition": written(composition), "freezing": request.freezing}
     if request.phases:
-        asked["phases"] = " ".join(sorted(request.phases))
+        asked["choice of phases"] = " ".join(request.phases)
     for key, text in asked.items():
-        if table.header[key] != text:
+        found = table.header.get(key, "none")
+        if found != text:
             raise ValueError(
-                f"was computed for another {key} ({table.header[key]}) than asked for ({text}); "
+                f"was computed for another {key} ({found}) than asked for ({text}); "
                 "name the database itself"
             )
     return table
@@ -81,6 +83,8 @@ def _cached(request: Request, composition: str, digest: str) -> PhaseTable:
         try:
             with suppress(OSError, ValueError):  # it is not there, or not whole: computed anew
                 return read(file.read_text(encoding="utf-8"))
+            name = Path(request.file).name
+            logger.info("phases of the steel by %s are computed, once: some minutes", name)
             text = compute(request, amounts).to_text()
             with suppress(CannotWrite), replacing(file) as temporary:
                 temporary.write_text(text, encoding="utf-8")
@@ -107,8 +111,6 @@ def compute(request: Request, composition: Mapping[str, float]) -> PhaseTable:
     amounts = {e: w for e, w in composition.items() if w > 0.0}
     solve = Equilibria(path, ["Fe", *sorted(amounts)], request.phases)
     moles = solve.moles(amounts)
-    scheil = request.scheil
-    rows = equilibrium_rows(solve, moles) if scheil is None else scheil_rows(solve, moles, scheil)
     import pycalphad
 
     header = {
@@ -116,9 +118,23 @@ def compute(request: Request, composition: Mapping[str, float]) -> PhaseTable:
         "freezing": request.freezing, "phases": " ".join(solve.phases),
         "by": f"pycalphad {pycalphad.__version__}",
     }  # fmt: skip
+    if request.phases:  # of which the elements may not make all
+        header["choice of phases"] = " ".join(request.phases)
     if outside := ", ".join(beyond_range(text.decode("utf-8", "replace"), amounts)):
         header["outside"] = outside
-    return PhaseTable(MappingProxyType(header), *_columns(rows))
+    path_of = (
+        equilibrium_rows if request.scheil is None else partial(scheil_rows, scheil=request.scheil)
+    )
+    faults = ""
+    for solve.samples in SETTINGS.samples:
+        columns = _columns(path_of(solve, moles))
+        try:
+            return PhaseTable(MappingProxyType(header), *columns)
+        except ValueError as error:  # a state was not the most stable one: with more starts again
+            faults = str(error)
+    raise ValueError(
+        f"gives equilibria that do not fit together ({faults}); name fewer phases in steel.phases"
+    )
 
 
 def _columns(rows: Sequence[State]) -> tuple[Array, Mapping[str, Array]]:
@@ -158,7 +174,7 @@ def described(name: str, content: bytes) -> dict[str, str]:
     text = content.decode("utf-8", "replace")
     comments = [line.strip("$* \t\r") for line in text.splitlines() if line[:1] == "$"]
     version = re.search(
-        r"(?<![a-z])(?:version|v)[ .]*(\d[\w.]*)", " ".join([*comments[:40], name]), re.I
+        r"(?<![a-z])(?:version|v)[ .]*(\d+(?:\.\d+)*)", " ".join([*comments[:40], name]), re.I
     )
     licence = next((line for line in comments if re.search(r"licen[cs]e", line, re.I)), "")
     return {

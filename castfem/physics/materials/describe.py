@@ -35,6 +35,8 @@ def describe_steel(steel: Steel) -> list[tuple[str, str]]:
     rows = [("steel", steel.name), ("description", steel.description)]
     if steel.composition:
         rows.append(("composition", ", ".join(f"{w:g} %{e}" for e, w in steel.composition.items())))
+    if isinstance(steel.diagram, PhaseTable) and (outside := steel.diagram.header.get("outside")):
+        rows.append(("extrapolated", f"beyond what the database is stated to cover: {outside} wt%"))
     for label, value in (("solidus", steel.solidus), ("liquidus", steel.liquidus)):
         note = _origin_note(steel, label, "solid_fraction")
         rows.append((label, f"{celsius(value)} °C{note}"))

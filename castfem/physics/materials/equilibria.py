@@ -42,9 +42,9 @@ class Settings:
     step: float = 1.0  # K, largest of a Scheil path
     potential: float = 1e-4  # over RT, to which those of carbon agree
     settled: float = 1e-4  # kg of a kilogram, that freezes once more when carbon has moved
-    #: points by which pycalphad samples a phase, one after the other: at some temperatures it
-    #: finds a state that is not the most stable one; of two the better counts
-    samples: tuple[int, ...] = (60, 20)
+    #: points by which pycalphad samples a phase: at some temperatures it finds a state that is not
+    #: the most stable one, and the best of several counts; more where these do not fit together
+    samples: tuple[tuple[int, ...], ...] = ((60, 20), (60, 20, 200), (60, 20, 200, 1000))
 
 
 SETTINGS = Settings()
@@ -100,6 +100,7 @@ class Equilibria:
         self.molar = {e: 1e-3 * self.data.refstates[e]["mass"] for e in self.elements}
         self.phases = self._possible(named)
         self.solids = [name for name in self.phases if name != "LIQUID"]
+        self.samples = SETTINGS.samples[0]
         self._shared: dict[str, Any] = {}
 
     def _check(self, elements: Sequence[str], phases: Sequence[str]) -> None:
@@ -136,7 +137,7 @@ class Equilibria:
         """
         for shift in (0.0, 2e-3, -2e-3, 0.02, -0.02):
             among = list(phases or self.phases)
-            samples = SETTINGS.samples[: len(among)]
+            samples = self.samples if len(among) > 1 else self.samples[:1]
             solved = [self._solve(temperature + shift, moles, among, n) for n in samples]
             if found := [state for state in solved if state is not None]:
                 return replace(min(found, key=lambda state: state.gibbs), temperature=temperature)

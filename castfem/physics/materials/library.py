@@ -82,7 +82,7 @@ def load_steel(
     stated = {**given.composition, **(composition or {})}
     left_out = tuple(e for e in stated if e in TRACES and request is None)
     shop = Workshop(given, path.stem, amounts, table, left_out, problems)
-    steel = shop.steel()
+    steel = shop.steel() if request is None or table is not None else None
     if steel is None:
         asked = composition or {}
         lines = [
@@ -96,7 +96,7 @@ def _by_database(changes: Mapping[str, Any]) -> dict[str, Any]:
     """Changes that take solid fraction and heat from a database, but for what the case has."""
     own = changes.keys() & {"enthalpy", "latent_heat"}
     keys = ("solid_fraction",) if own else ("solid_fraction", "enthalpy", "specific_heat")
-    wanted = {key: {"formula": BY_DATABASE} for key in keys}
+    wanted = {key: {"formula": BY_DATABASE, "source": ""} for key in keys}
     return wanted | {key: given for key, given in changes.items() if key != "database"}
 
 
