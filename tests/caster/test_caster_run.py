@@ -24,6 +24,7 @@ from castfem.runs.caster.demand import demand
 from castfem.runs.caster.files import read_table
 from castfem.runs.caster.run import run_caster
 from castfem.runs.interrupt import Stopped
+from castfem.runs.output.checkpoint import load_checkpoint
 from castfem.runs.output.run_record import RunRecord
 
 FILES = "caster.csv", "strand.csv", "slices.csv"
@@ -165,6 +166,20 @@ def test_a_checkpoint_of_another_caster_is_refused(tmp_path: Path) -> None:
     other = caster(plant={"speed": ["3.6 m/min", "3.6 m/min", "1.3 m/min", "2 m/min"]})
     with pytest.raises(InputError, match=r"belongs to another case .caster.plant.speed"):
         run_caster(other, tmp_path, resume=True)
+
+
+def test_a_checkpoint_of_an_earlier_castfem_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run_caster(caster(), tmp_path)
+
+    def without_looks(path: Path, **physics: str) -> Any:
+        meta, arrays = load_checkpoint(path, **physics)
+        return {name: value for name, value in meta.items() if name != "looks"}, arrays
+
+    monkeypatch.setattr("castfem.runs.caster.run.load_checkpoint", without_looks)
+    with pytest.raises(InputError, match=r"checkpoint\.h5: was written by an earlier castfem"):
+        run_caster(caster(), tmp_path, resume=True)
 
 
 def test_a_stop_is_followed(tmp_path: Path) -> None:

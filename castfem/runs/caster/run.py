@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from mpi4py import MPI
 
 from castfem.base import log
-from castfem.base.errors import RunFailure
+from castfem.base.errors import InputError, RunFailure
 from castfem.base.process import one_at_a_time
 from castfem.base.progress import Progress, clock
 from castfem.base.stopwatch import peak_memory
@@ -293,6 +293,8 @@ class CasterRun:
         loaded = on_root(comm, lambda: load_checkpoint(path, **self._physics))
         meta, arrays = loaded if loaded is not None else ({}, {})
         meta = comm.bcast(meta)
+        if "looks" not in meta:
+            raise InputError(f"{path}: was written by an earlier castfem; begin anew (--overwrite)")
         if self._source is not None:
             self._source.expect(*meta["plant"])
         self._index, self._gone = meta["index"], meta["gone"]
