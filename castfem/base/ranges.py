@@ -79,7 +79,8 @@ _METAL = "metals have"
 
 _GROUPS: Mapping[tuple[str, ...], Bounds] = {
     ("casting.speed", "cooling.surface.measured_at", "mould.friction.viscous.speed"): _SPEED,
-    ("casting.length", "cooling.to", "mechanics.until"): _AWAY,
+    ("casting.length", "cooling.to", "mechanics.until", "caster.pyrometer.at"): _AWAY,
+    ("caster.cut",): Bounds((0.1, 50.0), (1e-3, 1e4), "strands are cut to lengths of"),
     ("casting.superheat",): Bounds((0.0, 150.0), (0.0, 1e4), "metal is poured with"),
     ("casting.temperature", "casting.start.profile", "cooling.surface.temperature.value"): _STEEL,
     ("casting.start.meniscus",): Bounds((0.5 * _MM, 50 * _MM), (1e-6, 0.3), "menisci measure"),

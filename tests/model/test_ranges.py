@@ -23,7 +23,7 @@ from castfem.physics.materials.plausible import unusual
 CASES = Path(__file__).parents[2] / "cases"
 THERMAL, TAPERED = CASES / "billet125" / "thermal.toml", CASES / "billet125" / "taper_1.toml"
 SLAB, HOT = CASES / "slab1200" / "bending.toml", CASES / "billet125" / "hot.toml"
-# Choices of the numerics, places that are checked against the section, numbers that the kind of
+# Choices of the numerics, places and times that are checked against others, numbers that the kind of
 # quantity bounds, on both sides or because any is as good as another.
 WITHOUT = {
     *("casting.start.time", "mesh.surface_size", "mesh.corner_size", "mesh.face_size"),
@@ -32,7 +32,7 @@ WITHOUT = {
     *("thermal.time.adaptive.smallest", "thermal.time.adaptive.largest", "mould.tube.cell_size"),
     *("coupling.mechanical_step", "coupling.settled", "coupling.window_error"),
     *("caster.start", "caster.end", "caster.every", "caster.longest_gap"),
-    *("caster.cast_from", "caster.cast_until"),
+    *("caster.cast_from", "caster.cast_until", "caster.moments"),
     *("output.shell_at", "output.probe.x", "output.probe.y", "output.probe.depth", "reference.at"),
 }
 
