@@ -23,8 +23,8 @@ from castfem.physics.materials.plausible import unusual
 CASES = Path(__file__).parents[2] / "cases"
 THERMAL, TAPERED = CASES / "billet125" / "thermal.toml", CASES / "billet125" / "taper_1.toml"
 SLAB, HOT = CASES / "slab1200" / "bending.toml", CASES / "billet125" / "hot.toml"
-# Choices of the numerics, places and times that are checked against others, numbers that the kind of
-# quantity bounds, on both sides or because any is as good as another.
+# Choices of the numerics, places and times that are checked against others, numbers that the kind
+# of quantity bounds, on both sides or because any is as good as another.
 WITHOUT = {
     *("casting.start.time", "mesh.surface_size", "mesh.corner_size", "mesh.face_size"),
     *("mesh.core_size", "mesh.surface_depth", "mesh.core_depth", "thermal.time.step"),
