@@ -185,7 +185,7 @@ def test_sigterm_saves_and_resume_goes_on(followed: Any, whole: Path, tmp_path: 
 
 
 def test_lines_as_they_come(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, told: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "plant.csv"
     source = PlantFile(path)
@@ -200,17 +200,17 @@ def test_lines_as_they_come(
     with path.open("a") as file:
         file.write("; \n5; 1,3; \n6; 1,3; ; 7; 8\n")
     assert source.take() == 2 and source.last == 300.0
-    assert "line 6: no row between 90 s and 300 s" in caplog.text
-    assert "line 7: 5 cells, not 3" in caplog.text
+    assert "line 6: no row between 90 s and 300 s" in told.text
+    assert "line 7: 5 cells, not 3" in told.text
     plant = source.plant()
     assert plant.times[:4] == (0.0, 60.0, 90.0, 300.0) and plant.events[:2] == ("before", "begun")
     assert plant.values["speed"][1:4] == pytest.approx((0.02, 1.25 / 60.0, 1.3 / 60.0))
     path.write_text("time [min]; speed [m/min]; event\n6; 1,3; \n")  # begun anew
-    assert source.take() == 1 and "is shorter than before" in caplog.text
-    assert "no row since" not in caplog.text
+    assert source.take() == 1 and "is shorter than before" in told.text
+    assert "no row since" not in told.text
     monkeypatch.setattr("castfem.runs.caster.plant_file.LATE", 1e-9)
     assert source.take() == source.take() == 0
-    assert caplog.text.count("no row since that of 360 s") == 1
+    assert told.text.count("no row since that of 360 s") == 1
 
 
 def test_it_takes_the_place_of_the_plant_of_a_case(tmp_path: Path) -> None:

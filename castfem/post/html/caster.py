@@ -24,7 +24,7 @@ from castfem.model.quality import band_of
 from castfem.model.shipped_cases import CASE_NAME
 from castfem.model.shown_units import units_of
 from castfem.physics.machine.side import Side
-from castfem.post.html.charts import FRAME, marks, ticks
+from castfem.post.html.graphics import FRAME, marks, ticks
 from castfem.post.html.page import case_text, json_of, provenance, template, text_of
 from castfem.post.plots.strand_maps import SURFACE, mapped
 from castfem.post.plots.style import probe_colours
