@@ -47,13 +47,12 @@ def reheated(strand: dict[str, Array], name: str, exit: float) -> Array:
     As it is known at the instants: between two of them it may have been colder. NaN of a slice that
     has left the mould before the first of them.
     """
-    found = np.zeros(len(strand[name]))
+    found, clock = np.zeros(len(strand[name])), strand["clock"]
     for number in np.unique(strand["slice"]):
         rows = np.flatnonzero((strand["slice"] == number) & (strand["position"] >= exit))
-        rows = rows[np.argsort(strand["clock"][rows])]
+        rows = rows[np.argsort(clock[rows])]
         values = strand[name][rows]
-        in_mould = (strand["slice"] == number) & (strand["position"] < exit)
-        known = exit == 0.0 or in_mould.any()
+        known = exit == 0.0 or not (clock[rows] == clock.min()).any()
         found[rows] = values - np.minimum.accumulate(values) if known else np.nan
     return found
 

@@ -44,7 +44,7 @@ def strand_figure(folder: Path, title: str, length: float) -> Figure:
             above.axvline(at, color=_LINE, lw=0.8, ls=":")
             above.annotate(
                 event, (at, 0.04), xycoords=("data", "axes fraction"), rotation=90, fontsize=7,
-                ha="right", va="bottom",
+                ha="right" if at > minutes[0] else "left", va="bottom",
             )  # fmt: skip
     shades, words_of = _draw_shell(below, strand, caster["time"], length)
     figure.colorbar(shades, cax=figure.add_subplot(grid[1, 1]), label=words_of)
