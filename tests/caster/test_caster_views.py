@@ -129,7 +129,8 @@ def test_a_bent_strand_lies_where_its_machine_has_it(tmp_path: Path) -> None:
 
 def test_reheating_is_above_the_coldest_so_far() -> None:
     strand = {
-        "slice": np.array([1.0, 2, 1, 2, 1, 1, 3, 3]), "clock": np.array([0.0, 0, 2, 2, 1, 3, 2, 3]),
+        "slice": np.array([1.0, 2, 1, 2, 1, 1, 3, 3]),
+        "clock": np.array([0.0, 0, 2, 2, 1, 3, 2, 3]),
         "position": np.array([0.1, 0.6, 0.8, 0.9, 0.7, 0.9, 0.6, 0.8]),
         "t": np.array([500.0, 900.0, 850.0, 950.0, 800.0, 790.0, 700.0, 730.0]),
     }  # fmt: skip
