@@ -190,6 +190,8 @@ def test_the_page(looked_at: Any, capsys: pytest.CaptureFixture[str]) -> None:
     strand, _, _ = read_table(folder / "strand.csv")
     clocks = np.unique(strand["clock"])
     assert len(data["instants"]) == len(data["heads"]) == len(clocks) == 19
+    ends = [-1.0 if end is None else end for end in data["pool"]]
+    assert f'value="{ends.index(max(ends))}"' in text  # it opens where the pool is longest
     rows = np.flatnonzero(strand["clock"] == clocks[12])
     shown = data["instants"][12]
     for name in ("shell_mid_face", "surface_temperature_corner"):

@@ -86,7 +86,8 @@ def _content(folder: Path, case: Case) -> dict[str, Any]:
         _said(caster, words.get("event", [""] * count), int(before), int(i))
         for before, i in zip([-1, *chosen], chosen, strict=False)
     ]
-    pool = [_rounded(along(value)) for value in caster["metallurgical_length"][chosen]]
+    ends = caster["metallurgical_length"][chosen]
+    pool = [_rounded(along(value)) for value in ends]
     data = {
         "instants": instants, "heads": heads, "pool": pool, "length": float(along(length)),
         "panels": [{"names": [c[0] for c in p.curves], "limits": p.limits} for p in panels],
@@ -96,7 +97,8 @@ def _content(folder: Path, case: Case) -> dict[str, Any]:
     return {
         "title": case.title, "status": how_it_ended(record), "css": text_of("report.css"),
         "script": text_of("caster.js"), "answers": answers(folder, case), "panels": panels,
-        "heads": heads, "across": ticks([v for v in across if v <= along(length)], place_x),
+        "heads": heads, "begin": int(np.argmax(np.nan_to_num(ends, nan=-1.0))),  # the longest pool
+        "across": ticks([v for v in across if v <= along(length)], place_x),
         "along": plain_unit(along.unit), "size": FRAME, "side": _side_view(case),
         "data": json_of(data), "pictures": list(_pictures(folder)),
         "provenance": pairs(provenance(folder, record)), "case": case_text(folder),
