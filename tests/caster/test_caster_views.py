@@ -174,6 +174,11 @@ def test_after_which_event(looked_at: Any) -> None:
     case, folder = looked_at
     told = answers(folder, case)
     assert "first at 0 s and last at 9 s" in told[0] and "after" not in told[0]
+    assert "4 s: ladle change" in told
+    between = caster(ASKED, {"time": ["0 s", "3.8 s", "5 s", "9 s"]})  # two looks at the strand
+    assert "3.8 s: ladle change" in answers(folder, between)
+    later = caster(ASKED, {"time": ["0 s", "9.5 s", "10 s", "11 s"]})
+    assert not any("ladle change" in line for line in answers(folder, later))
     from castfem.post.report.caster import _after
 
     assert _after(4.0, [(1.0, "a"), (3.5, "b"), (5.0, "c")]) == ", 0.5 s after: b"

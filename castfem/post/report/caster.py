@@ -31,11 +31,12 @@ def answers(folder: Path, case: Case) -> list[str]:
         folder: Of the run.
         case: That it is of.
     """
-    numbers, _, words = read_table(folder / CASTER_NAME)
+    assert case.caster is not None
+    numbers, _, _ = read_table(folder / CASTER_NAME)
     time, length = numbers["time"], case.casting.length
-    events = [
-        (float(at), event) for at, event in zip(time, words.get("event", ()), strict=False) if event
-    ]
+    plant = case.caster.plant  # an instant of caster.csv may be as late as the next look
+    told = [(at, event) for at, event in zip(plant.times, plant.events, strict=True) if event]
+    events = [one for one in told if one[0] <= time[-1]]
     strand, _, _ = read_table(folder / STRAND_ROWS_NAME)
     liquid = np.isin(time, strand["clock"][strand[CENTRE] < 1.0])
     lines = [*_pool(time, numbers[_POOL], numbers["speed"], length, events, liquid)]
