@@ -313,10 +313,12 @@ def taken(lock: FileLock) -> bool:
             if lock.timeout == 0:
                 raise
             time.sleep(0.05)
-        except NotImplementedError:  # reason: so filelock before version 4 says that there are none
+        except NotImplementedError:
+            # reason: filelock before version 4 raises this where the file system has no locks; from
+            # version 4 on the answer of flock() itself comes through, below
             return False
         except OSError as error:
-            if error.errno in _NONE:  # reason: from version 4 on flock()'s own answer comes through
+            if error.errno in _NONE:
                 return False
             error.filename = error.filename or lock.lock_file
             raise

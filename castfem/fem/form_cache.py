@@ -66,11 +66,10 @@ def compiled(comm: MPI.Comm, cache: Path, make: Callable[[Path], T]) -> T:
         RunFailure: There is no folder that can be written, or no compiler.
         Exception: Whatever `make` raises, but that its wait was in vain or the folder refused.
     """
-    _settings_of_the_user()
     folder = _on_all(comm, partial(_ready, cache))
     while True:
         try:
-            with _locked(folder, fcntl.LOCK_SH):
+            with _locked(folder, fcntl.LOCK_SH), _readable_settings():
                 made = make(folder)
                 on_root(comm, partial(_seal, folder))
                 return made
@@ -88,20 +87,27 @@ def compiled(comm: MPI.Comm, cache: Path, make: Callable[[Path], T]) -> T:
             raise
 
 
-@lru_cache(maxsize=1)
-def _settings_of_the_user() -> None:
-    """Let FFCx and DOLFINx look for settings elsewhere where those of the user cannot be read.
+@contextmanager
+def _readable_settings() -> Iterator[None]:
+    """Let FFCx and DOLFINx do without settings of the user that cannot be read.
 
     They know files that are not there, but no home that is not open to them, as of another user.
     """
-    folder = Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config")
-    for name in ("ffcx/ffcx_options.json", "dolfinx/dolfinx_jit_options.json"):
-        try:
-            (folder / name).open().close()
-        except FileNotFoundError:
-            pass
-        except OSError:
-            os.environ["XDG_CONFIG_HOME"] = os.fspath(Path(__file__).parent)  # has none
+    before = os.environ.get("XDG_CONFIG_HOME")
+    folder = Path(before or Path.home() / ".config")
+    try:
+        for name in ("ffcx/ffcx_options.json", "dolfinx/dolfinx_jit_options.json"):
+            with suppress(FileNotFoundError):
+                (folder / name).open().close()
+    except OSError:
+        os.environ["XDG_CONFIG_HOME"] = os.fspath(Path(__file__).parent)  # has none of them
+    try:
+        yield
+    finally:
+        if before is None:
+            os.environ.pop("XDG_CONFIG_HOME", None)
+        else:
+            os.environ["XDG_CONFIG_HOME"] = before
 
 
 def _check_compiler(error: Exception) -> None:

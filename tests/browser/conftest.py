@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser
+    from playwright.sync_api import Browser, Page
 
 collect_ignore_glob = [] if "CASTFEM_BROWSER" in os.environ else ["test_*.py"]
 
@@ -23,3 +24,20 @@ def browser() -> Iterator[Browser]:
         found = playwright.chromium.connect_over_cdp(f"http://127.0.0.1:{port}")
         yield found
         found.close()
+
+
+@pytest.fixture
+def page(browser: Browser, file: Path) -> Iterator[Page]:
+    """The page as it is open; nothing may be wrong in its console, nothing may be fetched."""
+    context = browser.new_context(viewport={"width": 1100, "height": 900})
+    found = context.new_page()
+    wrong: list[str] = []
+    fetched: list[str] = []
+    found.on("console", lambda m: wrong.append(m.text) if m.type in ("error", "warning") else None)
+    found.on("pageerror", lambda error: wrong.append(str(error)))
+    found.on("request", lambda request: fetched.append(request.url))
+    found.goto(file.as_uri())
+    yield found
+    context.close()
+    assert not wrong
+    assert [url for url in fetched if not url.startswith("data:")] == [file.as_uri()]

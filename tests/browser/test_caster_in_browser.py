@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +13,7 @@ from rolled_case import rolled
 from castfem.cli import execute
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Page
 
 PLANT = {
     "time": ["0 s", "10 s", "11 s", "40 s"],
@@ -33,21 +32,6 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert execute(["caster", str(home / "case.toml"), "-q", "-o", str(folder)]) == 0
     assert execute(["report", str(folder)]) == 0
     return folder / "report.html"
-
-
-@pytest.fixture
-def page(browser: Browser, file: Path) -> Iterator[Page]:
-    """The page as it is open; nothing may be wrong in its console, nothing may be fetched."""
-    context = browser.new_context(viewport={"width": 1100, "height": 900})
-    found, wrong, fetched = context.new_page(), [], []
-    found.on("console", lambda m: wrong.append(m.text) if m.type in ("error", "warning") else None)
-    found.on("pageerror", lambda error: wrong.append(str(error)))
-    found.on("request", lambda request: fetched.append(request.url))
-    found.goto(file.as_uri())
-    yield found
-    context.close()
-    assert not wrong
-    assert [url for url in fetched if not url.startswith("data:")] == [file.as_uri()]
 
 
 def test_it_is_valid_html(file: Path) -> None:

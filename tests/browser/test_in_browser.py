@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -51,23 +50,6 @@ def file(request: pytest.FixtureRequest, runs: Path) -> Path:
     folders = [str(runs / name) for name in PAGES[request.param]]
     assert execute(["report", *folders, "-o", str(target)]) == 0
     return target
-
-
-@pytest.fixture
-def page(browser: Browser, file: Path) -> Iterator[Page]:
-    """The page as it is open; nothing may be wrong in its console, nothing may be fetched."""
-    context = browser.new_context(viewport={"width": 1100, "height": 900})
-    found = context.new_page()
-    wrong: list[str] = []
-    fetched: list[str] = []
-    found.on("console", lambda m: wrong.append(m.text) if m.type in ("error", "warning") else None)
-    found.on("pageerror", lambda error: wrong.append(str(error)))
-    found.on("request", lambda request: fetched.append(request.url))
-    found.goto(file.as_uri())
-    yield found
-    context.close()
-    assert not wrong
-    assert [url for url in fetched if not url.startswith("data:")] == [file.as_uri()]
 
 
 def test_it_is_valid_html_and_small(file: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 import xml.etree.ElementTree as ET
@@ -23,6 +24,7 @@ from castfem.model.caster import by_plant, slice_of, starts_of
 from castfem.model.machine import thickness_of
 from castfem.physics.machine.side import Side
 from castfem.post.plots.strand_maps import reheated
+from castfem.post.plots.strand_moments import middle_of, moments_figure
 from castfem.post.report.caster import answers, pieces_in_band
 from castfem.runs.caster.files import read_table
 from castfem.runs.caster.run import run_caster
@@ -120,11 +122,20 @@ def test_a_bent_strand_lies_where_its_machine_has_it(tmp_path: Path) -> None:
         away = np.linalg.norm(here[:, [0, 2]] - face, axis=1)
         assert away.min() < 1e-5
     assert faces[1][1] - faces[0][1] > 1e-3  # it has left the vertical
-    from castfem.post.plots.strand_moments import middle_of
-
     points, temperature, solid = middle_of(tmp_path / "moments" / "strand_2s.vtu")
     assert points.shape[:2] == temperature.shape == solid.shape
     assert (np.diff(points[0, :, 0]) > 0.0).all()
+
+
+def test_moments_of_a_strand_that_goes_straight_down_stand_side_by_side(looked_at: Any) -> None:
+    case, folder = looked_at
+    figure = moments_figure(folder, case)
+    assert figure is not None
+    figure.draw_without_rendering()  # lays it out
+    panels = [axes.get_position() for axes in figure.axes[:3]]
+    assert len({round(panel.y0, 6) for panel in panels}) == 1
+    assert all(one.x1 < other.x0 for one, other in itertools.pairwise(panels))
+    assert sum(panel.width for panel in panels) > 0.5  # of the page
 
 
 def test_reheating_is_above_the_coldest_so_far() -> None:

@@ -165,12 +165,14 @@ def test_a_cache_that_may_only_be_read(tmp_path: Path, told: pytest.LogCaptureFi
 def test_a_home_that_is_not_open_to_the_user(tmp_path: Path, variable: str) -> None:
     (tmp_path / "file").touch()  # root may enter any folder
     environment = {k: v for k, v in os.environ.items() if k != "XDG_CONFIG_HOME"}
+    told = f"{AREA}import os\nprint(os.environ.get('XDG_CONFIG_HOME'))"
     found = subprocess.run(
-        [sys.executable, "-c", AREA, str(tmp_path / "cache")],
+        [sys.executable, "-c", told, str(tmp_path / "cache")],
         env={**environment, variable: str(tmp_path / "file")},
         capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert (found.returncode, found.stdout.strip()) == (0, f"{SIZE}"), found.stderr
+    after = str(tmp_path / "file") if variable == "XDG_CONFIG_HOME" else "None"  # as it was
+    assert (found.returncode, found.stdout.split()) == (0, [f"{SIZE}", after]), found.stderr
 
 
 def test_no_place_at_all_is_told_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -43,17 +43,17 @@ def table_of(request: Request, composition: Mapping[str, float]) -> PhaseTable:
     """
     path = Path(request.file)
     try:
-        content = path.read_bytes()
+        data = path.read_bytes()
     except OSError as error:
         raise ValueError(f"cannot be read ({error.strerror})") from None
     if path.suffix.lower() == ".csv":
-        return _stored(content, request, composition)
-    return _cached(request, written(composition), sha256(content).hexdigest())
+        return _stored(data, request, composition)
+    return _cached(request, written(composition), sha256(data).hexdigest())
 
 
-def _stored(content: bytes, request: Request, composition: Mapping[str, float]) -> PhaseTable:
+def _stored(data: bytes, request: Request, composition: Mapping[str, float]) -> PhaseTable:
     """Read a table, which must be of this steel."""
-    table = read(content.decode("utf-8-sig", "replace"))
+    table = read(data.decode("utf-8-sig", "replace"))
     asked = {"composition": written(composition), "freezing": request.freezing}
     if request.phases:
         asked["choice of phases"] = " ".join(request.phases)
@@ -169,9 +169,9 @@ def _least_ferrite(ferrite: Array) -> int:
     return int(least[len(least) // 2]) if ferrite.min() == 0.0 else 0
 
 
-def described(name: str, content: bytes) -> dict[str, str]:
+def described(name: str, data: bytes) -> dict[str, str]:
     """What a database says of itself: name, version, hash and licence."""
-    text = content.decode("utf-8", "replace")
+    text = data.decode("utf-8", "replace")
     comments = [line.strip("$* \t\r") for line in text.splitlines() if line[:1] == "$"]
     version = re.search(
         r"(?<![a-z])(?:version|v)[ .]*(\d+(?:\.\d+)*)", " ".join([*comments[:40], name]), re.I
@@ -179,7 +179,7 @@ def described(name: str, content: bytes) -> dict[str, str]:
     licence = next((line for line in comments if re.search(r"licen[cs]e", line, re.I)), "")
     return {
         "database": name, "version": version[1] if version else "not stated",
-        "sha256": sha256(content).hexdigest(), "licence": licence or "licence not stated",
+        "sha256": sha256(data).hexdigest(), "licence": licence or "licence not stated",
     }  # fmt: skip
 
 

@@ -20,35 +20,43 @@ if TYPE_CHECKING:
 _SHOWN = "temperature", "solid_fraction"
 _CELSIUS = 500.0, 1550.0
 _SOLID, _THICKER = 0.999, 4.0  # where the pool ends; how much thicker the strand is drawn
+_STRAIGHT = 0.2  # width of a strand over its height, below which it is not bent
 
 
 @look()
 def moments_figure(folder: Path, case: Case) -> Figure | None:
-    """Return a panel for each moment, coloured by temperature; None without moments."""
+    """Return a panel for each moment, coloured by temperature; None without moments.
+
+    A bent strand is drawn in its shape, thicker; one that goes straight down over the whole width.
+    """
     found = moment_files(folder)
     if not found:
         return None
     cuts = [middle_of(path) for _, path in found]
     spans = np.max([np.ptp(points.reshape(-1, 2), axis=0) for points, _, _ in cuts], axis=0)
+    straight = spans[0] < _STRAIGHT * spans[1]
+    thicker = 1.0 if straight else _THICKER
     each = float(np.clip(STYLE.width * spans[1] / max(spans[0], 1e-9), 2.0, 5.0))
-    figure = new_figure(STYLE.width, each * len(found) + 0.8)
-    panels = figure.subplots(len(found), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+    shape = (1, len(found)) if straight else (len(found), 1)
+    figure = new_figure(STYLE.width, each * shape[0] + 0.8)
+    panels = figure.subplots(*shape, sharex=True, sharey=True, squeeze=False).ravel()
     head(figure, case.title)
     for panel, (clock, _), (points, temperature, solid) in zip(panels, found, cuts, strict=True):
         middle = 0.5 * (points[:, :1] + points[:, -1:])
-        x, y = np.moveaxis(middle + _THICKER * (points - middle), -1, 0)
+        x, y = np.moveaxis(middle + thicker * (points - middle), -1, 0)
         shades = panel.pcolormesh(
             x, y, temperature - ZERO_CELSIUS, shading="gouraud", cmap="inferno",
             vmin=_CELSIUS[0], vmax=_CELSIUS[1], rasterized=True,
         )  # fmt: skip
         panel.contour(x, y, solid, levels=[_SOLID], colors="#00c8ff", linewidths=1.2)
-        panel.set_aspect("equal")
+        panel.set_aspect("auto" if straight else "equal")
         panel.set_title(f"{clock / 60.0:.4g} min by the clock", fontsize=9)
-        panel.set_ylabel("height [m]")
         panel.grid(False)
     figure.colorbar(shades, ax=list(panels), label="temperature [°C]", shrink=0.5)
-    caption = f"from the mould [m]; drawn {_THICKER:g} times as thick; blue: end of the pool"
-    panels[-1].set_xlabel(caption)
+    for panel in panels[:1] if straight else panels:
+        panel.set_ylabel("height [m]")
+    where = "across" if straight else f"from the mould, drawn {thicker:g} times as thick"
+    figure.supxlabel(f"{where} [m]; blue: edge of the pool", fontsize="medium")
     return figure
 
 

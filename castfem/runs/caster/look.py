@@ -17,11 +17,13 @@ class Look:
         number: From 1, the oldest first.
         start: When it left the meniscus, by the clock, s.
         length: Of strand that it stands for, m.
-        age: Time since it left the meniscus, s. lasts: How old it is when it leaves the machine, s.
+        age: Time since it left the meniscus, s.
+        lasts: How old it is when it leaves the machine, s.
         position: Below the meniscus, m.
-        solid: Where it became solid, m; NaN while it is not. closed: How old it was then, s.
-        removed: Heat that was removed of its length, J. gained: Change of its enthalpy since the
-            meniscus, J.
+        solid: Where it became solid, m; NaN while it is not.
+        closed: How old it was then, s.
+        removed: Heat that was removed of its length, J.
+        gained: Change of its enthalpy since the meniscus, J.
         row: Columns of its history.
         passed: Pyrometers that it has passed since the instant before: number, age s, K.
     """

@@ -22,7 +22,6 @@ from castfem.base.types import Array
 from castfem.fem.root import Together, on_root
 from castfem.model.build.simulation import build_mesh
 from castfem.model.caster import EVENT
-from castfem.runs import restart
 from castfem.runs.caster import pyrometers
 from castfem.runs.caster.demand import demand
 from castfem.runs.caster.files import GrowingTable, Row, SliceRows
@@ -249,13 +248,9 @@ class CasterRun:
         """Replace the checkpoint by what there is; rows that were written later are cut off."""
         slices: dict[int, tuple[dict[str, Any], dict[str, Array]]] = {}
         for one in self.strand.inside:
-            run = one.run_state
-            run.restored = ({}, {})  # results of a slice on its way are asked for by nobody
-            if run.sample is not None:  # it has left the meniscus
-                arrays = restart.arrays(run)
-                kept = {name: values for name, values in arrays.items() if values is not None}
+            if (state := one.state()) is not None:
                 passed = [] if one.passing is None else one.passing.passed
-                slices[one.number] = {**restart.description(run), "passed": passed}, kept
+                slices[one.number] = {**state[0], "passed": passed}, state[1]
         found, looks = self._comm.gather(slices), self._comm.gather(self._looks)
         on_root(self._comm, lambda: self._save(_merged(found), _merged(looks)))
         self._saved, self.is_saved = time.monotonic(), True
@@ -314,9 +309,8 @@ class CasterRun:
         mine: dict[int, dict[str, Array]] = comm.scatter(parts)
         for own_number, kept in sorted(mine.items()):
             one = strand.enter(own_number)
-            one.loop.simulation.probes.conducts = one.loop.simulation.problem.curve
             described = meta["slices"][str(own_number)]
-            restart.restore(one.run_state, described, kept)
+            one.restore(described, kept)
             one.watch(self._asked.pyrometer, described["passed"])
         sizes: dict[str, int] = meta["sizes"]
         return sizes

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Container, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from weakref import WeakValueDictionary
 
 from mpi4py import MPI
 
 from castfem.base.constants import EXACT
 from castfem.base.errors import RunFailure
+from castfem.base.types import Array
 from castfem.model.build.simulation import CurveEnds, Simulation, build, build_beside
 from castfem.model.caster import (
     by_plant,
@@ -81,14 +82,25 @@ class Slice:
 
     def go_on_in(self, simulation: Simulation) -> None:
         """Go on from the same state in another simulation, whose plant has gone on."""
-        run = self.run_state
+        state = self.state()
         self.loop = TimeLoop(simulation, unsampled=self._passes)
+        if state is not None:
+            self.restore(*state)
+
+    def state(self) -> tuple[dict[str, Any], dict[str, Array]] | None:
+        """Return what its run goes on from, as a checkpoint has it; None at the meniscus."""
+        run = self.run_state
         if run.sample is None:
-            return
+            return None
         run.restored = ({}, {})  # results of a slice on its way are asked for by nobody
+        arrays = {name: kept for name, kept in restart.arrays(run).items() if kept is not None}
+        return restart.description(run), arrays
+
+    def restore(self, described: dict[str, Any], arrays: dict[str, Array]) -> None:
+        """Go on from what `state` has returned."""
+        simulation = self.loop.simulation
         simulation.probes.conducts = simulation.problem.curve
-        state = {name: values for name, values in restart.arrays(run).items() if values is not None}
-        restart.restore(self.run_state, restart.description(run), state)
+        restart.restore(self.run_state, described, arrays)
 
     def advance(self, clock: float, interrupt: Interrupt | None = None) -> Sample:
         """Go on to an instant of the clock, s, or to where it leaves the machine.
