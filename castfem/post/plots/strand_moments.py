@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _SHOWN = "temperature", "solid_fraction"
 _CELSIUS = 500.0, 1550.0
 _SOLID, _THICKER = 0.999, 4.0  # where the pool ends; how much thicker the strand is drawn
-_STRAIGHT = 0.2  # width of a strand over its height, below which it is not bent
+_MOVED = 1e-6  # m: a strand whose face moves less across goes straight down
 
 
 @look()
@@ -34,7 +34,7 @@ def moments_figure(folder: Path, case: Case) -> Figure | None:
         return None
     cuts = [middle_of(path) for _, path in found]
     spans = np.max([np.ptp(points.reshape(-1, 2), axis=0) for points, _, _ in cuts], axis=0)
-    straight = spans[0] < _STRAIGHT * spans[1]
+    straight = all(np.ptp(points[:, 0, 0]) < _MOVED for points, _, _ in cuts)
     thicker = 1.0 if straight else _THICKER
     each = float(np.clip(STYLE.width * spans[1] / max(spans[0], 1e-9), 2.0, 5.0))
     shape = (1, len(found)) if straight else (len(found), 1)
