@@ -24,6 +24,10 @@ from castfem.base.stopwatch import Stopwatch
 Options = Mapping[str, Any]
 Returned = TypeVar("Returned")
 
+LINEAR_SHARE = 0.05
+"""Of a field's tolerance: what an iterative linear solver may leave of the residual."""
+LEAST_REDUCTION = 0.1
+"""Of the residual by an iterative linear solver, however near to the tolerances it is."""
 FAMILIES = ("snes_", "ksp_", "pc_", "mat_", "sub_", "redundant_", "fieldsplit_", "mg_")
 
 
@@ -216,6 +220,9 @@ class SnesSolver:
             None to give up at the unknowns as they are.
         asked: Names of the options the user has written, of which those that PETSc never reads are
             told; all if None.
+        reduction: Most of the residual's reduction by an iterative linear solver: no more than the
+            fields' tolerances need is asked of it, unless the user has given ksp_rtol. None leaves
+            it to the options.
 
     Raises:
         InputError: If an option is of no family PETSc knows, or PETSc refuses its value.
@@ -231,6 +238,7 @@ class SnesSolver:
         watch: Stopwatch | None = None,
         shorten: Callable[[PETSc.Vec, PETSc.Vec], bool | None] | None = None,
         asked: Collection[str] | None = None,
+        reduction: float | None = None,
     ) -> None:
         self.problem = problem
         self.watch = watch if watch is not None else Stopwatch()
@@ -246,6 +254,9 @@ class SnesSolver:
         ksp = self.snes.getKSP()
         self._options = SolverOptions(prefix, options, asked)
         self._options.apply(self.snes, ksp, ksp.getPC())
+        named = options if asked is None else asked
+        asked_for = "ksp_rtol" in named or PETSc.Options().hasName(prefix + "ksp_rtol")
+        self._reduction = None if asked_for else reduction
         self._names = _reason_names()
         self._history: list[dict[str, float]] = []
         self._raised: BaseException | None = None
@@ -292,6 +303,10 @@ class SnesSolver:
             return int(reasons.CONVERGED_FNORM_ABS)
         if its >= snes.getTolerances()[3]:
             return int(reasons.DIVERGED_MAX_IT)
+        if self._reduction is not None:
+            # What Newton's method leaves is of second order; what lies below a tolerance is lost.
+            enough = min(max(self._reduction, LINEAR_SHARE / worst), LEAST_REDUCTION)
+            snes.getKSP().setTolerances(rtol=enough)
         return int(reasons.ITERATING)
 
     def solve(self) -> SolveResult:

@@ -18,7 +18,7 @@ from castfem.physics.materials.curve import ThermalCurve
 from castfem.physics.thermal.boundary import Cooling, Surface
 from castfem.physics.thermal.deformed_section import Shape
 from castfem.physics.thermal.flux_laws import PrescribedTemperature, SurfaceLaw
-from castfem.physics.thermal.problem import ThermalProblem
+from castfem.physics.thermal.problem import TIGHT, ThermalProblem
 from castfem.physics.thermal.stepper import StepResult, ThermalState, ThermalStepper
 
 LOWER, UPPER = 200.0, 2600.0
@@ -62,6 +62,7 @@ class ThermalSetup:
     options: dict[str, object] = field(default_factory=dict)
     moves: bool = False
     solidus: float = 0.0
+    tolerance: float = TIGHT
 
     def __post_init__(self) -> None:
         """Build section, problem and stepper."""
@@ -73,7 +74,9 @@ class ThermalSetup:
             )
             space = self.displacement.function_space
             shape = Shape(self.section, space, self.solidus)
-        self.problem = ThermalProblem(self.section, self.curve, self.options, shape=shape)
+        self.problem = ThermalProblem(
+            self.section, self.curve, self.options, self.tolerance, shape=shape
+        )
         self.surface = Surface(self.section, shape)
         self.stepper = ThermalStepper(self.problem, self.scheme, estimate=True)
         self.state: ThermalState = self.stepper.initial(self.start)

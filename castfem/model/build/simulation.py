@@ -31,7 +31,7 @@ from castfem.physics.machine.machine import STANDING
 from castfem.physics.materials.curve import ThermalCurve
 from castfem.physics.thermal.boundary import Surface
 from castfem.physics.thermal.deformed_section import Shape
-from castfem.physics.thermal.problem import ThermalProblem
+from castfem.physics.thermal.problem import OF_STEP, TIGHT, ThermalProblem
 from castfem.physics.thermal.stepper import ThermalStepper
 
 if TYPE_CHECKING:
@@ -140,8 +140,11 @@ def build(
             steel, curve_ends(case, steel, zones, start), start, keeps_mass=shape is not None
         )
         probes.conducts = curve
-        problem = ThermalProblem(section, curve, case.thermal.solver, watch=watch, shape=shape)
-    stepping = case.thermal.time
+        stepping = case.thermal.time
+        tolerance = OF_STEP * stepping.adaptive.tolerance if stepping.adaptive else TIGHT
+        problem = ThermalProblem(
+            section, curve, case.thermal.solver, tolerance, watch=watch, shape=shape
+        )
     stepper = ThermalStepper(problem, stepping.scheme, estimate=stepping.step is None)
     acting = () if mechanics is None else mechanics.problem.slice.interactions
     ends = [end for one in acting for end in (*one.between, *one.knots)]

@@ -21,7 +21,8 @@ NEWTON = {"snes_linesearch_type": "basic", "snes_max_it": 100}
 # The Jacobian is a symmetric positive matrix with its columns scaled, and as well conditioned as a
 # time step makes it: a few iterations on an incomplete factorisation of each rank's own part
 # solve it to the accuracy that Newton's method can use, at any size (docs/benchmarks.md).
-ITERATIVE = {"ksp_type": "bcgs", "ksp_rtol": 1e-9, "ksp_max_it": 300}
+REDUCTION = 1e-9
+ITERATIVE = {"ksp_type": "bcgs", "ksp_rtol": REDUCTION, "ksp_max_it": 300}
 # Where they do not, which a step a thousand times too long can bring about, it is factored.
 DIRECT = {"ksp_type": "preonly", "pc_type": "lu"}
 SERIAL_LU = {"pc_factor_mat_solver_type": "petsc", "pc_factor_mat_ordering_type": "nd"}

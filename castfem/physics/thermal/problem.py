@@ -38,7 +38,7 @@ from castfem.fem.snes import Options, SnesSolver, SolveResult, try_options
 from castfem.physics.materials.curve import CurvePoint, ThermalCurve
 from castfem.physics.thermal.boundary import Cooling
 from castfem.physics.thermal.deformed_section import Shape
-from castfem.physics.thermal.operators import Operators, default_options, direct_options
+from castfem.physics.thermal.operators import REDUCTION, Operators, default_options, direct_options
 
 LINEAR_FAILURE = "DIVERGED_LINEAR_SOLVE"
 ITERATED, FACTORED = "thermal_", "thermal_direct_"  # prefixes of the solvers
@@ -49,11 +49,16 @@ class BalanceLimits:
     """How well the heat balance of the whole section closes."""
 
     newton: float = 1e-7  # of the heat stored in a stage: what Newton's method may leave open
-    spread: float = 10 * 1e-7  # largest relative correction that closes the heat balance
+    per_kelvin: float = 1e-2  # likewise, 1/K, where a tolerance for the vertices allows more
+    spread: float = 10.0  # times that: largest correction that closes the heat balance
     rounding: float = 64 * np.finfo(float).eps  # of all heat in a sum
 
 
 LIMITS = BalanceLimits()
+TIGHT = 1e-7
+"""K: tolerance of a vertex where nothing says how accurate a step in time is."""
+OF_STEP = 2e-4
+"""Of the error that a step in time may have: tolerance of a vertex, below which nothing is won."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,12 +125,13 @@ class ThermalProblem:
         section: Section,
         curve: ThermalCurve,
         options: Options | None = None,
-        tolerance: float = 1e-7,
+        tolerance: float = TIGHT,
         watch: Stopwatch | None = None,
         shape: Shape | None = None,
         operators: Operators | None = None,
     ) -> None:
         self.section, self.curve, self.tolerance = section, curve, tolerance
+        self._left_open = max(LIMITS.newton, LIMITS.per_kelvin * tolerance)
         self.watch = watch if watch is not None else Stopwatch()
         self.shape = shape
         self._operators = Operators.on(section, shape) if operators is None else operators
@@ -149,10 +155,12 @@ class ThermalProblem:
     def _solver(self, prefix: str) -> SnesSolver:
         """The solver of a prefix, made when it is needed first."""
         if prefix not in self._solvers:
-            asked = self._asked if prefix == ITERATED else ()
+            iterated = prefix == ITERATED
+            asked = self._asked if iterated else ()
+            eased = iterated and self.tolerance > TIGHT
             self._solvers[prefix] = SnesSolver(
                 self, self._theta, self.new_matrix(), prefix, self._options[prefix], self.watch,
-                asked=asked,
+                asked=asked, reduction=REDUCTION if eased else None,
             )  # fmt: skip
         return self._solvers[prefix]
 
@@ -239,8 +247,8 @@ class ThermalProblem:
         """Close the heat balance of the whole section over the solved stage, to rounding.
 
         What Newton's method left open is spread over the vertices in proportion to their change.
-        Near a steady state, where next to nothing changes while much heat flows through, there is
-        nothing to spread it over, and it is left.
+        Near a steady state, where next to nothing changes while much heat flows through, it is
+        taken from the heat that leaves.
         """
         state, base, tau = self._state, self._base, self._tau
         change = solution - base
@@ -255,8 +263,10 @@ class ThermalProblem:
         open_, size = self.volume @ change + tau * (out - generated), self.volume @ free
         if self.section.comm.size > 1:
             open_, size = reductions.totals(self.section.comm, [open_, size])
-        if abs(open_) < LIMITS.spread * size:
+        if abs(open_) < LIMITS.spread * self._left_open * size:
             change -= open_ / size * free
+        elif result.converged:
+            out -= float(open_) / tau / self.section.comm.size
         rate = np.asarray(change / tau)
         return Stage(base + change, rate, state.point, out, generated, result, tau, self._time)
 
@@ -365,7 +375,7 @@ class ThermalProblem:
             if comm.size > 1:
                 sums = list(reductions.totals(comm, sums))
             sizes["balance"] = abs(sums[0]) / (
-                LIMITS.newton * sums[1] + LIMITS.rounding * sums[2] + 1e-300
+                self._left_open * sums[1] + LIMITS.rounding * sums[2] + 1e-300
             )
         return sizes
 

@@ -41,7 +41,8 @@ class RangeLimits:
     warmer: float = 2.0  # heat generated inside, over what it warms at the capacity of reference
     stray: float = 5e-3  # of the range: how far a mesh without the maximum principle may leave it
     stray_sheared: float = 2e-2  # the same of a sheared mesh
-    slack: float = 1e-6  # K, what rounding and the solver's tolerance may add
+    rounding: float = 1e-6  # K, what rounding may add
+    solver: float = 10.0  # of the tolerance of a vertex: what the solver may add
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,6 +134,7 @@ class ThermalStepper:
         self.problem, self.scheme, self.estimate = problem, scheme, estimate
         self.comm = problem.section.comm
         self._branch = Branch(problem)
+        self._slack = max(RANGE.rounding, RANGE.solver * problem.tolerance)
 
     def initial(self, temperature: float) -> ThermalState:
         """The slice at one temperature (K) at the meniscus."""
@@ -196,7 +198,7 @@ class ThermalStepper:
             error = self._error(old, tried, dt)
         if second_order and tried[-1].result.converged:
             coldest, hottest = self._extremes(tried[-1].point)
-            limited = coldest < bounds[0] - RANGE.slack or hottest > bounds[1] + RANGE.slack
+            limited = coldest < bounds[0] - self._slack or hottest > bounds[1] + self._slack
             if not limited and (error > DAMPING.controlled or not self.estimate):
                 limited, next_rate = self._look_ahead(old, tried, dt, within)
             if limited:
@@ -261,7 +263,7 @@ class ThermalStepper:
         assert new.allowed is not None
         low, high = new.allowed
         share = RANGE.stray if self.problem.shape is None else RANGE.stray_sheared
-        slack = RANGE.slack + (share * (high - low) if np.isfinite(high - low) else 0.0)
+        slack = self._slack + (share * (high - low) if np.isfinite(high - low) else 0.0)
         coldest, hottest = new.extremes
         if coldest <= 0.0:
             return self._taken_too_much(new)
