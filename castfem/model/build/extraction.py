@@ -61,15 +61,12 @@ class PressedRolls:
 
     That is statics: it holds whatever the shell does between rolls that are alike. What rolls that
     are not bear besides, the strip tells of a run whose faces bulge.
-
-    Attributes:
-        loads: By the index of each pair the pressure of the liquid in the middle of the strand
-            there, Pa, and the length of strand that the pair carries, m.
-        width: Of the liquid behind a wide face, m, of temperatures at the owned vertices
-            (collective).
     """
 
+    #: by the index of each pair the pressure of the liquid in the middle of the strand there, Pa,
+    #: and the length of strand that the pair carries, m
     loads: Mapping[int, tuple[float, float]]
+    #: of the liquid behind a wide face, m, of temperatures at the owned vertices (collective)
     width: Callable[[Array], float]
 
     def on_pair(self, index: int, temperature: Array, added: float) -> float:
