@@ -16,6 +16,7 @@ from benchmarks.report import PAGE, ROOT, Output
 STUDIES = {
     "verification": ("verification", "verification.md"),
     "accuracy": ("accuracy", "benchmarks.md"),
+    "caster": ("caster", "benchmarks.md"),
     "costs": ("costs", "benchmarks.md"),
     "weiner_boley": ("weiner_boley", "benchmarks_mechanics.md"),
     "billet": ("billet_study", "billet.md"),

@@ -18,6 +18,7 @@ pytestmark = pytest.mark.slow
 SHORT = 'casting.length="40 mm"'
 SLOW = {
     "accuracy": "16 s of processor time, most of it the time stepping that tests/thermal covers",
+    "caster": "22 s: a caster of 20 m, run by tests/runs",
     "costs": "30 s: processes of their own, several times each",
     "weiner_boley": "44 s: past 21 s of freezing; tests/closed_forms runs the shipped case",
     "billet": "six billets at their shipped cells",
