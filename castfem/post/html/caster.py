@@ -26,7 +26,7 @@ from castfem.model.shown_units import units_of
 from castfem.physics.machine.side import Side
 from castfem.post.html.graphics import FRAME, marks, ticks
 from castfem.post.html.page import case_text, json_of, provenance, template, text_of
-from castfem.post.plots.strand_maps import SURFACE, mapped
+from castfem.post.plots.caster_figures import SURFACE, mapped
 from castfem.post.plots.style import probe_colours
 from castfem.post.report.caster import answers
 from castfem.post.report.show import how_it_ended
