@@ -36,6 +36,16 @@ class Frame:
     top: int = 10
     bottom: int = 40
 
+    def across(self, low: float, high: float) -> Callable[[float], float]:
+        """What places values between two limits along the horizontal axis."""
+        inner = self.width - self.left - self.right
+        return lambda value: self.left + inner * (value - low) / (high - low)
+
+    def up(self, low: float, high: float) -> Callable[[float], float]:
+        """What places values between two limits along the vertical axis."""
+        inner = self.height - self.top - self.bottom
+        return lambda value: self.height - self.bottom - inner * (value - low) / (high - low)
+
 
 FRAME = Frame()
 _DASHES = ("", "7 4", "2 3", "9 3 2 3")
@@ -152,16 +162,7 @@ def chart(title: str, label: str, series: Sequence[Series], *, zero: bool) -> Ch
     low, high = _span(min(low, 0.0) if zero else low, high)
     across, up = marks(left, right), marks(low, high)
     low, high = min(low, up[0]), max(high, up[-1])
-
-    inner_width = FRAME.width - FRAME.left - FRAME.right
-    inner_height = FRAME.height - FRAME.top - FRAME.bottom
-
-    def place_x(value: float) -> float:
-        return FRAME.left + inner_width * (value - left) / (right - left)
-
-    def place_y(value: float) -> float:
-        return FRAME.height - FRAME.bottom - inner_height * (value - low) / (high - low)
-
+    place_x, place_y = FRAME.across(left, right), FRAME.up(low, high)
     return Chart(
         title,
         label,
@@ -349,25 +350,31 @@ def _values(
     return found
 
 
+def palette(name: str, shades: int = 24) -> list[str]:
+    """Colours of a scale, from its lower end on."""
+    colours = own_matplotlib().colormaps[name]
+    from matplotlib.colors import to_hex
+
+    return [to_hex(colours(i / (shades - 1))) for i in range(shades)]
+
+
 def _field(
     name: str, values: NDArray[np.float64], low: float, high: float, start: int
 ) -> dict[str, Any]:
     """A field (places, cells) in a scale of colours between two limits."""
-    colormaps = own_matplotlib().colormaps
-    from matplotlib.colors import to_hex
-
     scale = scale_of(_SCALED[UNITS[name]][0], name)
     if high - low < 1e-9 * max(1.0, abs(high)):
         high = low + 1.0
     levels = np.round(65535 * (values - low) / (high - low)).astype("<u2")
-    palette, shades = colormaps[_SHOWN[name]], 24
+    shades = palette(_SHOWN[name])
+    last = len(shades) - 1
     return {
         "name": name.replace("von_mises", "von Mises stress").replace("_", " "),
         "unit": plain_unit(scale.unit),
         "low": float(f"{low:.6g}"),
         "high": float(f"{high:.6g}"),
         "ends": [f"{low:.4g}", f"{high:.4g}"],
-        "palette": [to_hex(palette(i / (shades - 1))) for i in range(shades)],
-        "first": [min(shades - 1, int(shades * int(level) / 65536)) for level in levels[start]],
+        "palette": shades,
+        "first": [min(last, int(len(shades) * int(level) / 65536)) for level in levels[start]],
         "values": base64.b64encode(levels.tobytes()).decode("ascii"),
     }
