@@ -18,6 +18,7 @@ from castfem.base.result_registry import probe_label
 from castfem.base.shown_units import documented, place_said, plain_unit, scale_of
 from castfem.post.compare.figures import Curve, Panel, engineering, figures
 from castfem.post.compare.runs import Run
+from castfem.post.plots.section import MIRRORED
 from castfem.post.plots.style import probe_colours
 from castfem.runs.output.field_files import HDF5_NAME
 from castfem.runs.output.fields import Fields
@@ -225,7 +226,6 @@ def _rounded(values: NDArray[np.float64]) -> list[float | None]:
 _SHOWN = {"temperature": "inferno", "von_mises": "viridis", "solid_fraction": "cividis"}
 _SCALED = {"K": ("degC", 1.0, -ZERO_CELSIUS), "Pa": ("MPa", 1e-6, 0.0), "-": ("", 1.0, 0.0)}
 _CORNERS = {"triangle": 3, "quadrilateral": 4}
-_MIRRORS = {"quarter": ((1, 1), (-1, 1), (-1, -1), (1, -1)), "half": ((1, 1), (-1, 1))}
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,7 +296,7 @@ def _read(folder: Path, runs: int) -> tuple[Section, dict[str, NDArray[np.float6
         shown = {name: _values(fields, name, corners, chosen) for name in names}
         positions = [float(fields.positions[i]) for i in chosen]
         words = tuple(place_said(one, near=".0f", beyond=np.inf) for one in positions)
-        mirrors = _MIRRORS.get(_part(fields), ((1, 1),))
+        mirrors = MIRRORED.get(_part(fields), ((1, 1),))
         return Section(box, mirrors, polygons, axes, words, start, ()), shown
 
 
