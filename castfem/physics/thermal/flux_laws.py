@@ -87,16 +87,22 @@ class Contact(SurfaceLaw):
     in series with the resistance of contact 1/h_c, ours: where the strand touches there is
     contact alone (35), elsewhere they add up across the gap (36), and the flux does not jump in
     between.
+
+    Attributes:
+        coefficient: h_c at d = 0, W/m2K, or a curve of it.
+        wall: Temperature of the mould's wall, K; a number or a function of time.
+        gap_conductivity: k_g, W/mK.
+        gap: d, m; a number or one per surface node.
+        follows: Whether the gap is that of the mechanics, another in each coupling window.
+        beside: What else crosses the gap.
     """
 
-    coefficient: float | Curve  #: h_c at d = 0, W/m2K, or a curve of it
-    #: temperature of the mould's wall, K; a number or a function of time
+    coefficient: float | Curve
     wall: float | Callable[[float], float]
-    gap_conductivity: float  #: k_g, W/mK
-    gap: float | Array = 0.0  #: d, m; a number or one per surface node
-    #: whether the gap is that of the mechanics, another in each coupling window
+    gap_conductivity: float
+    gap: float | Array = 0.0
     follows: bool = False
-    beside: tuple[Convection | Radiation, ...] = ()  #: what else crosses the gap
+    beside: tuple[Convection | Radiation, ...] = ()
 
     def across(self, gap: Array) -> Contact:
         """The law that holds across the gap (n,), m, of the mechanics, if it follows that."""
@@ -185,15 +191,21 @@ class Radiation(SurfaceLaw):
 
     gamma = m^2 sigma / (0.75 a d + 1/eps_strand + 1/eps_wall - 1); eps_wall = 1 and d = 0 (the
     defaults) leave eps_strand sigma, a small body in wide surroundings.
+
+    Attributes:
+        emissivity: eps_strand; a number or a function of the temperature, K.
+        ambient: Ta, K.
+        wall_emissivity: eps_wall, likewise.
+        refractive_index: m.
+        absorption: a, 1/m.
+        gap: d, m; a number or one per surface node; None: none, or that of the contact beside it.
     """
 
-    #: eps_strand; a number or a function of the temperature, K
     emissivity: float | Callable[[Array], Array]
-    ambient: float  #: Ta, K
-    wall_emissivity: float | Callable[[Array], Array] = 1.0  #: eps_wall, likewise
-    refractive_index: float = 1.0  #: m
-    absorption: float = 0.0  #: a, 1/m
-    #: d, m; a number or one per surface node; None: none, or that of the contact beside it
+    ambient: float
+    wall_emissivity: float | Callable[[Array], Array] = 1.0
+    refractive_index: float = 1.0
+    absorption: float = 0.0
     gap: float | Array | None = None
 
     def across(self, gap: float | Array) -> Radiation:
@@ -240,13 +252,21 @@ class Radiation(SurfaceLaw):
 
 @dataclass(frozen=True)
 class Sprayed(SurfaceLaw):
-    """Convection to a spray whose water changes in time."""
+    """Convection to a spray whose water changes in time.
 
-    correlation: Correlation  #: gives the coefficient
-    water: Callable[[float], float]  #: kg/(m2 s), over the time since the meniscus, s
-    most: float  #: the largest, kg/(m2 s)
-    ambient: float  #: temperature of the water, K
-    machine_factor: float = 1.0  #: divides the coefficient
+    Attributes:
+        correlation: Gives the coefficient.
+        water: kg/(m2 s), over the time since the meniscus, s.
+        most: The largest, kg/(m2 s).
+        ambient: Temperature of the water, K.
+        machine_factor: Divides the coefficient.
+    """
+
+    correlation: Correlation
+    water: Callable[[float], float]
+    most: float
+    ambient: float
+    machine_factor: float = 1.0
 
     def _at(self, water: float) -> Convection:
         """Convection to so much water."""
