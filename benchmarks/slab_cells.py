@@ -1,0 +1,78 @@
+"""What a coupling window of the slab costs by its number of cells: processor time and memory.
+
+    python -m benchmarks.slab_cells 2.5          one size, mm, in a process of its own
+
+Windows of cases/slab1200/slab.toml as shipped, with the shell that it has at #50, nearly all of
+which takes part in the equations.  Writes a table of docs/slab_error.md.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from itertools import pairwise
+from tempfile import TemporaryDirectory
+from time import process_time
+from typing import Any
+
+from mpi4py import MPI
+
+from benchmarks.probe import peak
+from benchmarks.report import ROOT, Output, power
+from benchmarks.slab_error import CASES, QUIET, THICK, Setting
+from castfem.model import load_case
+from castfem.model.build.simulation import build, build_mesh
+from castfem.runs import loop
+
+SIZES = (7.5, 5.0, 3.5, 2.5, 1.8)  # mm, at the wide faces
+TO = "casting.length=1.4 m"
+
+
+def measured(size: float) -> dict[str, Any]:
+    """Run some windows with cells of a size, mm, in this process."""
+    case = load_case(CASES / "slab.toml", (*QUIET, *Setting(size, 50.0).changes, TO, THICK))
+    build(case, MPI.COMM_SELF).destroy()  # what is compiled once
+    with TemporaryDirectory() as folder:
+        start = process_time()
+        summary = loop.run(case, folder, comm=MPI.COMM_SELF)
+        seconds = process_time() - start
+    windows = summary.steps["coupling windows"]
+    newton = summary.steps["Newton iterations, mechanics"]
+    return {
+        "size": size, "cells": len(build_mesh(case).cells), "windows": windows,
+        "newton": newton / windows, "ms": 1e3 * seconds / windows,
+        "iteration": 1e3 * seconds / newton, "memory": 1e-6 * peak(),
+    }  # fmt: skip
+
+
+def main(output: Output, quick: bool) -> None:
+    """All sizes, each in a process of its own, whose memory it is."""
+    rows = []
+    for size in (10.0, 15.0) if quick else SIZES:
+        words = (sys.executable, "-m", "benchmarks.slab_cells", f"{size:g}")
+        done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
+        rows.append(json.loads(done.stdout.rpartition("RESULT ")[2]))
+        print(f"  {rows[-1]}", flush=True)
+    for one, other in pairwise(rows):
+        other["power"] = power([one, other], "ms")
+    rows[0]["power"] = None
+    rows.append(
+        rows[-1] | {"size": "from first to last", "power": power([rows[0], rows[-1]], "ms")}
+    )
+    output.csv("slab_cells", rows)
+    show(output)
+
+
+def show(output: Output) -> None:
+    """The table, from the data."""
+    head = {
+        "size": "cells, mm", "cells": "cells", "newton": ("Newton iterations a window", ".2f"),
+        "ms": ("a window, ms", ".0f"), "iteration": ("an iteration, ms", ".0f"),
+        "power": ("power of the cells", ".2f"), "memory": ("memory, MB", ".0f"),
+    }  # fmt: skip
+    output.table("slab cells", output.rows("slab_cells"), head)
+
+
+if __name__ == "__main__":
+    print("RESULT " + json.dumps(measured(float(sys.argv[1]))))
