@@ -45,28 +45,20 @@ def nitsche_pressure(stiffness: Any, gap: Any, normal_stress: Any) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class WallAction:
-    """What the wall does to a point of the surface, and how that changes with the motion.
+    """What the wall does to a point of the surface, and how that changes with the motion."""
 
-    Attributes:
-        traction: On the strand: x, y and along the strand (z, casting direction), (3,), Pa.
-        by_pressure: Its derivative by the pressure, slip held (3,).
-        by_slip: Its derivative by the slip in the plane, along (-n_y, n_x), pressure held (3,).
-        normal: Unit normal n of the wall (2,).
-        stiffness: dp / d(n . u): K_p where closed, 0 where open, Pa/m.
-        by_strain: -dp / d strain (4,), Mandel, Pa: Nitsche's share; None with the penalty.
-        by_turn: -dp / d angle at which the stress turns with the material, Pa; None likewise, and
-            at small strain.
-        pool: Pressure of liquid at the surface, which `traction` has along the strand's own normal,
-            Pa; None where that does not turn, or no liquid is fed.
-    """
-
-    traction: Expr
-    by_pressure: Expr
-    by_slip: Expr
-    normal: Expr
-    stiffness: Expr
+    traction: Expr  #: on the strand: x, y and along the strand (z, casting direction), (3,), Pa
+    by_pressure: Expr  #: its derivative by the pressure, slip held (3,)
+    by_slip: Expr  #: its derivative by the slip in the plane, along (-n_y, n_x), pressure held (3,)
+    normal: Expr  #: unit normal n of the wall (2,)
+    stiffness: Expr  #: dp / d(n . u): K_p where closed, 0 where open, Pa/m
+    #: -dp / d strain (4,), Mandel, Pa: Nitsche's share; None with the penalty
     by_strain: Expr | None = None
+    #: -dp / d angle at which the stress turns with the material, Pa; None likewise, and at small
+    #: strain
     by_turn: Expr | None = None
+    #: pressure of liquid at the surface, which `traction` has along the strand's own normal, Pa;
+    #: None where that does not turn, or no liquid is fed
     pool: Expr | None = None
 
 
@@ -139,15 +131,11 @@ class Undeformed:
 
 @dataclass(frozen=True, slots=True)
 class Deformed:
-    """Large strain: area and place are those of the deformed slice (279)-(284).
+    """Large strain: area and place are those of the deformed slice (279)-(284)."""
 
-    Attributes:
-        now: Deformation at the end of the step. old: At its start. mesh: The undeformed mesh.
-    """
-
-    now: finite_strain.Deformation
-    old: finite_strain.Deformation
-    mesh: ufl.Mesh
+    now: finite_strain.Deformation  #: deformation at the end of the step
+    old: finite_strain.Deformation  #: at its start
+    mesh: ufl.Mesh  #: the undeformed mesh
 
     def place(self) -> Expr:
         """See `Surface`."""

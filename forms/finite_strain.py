@@ -29,19 +29,12 @@ from castfem.forms.mechanics import SQRT2, Direction, Expr, isotropic, mandel, t
 
 @dataclass(frozen=True, slots=True)
 class Deformation:
-    """Where the slice is.
+    """Where the slice is."""
 
-    Attributes:
-        position: Of the points now, (2,), m.
-        gradient: F in the plane, (2, 2).
-        thickness: e, relative to the undeformed one.
-        generalized_strains: Generalized strains, (4,).
-    """
-
-    position: Expr
-    gradient: Expr
-    thickness: Expr
-    generalized_strains: Expr
+    position: Expr  #: of the points now, (2,), m
+    gradient: Expr  #: F in the plane, (2, 2)
+    thickness: Expr  #: e, relative to the undeformed one
+    generalized_strains: Expr  #: generalized strains, (4,)
 
 
 def deformation(u: Expr, generalized_strains: Expr, mesh: ufl.Mesh) -> Deformation:

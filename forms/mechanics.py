@@ -34,17 +34,11 @@ GENERALIZED_STRAINS = ("a0", "a1", "a2", "across")
 
 @dataclass(frozen=True, slots=True)
 class Direction:
-    """How the slice moves, per unit of whatever parameter moves it.
+    """How the slice moves, per unit of whatever parameter moves it."""
 
-    Attributes:
-        gradient: Gradient of the displacement in the plane, (2, 2).
-        shift: Displacement in the plane, (2,), m.
-        generalized_strains: Of the generalized strains, (4,), see the module.
-    """
-
-    gradient: Expr
-    shift: Expr
-    generalized_strains: Expr
+    gradient: Expr  #: gradient of the displacement in the plane, (2, 2)
+    shift: Expr  #: displacement in the plane, (2,), m
+    generalized_strains: Expr  #: of the generalized strains, (4,), see the module
 
 
 def of_displacement(u: Expr) -> Direction:

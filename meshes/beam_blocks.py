@@ -40,27 +40,17 @@ _BEND = 0.3
 
 @dataclass(frozen=True, slots=True)
 class _Nodes:
-    """Nodes along the surface (distances from the start of each piece, m) and numbers of cells.
+    """Nodes along the surface (distances from the start of each piece, m) and numbers of cells."""
 
-    Attributes:
-        corner: Nodes on half of the corner, equally spaced; likewise shoulder and fillet.
-        tip: Nodes on the tip, from the corner.
-        flank: Nodes on the flank, from the shoulder.
-        web: Nodes on the web, from the fillet.
-        layers: Number of layers.
-        rows: Rows of block A and B, below the fillet.
-        pitch: Size along the surface on the fillet, m.
-    """
-
-    corner: np.ndarray
-    shoulder: np.ndarray
-    fillet: np.ndarray
-    tip: np.ndarray
-    flank: np.ndarray
-    web: np.ndarray
-    layers: int
-    rows: int
-    pitch: SizeLaw
+    corner: np.ndarray  #: nodes on half of the corner, equally spaced
+    shoulder: np.ndarray  #: the same on the shoulder
+    fillet: np.ndarray  #: the same on the fillet
+    tip: np.ndarray  #: nodes on the tip, from the corner
+    flank: np.ndarray  #: nodes on the flank, from the shoulder
+    web: np.ndarray  #: nodes on the web, from the fillet
+    layers: int  #: number of layers
+    rows: int  #: rows of block A and B, below the fillet
+    pitch: SizeLaw  #: size along the surface on the fillet, m
 
 
 def beam_quarter(

@@ -25,21 +25,15 @@ _LARGEST_SLOPE = math.log(LARGEST_GROWTH)
 
 @dataclass(frozen=True, slots=True)
 class SizeLaw:
-    """Cell size against the distance from the fine end.
+    """Cell size against the distance from the fine end."""
 
-    Attributes:
-        fine: Size of the first cell, m.
-        coarse: Largest size, m; not below `fine`.
-        keep: Distance over which the fine size is kept, m.
-        slope: Growth of the size per unit distance; the ratio of neighbours is exp(slope).
-        lead: Size at the very end where a narrow feature asks for less than `fine`; it grows to
-            the law with the ratio `LARGEST_GROWTH`. 0 for none.
-    """
-
-    fine: float
-    coarse: float
-    keep: float = 0.0
+    fine: float  #: size of the first cell, m
+    coarse: float  #: largest size, m; not below `fine`
+    keep: float = 0.0  #: distance over which the fine size is kept, m
+    #: growth of the size per unit distance; the ratio of neighbours is exp(slope)
     slope: float = 0.0
+    #: size at the very end where a narrow feature asks for less than `fine`; it grows to the law
+    #: with the ratio `LARGEST_GROWTH`. 0 for none
     lead: float = 0.0
 
     def _segments(self) -> list[tuple[float, float, float, float]]:

@@ -18,21 +18,15 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A straight segment or a circular arc of an outline.
+    """A straight segment or a circular arc of an outline."""
 
-    Attributes:
-        group: Name of the boundary group.
-        start: First point (x, y), m.
-        end: Last point, m.
-        centre: Centre of the arc; None for a segment. Arcs turn by less than half a circle.
-        mirrors: How the name splits when the quarter is mirrored: "x" (left and right), "y"
-            (intrados and extrados), "xy" (both) or "" (the line of symmetry itself).
-    """
-
-    group: str
-    start: Point
-    end: Point
+    group: str  #: name of the boundary group
+    start: Point  #: first point (x, y), m
+    end: Point  #: last point, m
+    #: Centre of the arc; None for a segment. Arcs turn by less than half a circle.
     centre: Point | None = None
+    #: how the name splits when the quarter is mirrored: "x" (left and right), "y" (intrados and
+    #: extrados), "xy" (both) or "" (the line of symmetry itself)
     mirrors: str = ""
 
     @property
@@ -103,13 +97,9 @@ class Piece:
 
 @dataclass(frozen=True, slots=True)
 class Outline:
-    """Closed outline of the modelled quarter, counter-clockwise.
+    """Closed outline of the modelled quarter, counter-clockwise."""
 
-    Attributes:
-        pieces: Pieces in order; each ends where the next one starts.
-    """
-
-    pieces: tuple[Piece, ...]
+    pieces: tuple[Piece, ...]  #: pieces in order; each ends where the next one starts
 
     @property
     def surface(self) -> tuple[Piece, ...]:

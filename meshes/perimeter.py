@@ -30,23 +30,18 @@ _FINE_GROWTH = math.log(1.2)
 
 @dataclass(frozen=True, slots=True)
 class Ring:
-    """Shape of the layers round a convex corner.
+    """Shape of the layers round a convex corner."""
 
-    Attributes:
-        depth: Depth of the layers over the radius of the corner.
-        sharpness: 0 where the inner line is the offset arc, 1 where it is the sharp corner of
-            the offset's tangents; in between the three cells that meet there share the angle.
-        crowd: Number of layers over the number the grading asks for in that depth.
-        even: For two corners of different radius: 0 gives both the depth of the smaller one, 1 to
-            each the depth of its own radius.
-        straight: 0 where the lines of symmetry are graded by the law of the depth, 1 where rows
-            and columns run straight across the core, as they start at the other face.
-    """
-
-    depth: float = 0.5
+    depth: float = 0.5  #: depth of the layers over the radius of the corner
+    #: 0 where the inner line is the offset arc, 1 where it is the sharp corner of the offset's
+    #: tangents; in between the three cells that meet there share the angle
     sharpness: float = 0.5
-    crowd: float = 1.0
+    crowd: float = 1.0  #: number of layers over the number the grading asks for in that depth
+    #: for two corners of different radius: 0 gives both the depth of the smaller one, 1 to each the
+    #: depth of its own radius
     even: float = 0.0
+    #: 0 where the lines of symmetry are graded by the law of the depth, 1 where rows and columns
+    #: run straight across the core, as they start at the other face
     straight: float = 0.0
 
 
@@ -99,17 +94,12 @@ def ring_cost(growth: float, angle: float, cells: int, slant: float = 0.0) -> fl
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """A piece of a run.
+    """A piece of a run."""
 
-    Attributes:
-        piece: Segment or arc; an arc that is half of a convex corner has an end in its middle.
-        distances: Distances (n + 1,) of the nodes from the start of the piece, m.
-        corner: "" for a face or fillet; "start" or "end" for half a convex corner, the end that
-            is the middle of the corner.
-    """
-
-    piece: Piece
-    distances: np.ndarray
+    piece: Piece  #: segment or arc; an arc that is half of a convex corner has an end in its middle
+    distances: np.ndarray  #: distances (n + 1,) of the nodes from the start of the piece, m
+    #: "" for a face or fillet; "start" or "end" for half a convex corner, the end that is the
+    #: middle of the corner
     corner: str = ""
 
 

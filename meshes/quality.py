@@ -26,45 +26,31 @@ _GAUSS_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 
 @dataclass(frozen=True, slots=True)
 class Quality:
-    """Numbers that say how good a mesh is.
+    """Numbers that say how good a mesh is."""
 
-    Attributes:
-        cells: Number of cells.
-        points: Number of points (vertices and, at second order, the other nodes).
-        vertices: Number of vertices.
-        facets: Number of boundary facets.
-        smallest_size: Smallest distance between opposite sides (height for triangles), m.
-        largest_size: Largest side, m.
-        min_scaled_jacobian: Smallest over vertices of det J / product of the column lengths; 1 is
-            a right angle (triangles: times 2/sqrt(3), 1 is equilateral).
-        min_jacobian_ratio: Smallest over cells of (smallest det J / largest det J).
-        max_aspect_ratio: Largest ratio of longest to shortest side (triangles: 1 is equilateral).
-        min_angle: Smallest angle in a corner of a cell, degrees.
-        max_angle: Largest angle, degrees.
-        max_growth: Largest ratio of the sizes of two neighbours, taken across their common side
-            (triangles: square root of the ratio of areas).
-        min_cotangent: Triangles: smallest over sides of (cot a + cot b) / 2, a and b the angles
-            opposite to it; where it is not negative the P1 stiffness matrix is an M-matrix. For
-            quadrilaterals: 0 when all are rectangles, else minus the largest |cos| of an angle.
-        area: Area of the mesh, m2.
-        exact_area: Area of the section modelled, m2.
-    """
-
-    cells: int
-    points: int
-    vertices: int
-    facets: int
-    smallest_size: float
-    largest_size: float
+    cells: int  #: number of cells
+    points: int  #: number of points (vertices and, at second order, the other nodes)
+    vertices: int  #: number of vertices
+    facets: int  #: number of boundary facets
+    smallest_size: float  #: smallest distance between opposite sides (height for triangles), m
+    largest_size: float  #: largest side, m
+    #: smallest over vertices of det J / product of the column lengths; 1 is a right angle
+    #: (triangles: times 2/sqrt(3), 1 is equilateral)
     min_scaled_jacobian: float
-    min_jacobian_ratio: float
+    min_jacobian_ratio: float  #: smallest over cells of (smallest det J / largest det J)
+    #: largest ratio of longest to shortest side (triangles: 1 is equilateral)
     max_aspect_ratio: float
-    min_angle: float
-    max_angle: float
+    min_angle: float  #: smallest angle in a corner of a cell, degrees
+    max_angle: float  #: largest angle, degrees
+    #: largest ratio of the sizes of two neighbours, taken across their common side (triangles:
+    #: square root of the ratio of areas)
     max_growth: float
+    #: Triangles: smallest over sides of (cot a + cot b) / 2, a and b the angles opposite to it;
+    #: where it is not negative the P1 stiffness matrix is an M-matrix. For quadrilaterals: 0 when
+    #: all are rectangles, else minus the largest |cos| of an angle.
     min_cotangent: float
-    area: float
-    exact_area: float
+    area: float  #: area of the mesh, m2
+    exact_area: float  #: area of the section modelled, m2
 
     @property
     def area_error(self) -> float:

@@ -23,31 +23,21 @@ class SectionMesh:
     """Mesh of a section, or of the half or quarter of it that symmetry leaves to be modelled.
 
     x runs along the width, y along the thickness, the origin is the centre of the section.
-
-    Attributes:
-        points: Nodes (n, 2), m.
-        cells: Nodes of each cell (m, k) in DOLFINx order: triangles as gmsh at first order,
-            quadrilaterals in tensor order; then the nodes of the sides and of the inside.
-        cell: "triangle" or "quadrilateral".
-        order: 1 or 2; at second order the nodes of curved sides lie on the true arc.
-        facets: Vertices (f, 2) of the boundary facets, the section on their left.
-        facet_group: Index (f,) into `groups` for each facet.
-        groups: Names of the boundary groups.
-        probes: Inward lines from the surface, name -> (start (2,), end (2,)), m.
-        multiplicity: How many times the modelled part makes up the whole section.
-        exact_area: Area of the modelled part of the true section, arcs included, m2.
     """
 
-    points: np.ndarray
+    points: np.ndarray  #: nodes (n, 2), m
+    #: nodes of each cell (m, k) in DOLFINx order: triangles as gmsh at first order, quadrilaterals
+    #: in tensor order; then the nodes of the sides and of the inside
     cells: np.ndarray
-    cell: str
-    order: int
-    facets: np.ndarray
-    facet_group: np.ndarray
-    groups: tuple[str, ...]
+    cell: str  #: "triangle" or "quadrilateral"
+    order: int  #: 1 or 2; at second order the nodes of curved sides lie on the true arc
+    facets: np.ndarray  #: vertices (f, 2) of the boundary facets, the section on their left
+    facet_group: np.ndarray  #: index (f,) into `groups` for each facet
+    groups: tuple[str, ...]  #: names of the boundary groups
+    #: inward lines from the surface, name -> (start (2,), end (2,)), m
     probes: dict[str, tuple[np.ndarray, np.ndarray]]
-    multiplicity: int
-    exact_area: float
+    multiplicity: int  #: how many times the modelled part makes up the whole section
+    exact_area: float  #: area of the modelled part of the true section, arcs included, m2
 
     @property
     def outer_groups(self) -> tuple[str, ...]:

@@ -19,23 +19,15 @@ CELLS = ("quadrilateral", "triangle")
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
-    """Sizes of cells, m.
+    """Sizes of cells, m."""
 
-    Attributes:
-        surface_size: Across the surface, at it.
-        core_size: In the core.
-        corner_size: Along the surface, on convex corners; by default `surface_size`.
-        face_size: Along the surface, in the middle of the faces; by default `core_size`.
-        surface_depth: Depth over which the sizes at the surface are kept.
-        core_depth: Depth at which the core size is reached; by default the half thickness. The
-            sizes in between form a geometric progression whose ratio is at most 1.3.
-    """
-
-    surface_size: float
-    core_size: float
-    corner_size: float
-    face_size: float
-    surface_depth: float
+    surface_size: float  #: across the surface, at it
+    core_size: float  #: in the core
+    corner_size: float  #: along the surface, on convex corners; by default `surface_size`
+    face_size: float  #: along the surface, in the middle of the faces; by default `core_size`
+    surface_depth: float  #: depth over which the sizes at the surface are kept
+    #: Depth at which the core size is reached; by default the half thickness. The sizes in between
+    #: form a geometric progression whose ratio is at most 1.3.
     core_depth: float
 
     def inward(self, coarse: float | None = None) -> SizeLaw:

@@ -25,21 +25,15 @@ _GROWTH = 1.3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TubeMesh:
-    """A block of bricks: across the wall x round it x along it.
+    """A block of bricks: across the wall x round it x along it."""
 
-    Attributes:
-        points: Nodes (n, 3), m; z runs down along the tube. Node (i, j, k) has the number
-            (k * round + j) * across + i.
-        cells: Nodes of each brick (m, (order + 1)^3), in the order of DOLFINx.
-        order: 1 or 2, of the cells' geometry.
-        shape: Nodes across the wall (0 at the inner one), round it, along it.
-        meniscus: Layer of nodes from which on the inner wall is hot; what is above is its collar.
-    """
-
+    #: Nodes (n, 3), m; z runs down along the tube. Node (i, j, k) has the number (k * round + j) *
+    #: across + i.
     points: np.ndarray
-    cells: np.ndarray
-    order: int
-    shape: tuple[int, int, int]
+    cells: np.ndarray  #: nodes of each brick (m, (order + 1)^3), in the order of DOLFINx
+    order: int  #: 1 or 2, of the cells' geometry
+    shape: tuple[int, int, int]  #: nodes across the wall (0 at the inner one), round it, along it
+    #: layer of nodes from which on the inner wall is hot; what is above is its collar
     meniscus: int = 0
 
     def node(self, i: int | np.ndarray, j: int | np.ndarray, k: int | np.ndarray) -> np.ndarray:

@@ -31,17 +31,11 @@ class UnreadableError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """Head of a column.
+    """Head of a column."""
 
-    Attributes:
-        text: As it stands in the file.
-        name: Without the unit.
-        unit: Empty where none is given, or "-".
-    """
-
-    text: str
-    name: str
-    unit: str
+    text: str  #: as it stands in the file
+    name: str  #: without the unit
+    unit: str  #: empty where none is given, or "-"
 
     @classmethod
     def of(cls, cell: str) -> Heading:
@@ -53,34 +47,21 @@ class Heading:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A row under the header.
+    """A row under the header."""
 
-    Attributes:
-        line: Its number in the file, from 1.
-        cells: Texts without the blanks around them.
-    """
-
-    line: int
-    cells: tuple[str, ...]
+    line: int  #: its number in the file, from 1
+    cells: tuple[str, ...]  #: texts without the blanks around them
 
 
 @dataclass(frozen=True, slots=True)
 class CsvFile:
-    """What stands in a file.
+    """What stands in a file."""
 
-    Attributes:
-        headings: Of the columns; none in a file that is empty.
-        line: Number of the header's line.
-        first: That line as it stands in the file.
-        rows: Under the header.
-        separator: Between the cells.
-    """
-
-    headings: tuple[Heading, ...]
-    line: int
-    first: str
-    rows: tuple[Row, ...]
-    separator: str
+    headings: tuple[Heading, ...]  #: of the columns; none in a file that is empty
+    line: int  #: number of the header's line
+    first: str  #: that line as it stands in the file
+    rows: tuple[Row, ...]  #: under the header
+    separator: str  #: between the cells
 
 
 def read_csv(path: Path) -> CsvFile:

@@ -19,24 +19,16 @@ Made = TypeVar("Made")
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """Columns of quantities that make up a table, in a case or in a CSV file.
+    """Columns of quantities that make up a table, in a case or in a CSV file."""
 
-    Attributes:
-        kinds: What each column holds, by its name.
-        units: Key that has the unit of the bare numbers of each column.
-        what: What they make up, for messages.
-        header: First line of a file, likewise.
-        optional: Those of `kinds` that may be left out.
-        words: Columns of words, which may be left out, and whose cells may be empty.
-        others: What a column of any other name holds; None where there is no other.
-    """
-
-    kinds: Mapping[str, Kind]
-    units: Mapping[str, str]
-    what: str
-    header: str
-    optional: Collection[str] = ()
+    kinds: Mapping[str, Kind]  #: what each column holds, by its name
+    units: Mapping[str, str]  #: key that has the unit of the bare numbers of each column
+    what: str  #: what they make up, for messages
+    header: str  #: first line of a file, likewise
+    optional: Collection[str] = ()  #: those of `kinds` that may be left out
+    #: columns of words, which may be left out, and whose cells may be empty
     words: Collection[str] = ()
+    #: what a column of any other name holds; None where there is no other
     others: Kind | None = None
 
     def read(self, given: Mapping[str, Any], make: Callable[[Array, Sequence[str]], Made]) -> Made:

@@ -71,13 +71,9 @@ class Notation(ABC):
 
 @dataclass(frozen=True, slots=True)
 class NameOf(Notation):
-    """Annotation of a field that takes a name out of a register, which may grow.
+    """Annotation of a field that takes a name out of a register, which may grow."""
 
-    Attributes:
-        register: Names and what they stand for.
-    """
-
-    register: Mapping[str, Any] = field(hash=False)
+    register: Mapping[str, Any] = field(hash=False)  #: names and what they stand for
 
     def read(self, given: object) -> str:
         """Return the name, or raise the error of a literal that is none of its values."""
@@ -104,28 +100,17 @@ class NameOf(Notation):
 
 @dataclass(frozen=True, slots=True)
 class Kind(Notation):
-    """A kind of quantity as pydantic annotation: `Annotated[float, Kind("m", "mm")]`.
+    """A kind of quantity as pydantic annotation: `Annotated[float, Kind("m", "mm")]`."""
 
-    Attributes:
-        unit: SI unit of the value.
-        shown: Unit in which it is written back.
-        difference: A difference of temperatures.
-        above: The value must be larger, in SI.
-        least: The value must be at least this, in SI.
-        most: The value must be at most this, in SI.
-        label: What is measured, where the unit alone does not tell.
-        sample: How it may be written, likewise.
-    """
+    unit: str  #: SI unit of the value
+    shown: str = ""  #: unit in which it is written back
+    difference: bool = False  #: a difference of temperatures
+    above: float | None = None  #: the value must be larger, in SI
+    least: float | None = None  #: the value must be at least this, in SI
+    most: float | None = None  #: the value must be at most this, in SI
 
-    unit: str
-    shown: str = ""
-    difference: bool = False
-    above: float | None = None
-    least: float | None = None
-    most: float | None = None
-
-    label: str = ""
-    sample: str = ""
+    label: str = ""  #: what is measured, where the unit alone does not tell
+    sample: str = ""  #: how it may be written, likewise
 
     @property
     def quantity(self) -> Kind:
@@ -212,17 +197,11 @@ class Kind(Notation):
 
 @dataclass(frozen=True, slots=True)
 class OrWord(Notation):
-    """Annotation of a field that takes a quantity, or a table of it, or one of some words.
+    """Annotation of a field that takes a quantity, or a table of it, or one of some words."""
 
-    Attributes:
-        inner: How the quantity is written.
-        words: The words; a register of them may grow.
-        called: What the words are, where there are several.
-    """
-
-    inner: Notation
-    words: Collection[str] = field(hash=False)
-    called: str = ""
+    inner: Notation  #: how the quantity is written
+    words: Collection[str] = field(hash=False)  #: the words; a register of them may grow
+    called: str = ""  #: what the words are, where there are several
 
     @property
     def quantity(self) -> Kind | None:

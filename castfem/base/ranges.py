@@ -18,17 +18,11 @@ _ANY = math.inf
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Least and largest value, both ways, in SI.
+    """Least and largest value, both ways, in SI."""
 
-    Attributes:
-        usual: Beyond these a case is warned of.
-        possible: Beyond these it is refused.
-        what: Whose values they are, for messages: "strands are cast at".
-    """
-
-    usual: tuple[float, float]
-    possible: tuple[float, float]
-    what: str
+    usual: tuple[float, float]  #: beyond these a case is warned of
+    possible: tuple[float, float]  #: beyond these it is refused
+    what: str  #: whose values they are, for messages: "strands are cast at"
 
     def impossible(self, value: float, kind: Kind) -> str:
         """Say that a value (SI) cannot be; empty where it can."""

@@ -59,43 +59,32 @@ class QuantityDefinition:
     """What a quantity is called, in which units it is shown, and how it is computed.
 
     As a decorator, `castfem.quantity`, it declares a function: a column, a result, a row of tables.
-
-    Attributes:
-        name: Of column and result; of a quantity at the probes `NAME_PROBE`.
-        unit: In history.csv; "-" for none.
-        label: In tables, without unit; {} stands for the probe.
-        needs: What a simulation must have, of `castfem.runs.results.needs.NEEDS`.
-        each: Whether it is taken at each probe, or at those that end in the centre of the section.
-        shown: Unit in summary.json and tables, if not that of the history.
-        column: Whether it is a column of history.csv.
-        row: Whether it is a result in summary.json.
-        after: The result that it follows in the summary, if not in the order of declaration.
-        place: Where in the section the value was found, shown after the label; "" for nowhere.
-        labels: Labels at single probes that differ.
-        axis: On the axis of a figure, if not the label.
-        of_way: Whether it hangs on all steps so far, not on the last alone.
-        smooth_twin_of: The maximum to which it is a smooth approximation; such a quantity is
-            computed where it is asked for.
-        says: What docs/output.md says of it, if not the docstring of the function.
-        compute: The function: its value in SI from the sample of a step, at the probes from a
-            sample and the probe's name; None where it does not exist.
     """
 
+    #: of column and result; of a quantity at the probes `NAME_PROBE`
     name: str = field(kw_only=False)
-    unit: str = field(kw_only=False)
-    label: str = field(kw_only=False)
+    unit: str = field(kw_only=False)  #: in history.csv; "-" for none
+    label: str = field(kw_only=False)  #: in tables, without unit; {} stands for the probe
+    #: what a simulation must have, of `castfem.runs.results.needs.NEEDS`
     needs: tuple[str, ...] = ()
+    #: whether it is taken at each probe, or at those that end in the centre of the section
     each: Each = ""
-    shown: str = ""
-    column: bool = True
-    row: bool = True
+    shown: str = ""  #: unit in summary.json and tables, if not that of the history
+    column: bool = True  #: whether it is a column of history.csv
+    row: bool = True  #: whether it is a result in summary.json
+    #: the result that it follows in the summary, if not in the order of declaration
     after: str = ""
+    #: where in the section the value was found, shown after the label; "" for nowhere
     place: Callable[[Any], str] | None = None
-    labels: Mapping[str, str] = field(default_factory=dict)
-    axis: str = ""
-    of_way: bool = False
+    labels: Mapping[str, str] = field(default_factory=dict)  #: labels at single probes that differ
+    axis: str = ""  #: on the axis of a figure, if not the label
+    of_way: bool = False  #: whether it hangs on all steps so far, not on the last alone
+    #: the maximum to which it is a smooth approximation; such a quantity is computed where it is
+    #: asked for
     smooth_twin_of: str = ""
-    says: str = ""
+    says: str = ""  #: what docs/output.md says of it, if not the docstring of the function
+    #: the function: its value in SI from the sample of a step, at the probes from a sample and the
+    #: probe's name; None where it does not exist
     compute: Callable[..., float | None] = _nothing
 
     def __call__(self, compute: Computed) -> Computed:

@@ -53,17 +53,11 @@ _PREFIXED = re.compile(r"[kMGmu]?((?:N|J|W|Pa|m|s|K)(?:[ /^].*)?)")
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """What turns a value into what is shown: factor * value - zero, in a unit.
+    """What turns a value into what is shown: factor * value - zero, in a unit."""
 
-    Attributes:
-        unit: Of what is shown.
-        factor: Of the value in its documented unit.
-        zero: Taken off.
-    """
-
-    unit: str
-    factor: float = 1.0
-    zero: float = 0.0
+    unit: str  #: of what is shown
+    factor: float = 1.0  #: of the value in its documented unit
+    zero: float = 0.0  #: taken off
 
     def __call__(self, value: Any) -> Any:
         """A value, or an array of them, as it is shown."""
@@ -76,15 +70,11 @@ class Scale:
 
 @dataclass(frozen=True, slots=True)
 class ShownUnits:
-    """A choice of units.
+    """A choice of units."""
 
-    Attributes:
-        system: "plant" for the documented ones (mm, degC, MPa ...), or "si".
-        own: Units of single kinds, of `KINDS`, and of quantities by their names, that go before;
-            a name without its probe (shell) is that at all probes.
-    """
-
-    system: str = "plant"
+    system: str = "plant"  #: "plant" for the documented ones (mm, degC, MPa ...), or "si"
+    #: units of single kinds, of `KINDS`, and of quantities by their names, that go before; a name
+    #: without its probe (shell) is that at all probes
     own: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod

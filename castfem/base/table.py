@@ -29,25 +29,18 @@ FAILED = "failed"
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Rows of cells below headings.
+    """Rows of cells below headings."""
 
-    Attributes:
-        heads: Headings with their unit in brackets; empty for rows without a heading.
-        rows: Cells as they are printed; they may have several lines.
-        title: Above the table.
-        words: Numbers of columns that hold words, set to the left; numbers stand to the right.
-        repeated: So many columns stand first in each of the blocks into which a table is split
-            that is wider than the screen; 0: it is not split.
-        notes: Lines below it.
-        marks: What is special of a row (its number, -1) or a cell (row, column).
-    """
-
-    heads: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    title: str = ""
+    heads: Sequence[str]  #: headings with their unit in brackets; empty for rows without a heading
+    rows: Sequence[Sequence[str]]  #: cells as they are printed; they may have several lines
+    title: str = ""  #: above the table
+    #: numbers of columns that hold words, set to the left; numbers stand to the right
     words: Sequence[int] = (0,)
+    #: so many columns stand first in each of the blocks into which a table is split that is wider
+    #: than the screen; 0: it is not split
     repeated: int = 0
-    notes: Sequence[str] = ()
+    notes: Sequence[str] = ()  #: lines below it
+    #: what is special of a row (its number, -1) or a cell (row, column)
     marks: Mapping[tuple[int, int], str] = field(default_factory=dict)
 
     @property

@@ -29,17 +29,11 @@ from castfem.base.tables import ARGUMENTS, Table
 
 @dataclass(frozen=True, slots=True)
 class Curve(Notation):
-    """Annotation of a field that takes a single value or a `Table`.
+    """Annotation of a field that takes a single value or a `Table`."""
 
-    Attributes:
-        kind: Unit and bounds of the value.
-        over: What a table of it depends on, "temperature", "time" or "position".
-        others: What a table may depend on instead.
-    """
-
-    kind: Kind
-    over: str
-    others: tuple[str, ...] = ()
+    kind: Kind  #: unit and bounds of the value
+    over: str  #: what a table of it depends on, "temperature", "time" or "position"
+    others: tuple[str, ...] = ()  #: what a table may depend on instead
 
     @property
     def quantity(self) -> Kind:

@@ -62,22 +62,17 @@ class Constant:
 class Table:
     """A quantity given in rows: linear between them, or its logarithm is.
 
-    Attributes:
-        over: What it depends on, one of `ARGUMENTS`.
-        arguments: Strictly increasing, SI.
-        values: SI, as many as arguments, at least one.
-        logarithmic: The logarithm is linear: levels that fall by a factor from row to row
-            (strengths, creep rates).
-        refuse_outside: Beyond the rows nothing is known; otherwise the end values go on.
-
     Raises:
         ValueError: If the rows do not match, do not increase, or have no logarithm.
     """
 
-    over: str
-    arguments: tuple[float, ...]
-    values: tuple[float, ...]
+    over: str  #: what it depends on, one of `ARGUMENTS`
+    arguments: tuple[float, ...]  #: strictly increasing, SI
+    values: tuple[float, ...]  #: SI, as many as arguments, at least one
+    #: the logarithm is linear: levels that fall by a factor from row to row (strengths, creep
+    #: rates)
     logarithmic: bool = False
+    #: beyond the rows nothing is known; otherwise the end values go on
     refuse_outside: bool = False
     _rows: tuple[Array, Array] = field(init=False, repr=False, compare=False)
 

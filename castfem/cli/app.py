@@ -37,8 +37,6 @@ def run(quiet: bool, verbose: int, **given: Any) -> None:
     """Run a case. Under mpirun it runs on all ranks."""
     from castfem.cli.running import Options, run_case
 
-    if given["resume"] and given["overwrite"]:
-        raise InputError("--resume and --overwrite exclude each other")
     run_case(options.asked(Options, verbosity=-1 if quiet else verbose, **given))
 
 

@@ -14,7 +14,7 @@ from castfem.base.progress import Progress
 from castfem.base.shown_units import shown_in
 from castfem.cli import parallel
 from castfem.cli.options import Request, chosen, read_from
-from castfem.model import load_case, shipped_cases
+from castfem.model import Case, load_case, shipped_cases
 from castfem.model.shipped_cases import CASE_NAME
 from castfem.model.shown_units import units_of
 from castfem.runs import existing_run
@@ -23,7 +23,6 @@ from castfem.runs.output.folder import CASTER_NAME, SLICES_NAME, STRAND_ROWS_NAM
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from castfem.model import Case
     from castfem.runs.caster.plant_file import PlantFile
 
 

@@ -86,6 +86,8 @@ def asked(
     kind: type[Asked], at: Sequence[str] = (), units: tuple[str, ...] = (), **given: Any
 ) -> Asked:
     """What the words on a command line ask for; places and units are checked before it runs."""
+    if given.get("resume") and given.get("overwrite"):
+        raise InputError("--resume and --overwrite exclude each other")
     places: tuple[float, ...] = ()
     if at:
         from castfem.runs.results.labels import read_positions

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from castfem.base.tables import Table
 from castfem.model.build_machine import build_machine
 from castfem.model.check_cooling import law_groups
-from castfem.model.cooling import Contact, Spray
+from castfem.model.cooling import Contact, Spray, Zone
 from castfem.model.heat_law import Extent, ScaledLaw, Surroundings
 from castfem.model.shared_heat import EVEN_FLUX, fix, fixed_heat, is_even
 from castfem.model.water import PER_LITRE_AND_KG, Supply, steel_per_length
@@ -17,7 +17,6 @@ from castfem.physics.thermal.sprays import WATER_DENSITY
 if TYPE_CHECKING:
     from castfem.meshes import SectionMesh
     from castfem.model import Case
-    from castfem.model.cooling import Zone
     from castfem.physics.machine import Machine
     from castfem.physics.materials import Steel
 

@@ -14,14 +14,13 @@ from castfem.base.shown_units import label_shown, place_said, said, scale_of, sh
 from castfem.base.table import Table, say
 from castfem.cli import parallel
 from castfem.cli.options import Request, chosen, read_from
-from castfem.model import shipped_cases
+from castfem.model import Case, shipped_cases
 from castfem.model.shared_heat import fixed_while_varied
 from castfem.model.shown_units import units_of
 from castfem.runs.output.folder import RUN_NAME
 from castfem.runs.results.numbers import shown, unit_shown, with_error
 
 if TYPE_CHECKING:
-    from castfem.model import Case
     from castfem.studies.sensitivity.result import Row, Sensitivity
 
 

@@ -60,8 +60,6 @@ def sweep(**given: Any) -> int:
     """Run a case with several values, in parallel. What is finished is not run again."""
     from castfem.cli.sweeping import Options, sweep_case
 
-    if given["resume"] and given["overwrite"]:
-        raise InputError("--resume and --overwrite exclude each other")
     alone = given["part"] or given["overwrite"] or given["script"] is not None
     if given["collect"] and alone:
         raise InputError("--collect runs nothing: leave out --part, --overwrite and --slurm")
@@ -185,6 +183,4 @@ def caster(**given: Any) -> None:
     """Follow a whole strand through changes of speed, superheat and water, by [caster]."""
     from castfem.cli.caster import CasterRequest, caster_of_case
 
-    if given["resume"] and given["overwrite"]:
-        raise InputError("--resume and --overwrite exclude each other")
     caster_of_case(asked(CasterRequest, **given))

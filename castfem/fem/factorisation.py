@@ -32,16 +32,11 @@ SEVERAL_RANKS = {"mat_mumps_icntl_7": 0, "mat_mumps_icntl_13": 1}
 
 @dataclass(frozen=True, slots=True)
 class OwnLimits:
-    """Up to where PETSc's own factorisation is used.
+    """Up to where PETSc's own factorisation is used."""
 
-    Attributes:
-        residual: Of its solution, over the right-hand side.
-        rows: Of the matrix.
-        entries: Of the factor, a row: a fuller one takes MUMPS, which works on blocks, less time.
-    """
-
-    residual: float = 1e-8
-    rows: int = 10_000
+    residual: float = 1e-8  #: of its solution, over the right-hand side
+    rows: int = 10_000  #: of the matrix
+    #: of the factor, a row: a fuller one takes MUMPS, which works on blocks, less time
     entries: float = 75.0
 
 

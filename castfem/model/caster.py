@@ -50,17 +50,11 @@ _DIGITS = 6  # of a start in seconds: what is written of it is what is computed
 
 @dataclass(frozen=True, slots=True)
 class Plant:
-    """What the plant did.
+    """What the plant did."""
 
-    Attributes:
-        times: By the clock, s, increasing.
-        values: Of each column but the events, in SI.
-        events: A word on each row; "" for none.
-    """
-
-    times: tuple[float, ...]
-    values: Mapping[str, tuple[float, ...]]
-    events: tuple[str, ...]
+    times: tuple[float, ...]  #: by the clock, s, increasing
+    values: Mapping[str, tuple[float, ...]]  #: of each column but the events, in SI
+    events: tuple[str, ...]  #: a word on each row; "" for none
 
     def table(self, name: str) -> Table:
         """A column over the clock, without rows in the midst of a time in which it is constant.

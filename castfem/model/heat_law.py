@@ -22,7 +22,6 @@ from castfem.physics.thermal import flux_laws, mould_flux
 from castfem.physics.thermal.mould_flux import MOULD_FLUXES
 
 if TYPE_CHECKING:
-    from castfem.physics.machine import Machine
     from castfem.physics.materials import Steel
 
 

@@ -35,12 +35,9 @@ _COLUMNS = Columns(
 
 @dataclass(frozen=True, slots=True)
 class WallShape(Notation):
-    """Annotation of a field that takes a displaced wall.
+    """Annotation of a field that takes a displaced wall."""
 
-    Attributes:
-        takes: In words, for the reference page.
-    """
-
+    #: in words, for the reference page
     takes: str = 'CSV file `{ file = "wall.csv" }`, or its columns'
 
     def read(self, given: object) -> WallDisplacement:

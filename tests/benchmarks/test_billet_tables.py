@@ -1,4 +1,4 @@
-"""Benchmarks of the coupled billet: its cost, its error, and one against the other."""
+"""Tables of small studies: the coupled billet's cost and error, the grid of the corner, a sweep."""
 
 from __future__ import annotations
 
@@ -8,9 +8,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import billet_cost, billet_error, billet_trade
+from benchmarks import billet_cost, billet_error, billet_trade, sweep_cost
+from benchmarks.billet_grid import (
+    COARSE,
+    CORNER,
+    DEFAULT,
+    FINE,
+    PATH,
+    RESULTS,
+    STATED,
+    beside,
+    errors,
+    grid,
+    within,
+)
 from benchmarks.billet_run import Found, Listener, every, mesh, run
 from benchmarks.report import Output, power
+from castfem.model import load_case
+from castfem.studies.accuracy.sizes import assignments, described, key
 
 
 def found(**values: float) -> Found:
@@ -117,3 +132,83 @@ def test_untapered_mould_loses_its_corner_after_it_has_frozen(untapered: dict[st
     assert 30.0 < untapered["lost"] < 130.0
     assert untapered["gap_max"] > 1e-3
     assert untapered["pressure_mean"] == pytest.approx(untapered["force"] / 62.5)
+
+
+def test_the_fine_run_is_the_same_case_with_all_sizes_halved() -> None:
+    case = load_case(PATH, next(grid()).keys())
+    fine = beside(case, FINE).case
+    assert key(fine) == key(case)
+    sizes, halved = described(case), described(fine)
+    assert {"mesh.corner_size", "tolerance", "window"} <= set(sizes)
+    assert halved == pytest.approx({name: 0.5 * size for name, size in sizes.items()})
+    assert fine.coupling.settled == 0.5 * case.coupling.settled
+
+
+def test_the_coarse_run_is_that_of_accuracy_coarse() -> None:
+    keys = next(grid()).keys()
+    case = load_case(PATH, keys)
+    asked = load_case(PATH, (*keys, *assignments(case, COARSE)))
+    assert described(beside(case, COARSE).case) == described(asked) != described(case)
+
+
+def test_a_result_is_within_its_error_or_not() -> None:
+    """A billet that failed has none."""
+    values = {COARSE: 2.0, DEFAULT: 1.5, FINE: 1.2, STATED: 0.4}
+    rows = [
+        {
+            "carbon": "0.12",
+            "size": size,
+            "failure": failure,
+            "level": level,
+            **dict.fromkeys(RESULTS, v),
+        }
+        for size, failure in ((180, ""), (240, "a breakout"))
+        for level, v in values.items()
+    ]
+    found = errors(rows)
+    assert [row["result"] for row in found] == [*RESULTS]
+    assert found[0]["stated"] == 0.4 and found[0][COARSE] == pytest.approx(0.5)
+    assert found[0][FINE] == pytest.approx(0.3) and within(found[0])
+    assert not within(found[0] | {FINE: 0.41}) and FINE not in errors([rows[1], rows[3]])[0]
+
+
+def test_no_published_billet_fails_and_errors_hold_for_19_of_20_corners() -> None:
+    """Of all 14 billets, on all cells; the page lists the results that are not within."""
+    rows = Output().rows("billet_grid")
+    assert not any(row["failure"] for row in rows)
+    found = errors(rows)
+    assert len(found) == len([*grid()]) * len(RESULTS)
+    finer = [row for row in found if row["result"] in CORNER]
+    assert all(FINE in row for row in finer)
+    assert sum(map(within, finer)) >= 0.95 * len(finer)
+
+
+# The table of what a sweep costs: shares of the whole, and the pairs
+
+
+def test_shares_are_those_of_the_whole(tmp_path: Path) -> None:
+    times = {"march": (3.0, 32), "each": (0.5, 32), "first": (1.0, 2), "imports": (2.0, 2)}
+    times |= {"parent": (2.0, 1), "figures": (2.0, 0)}
+    output = Output(tmp_path, "scripting.md")
+    output.csv(
+        "sweep_cost",
+        [
+            {"part": part, "each [s]": each, "times": count, "whole [s]": 121.0}
+            for part, (each, count) in times.items()
+        ],
+    )
+    pairs = [(False, 8.0), (True, 5.0), (False, 9.0), (True, 4.0)]
+    output.csv(
+        "sweep_at_once",
+        [{"turn": 0, "at once": way, "wall [s]": wall, "load": 0.1} for way, wall in pairs],
+    )
+    sweep_cost.show(output)
+    text = output.page.read_text(encoding="utf-8")
+    assert "| the time loops | 3.00 | 32 | 80.0 |" in text
+    assert "| start of a worker, its imports | 2.00 | 2 | 3.3 |" in text
+    assert "figures of a run, with `--figures` | 2.00 |  |  |" in text
+    assert "took 121 s, the parts add up to 120 s" in text and "2.00 times as fast" in text
+
+
+def test_tapers_are_as_many_as_runs() -> None:
+    assert len(set(sweep_cost.tapers(32))) == 32

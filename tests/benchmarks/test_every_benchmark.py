@@ -29,10 +29,8 @@ SLOW = {
     "shell3d": "tests/bulging/test_shell3d.py has two of its slabs",
     "slab_bending": "slabs through bender and straightener; test_slab_tables.py tests what is read",
     "slab_error": "some ten slabs down their caster; test_slab_tables.py tests how it compares",
-    "slab_cells": "processes of their own, with up to some 4000 cells",
     "slab_sprays": "slabs down their caster; test_slab_tables.py tests what is read off them",
     "optimum": "some 150 billets; tests/optimisation drives the search by results that are known",
-    "optimum_holds": "some 80 short billets, half of them on fine cells; as optimum",
     "optimum_interval": "some 150 billets; tests/optimisation has spreads and fronts",
     "slabs": "reads what `make slabs` has run; test_slab_tables.py tests how",
     "sensitivity": "some forty billets; tests/sensitivity has smaller ones",
@@ -53,7 +51,6 @@ SMALL: dict[str, dict[str, Any]] = {
     },
     "billet_grid": {"LENGTH": "8 mm", "HALF": {"mesh": 0.9}},
     "windows": {"MOULDS": {"taper_0": (3.0, billet_run.mesh(3.0))}, "REFERENCE": 0.2},
-    "wall": {"FACTORS": (10, 1000), "COARSE": (*billet_run.COARSE, SHORT)},
     "sensitivity_errors": {
         "QUICK": ("casting.length=100 mm", "mesh.surface_size=1 mm", "mesh.corner_size=1 mm"),
         "RUNS": (("billet125/thermal", (), ("heat_removed",), ("casting.superheat",)),),

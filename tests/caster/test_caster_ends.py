@@ -15,7 +15,7 @@ from castfem.base.errors import InputError
 from castfem.base.types import Array
 from castfem.model import Case
 from castfem.model.caster import followed, slice_of, starts_of
-from castfem.post.plots.strand_over_time import strand_figure
+from castfem.post.plots.caster_figures import strand_figure
 from castfem.post.report.caster import answers
 from castfem.runs.caster.files import read_table
 from castfem.runs.caster.run import run_caster

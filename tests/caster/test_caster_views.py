@@ -23,8 +23,7 @@ from castfem.model import Case, load_case, shipped_cases
 from castfem.model.caster import by_plant, slice_of, starts_of
 from castfem.model.machine import thickness_of
 from castfem.physics.machine.side import Side
-from castfem.post.plots.strand_maps import reheated
-from castfem.post.plots.strand_moments import middle_of, moments_figure
+from castfem.post.plots.caster_figures import middle_of, moments_figure, reheated
 from castfem.post.report.caster import answers, pieces_in_band
 from castfem.runs.caster.files import read_table
 from castfem.runs.caster.run import run_caster

@@ -17,7 +17,7 @@ from castfem.runs.output.summary import Summary
 from castfem.studies.accuracy.sizes import described, factors_between
 from castfem.studies.accuracy.table import ErrorTable
 
-# With processes it is in test_cli_stopped.py.
+# With processes it is in test_cli_sweep.py.
 pytestmark = pytest.mark.usefixtures("runs_here")
 
 WORDS = ("error", "small", "-j", 1)

@@ -1,4 +1,4 @@
-"""The hot mould as a whole: flux on its wall, the wall it leaves, cold and at work."""
+"""The hot mould as a whole: flux on its wall, the wall it leaves, cold and at work, on ranks."""
 
 from __future__ import annotations
 
@@ -14,14 +14,18 @@ from dolfinx import fem
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.errors import RunFailure
 from castfem.base.tables import Constant, Table
+from castfem.base.types import Array
 from castfem.physics.mould import Mould, RectangleCavity, RoundCavity, Taper, same
+from castfem.physics.mould.hot.conduction import Conduction, FaceLoad
 from castfem.physics.mould.hot.copper import Copper
+from castfem.physics.mould.hot.distortion import Distortion
 from castfem.physics.mould.hot.flux import FluxMap, of_strand, profile
 from castfem.physics.mould.hot.model import HotMould, HotWall, TubeSettings
+from castfem.physics.mould.hot.tube import Tube
 from castfem.physics.mould.hot.vtk_file import write_tube
 from castfem.physics.mould.perimeter import Places, corner_of, lengths, sides_of
 
-from .tubes import ROUND, SQUARE
+from .tubes import ROUND, SQUARE, tube_mesh
 
 ALPHA = 17e-6
 PLAIN = Copper(Constant(380.0), Constant(ALPHA), Constant(117e9), Constant(0.34), 298.15)
@@ -206,3 +210,30 @@ def test_stress_in_the_file_is_that_of_a_bar_between_two_walls(tmp_path: Path) -
     assert stress == pytest.approx(117e9 * ALPHA * 25.0, rel=1e-6)
     with pytest.raises(RunFailure, match=r"none/tube.vtu: cannot be written"):
         write_tube(tmp_path / "none" / "tube.vtu", wall)
+
+
+def solved(comm: MPI.Comm, method: str, support: str) -> list[Array] | None:
+    """Heat, stress, temperature and displacement of a tube; on the first rank."""
+    mesh = tube_mesh(SQUARE, (1, 2, 6), 0.01, 0.3) if comm.rank == 0 else None
+    tube = Tube(comm, mesh)
+    nodes = comm.bcast(None if mesh is None else mesh.points)
+    flux = 2e6 * np.exp(-5.0 * nodes[:, 2])
+    heated = Conduction(tube, Copper(), method).solve(FaceLoad(flux, 3e4, 313.0))
+    found = Distortion(tube, Copper(), support, method).solve(heated.temperature)
+    kelvin = tube.gather(heated.temperature.x.array[: tube.owned])
+    moved = tube.gather(found.displacement.x.array[: 3 * tube.owned].reshape(-1, 3))
+    if comm.rank > 0:
+        return None
+    heat = np.array([heated.supplied, heated.removed, heated.hottest])
+    stress = np.array([found.largest_stress, *found.largest_at])
+    return [heat, stress, kelvin, *moved.T]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("method", "support"), [("direct", "hung"), ("multigrid", "free")])
+def test_many_ranks_are_one(method: str, support: str) -> None:
+    one, many = (solved(comm, method, support) for comm in (MPI.COMM_SELF, MPI.COMM_WORLD))
+    assert one is not None and (many is None) == (MPI.COMM_WORLD.rank > 0)
+    for first, second in zip(one, many or one, strict=True):
+        assert np.isfinite(first).all()
+        assert np.abs(first - second).max() <= 1e-7 * np.abs(first).max()

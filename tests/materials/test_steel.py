@@ -1,4 +1,4 @@
-"""The steel as the thermal model sees it: kinks, exact enthalpy, conductivity."""
+"""The steel as the thermal model sees it: kinks, enthalpy, conductivity; its table and pictures."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from castfem.base.errors import InputError
 from castfem.base.tables import Constant, Table
-from castfem.physics.materials import knots, load_steel
+from castfem.physics.materials import available_steels, describe_steel, knots, load_steel
 from castfem.physics.materials.iron_carbon import IronCarbon
+from castfem.physics.materials.plot import plot_steel
 from castfem.physics.materials.solid_fraction import LeverFraction, LinearFraction, TableFraction
 from castfem.physics.materials.steel import Steel
 
@@ -295,3 +296,43 @@ def test_rows_too_close_for_a_jump_are_refused(key: str) -> None:
         "carbon_042", overrides={key: jump | {"temperature": [20, 1452, 1452.001, 1600]}}
     )
     assert getattr(steel, key)(1725.15 + 0.1) == pytest.approx(few[1])
+
+
+@pytest.mark.parametrize("name", sorted(available_steels()))
+def test_every_set_is_drawn_and_described(name, tmp_path):
+    from matplotlib.image import imread
+
+    composition = {"C": 0.15} if name.startswith("plain") else None
+    steel = load_steel(name, composition=composition)
+    picture = imread(plot_steel(steel, tmp_path / "steel.png"))
+    assert min(picture.shape[:2]) > 700
+    assert 0.02 < np.mean(picture[..., :3].min(axis=2) < 0.9) < 0.5  # neither empty nor black
+    rows = dict(describe_steel(steel))
+    assert {"steel", "solidus", "liquidus", "latent heat", "density"} <= set(rows)
+    assert all("[" in rows[key] for key in ("solidus", "density", "conductivity"))
+
+
+def test_description_tells_values_units_and_sources():
+    rows = dict(describe_steel(load_steel("carbon_042")))
+    assert rows["solidus"].startswith("1452 °C  [F: Pascon")
+    assert rows["latent heat"].startswith("270 kJ/kg")
+    assert rows["density"].startswith("7400 kg/m³  [M:")
+    assert "F: read in the source, M: not yet checked against it" in rows["sources"]
+    straight = {"diagram": "pascon"}
+    low_carbon = load_steel("plain_carbon", composition={"C": 0.05}, overrides=straight)
+    changing = dict(describe_steel(low_carbon))
+    assert "at 1000 °C / solidus / liquidus" in changing["conductivity"]
+    assert changing["δ to γ"].startswith("1444.5 to 1422.06 °C")
+
+
+def test_pure_iron_is_drawn(tmp_path):
+    steel = load_steel("plain_carbon", composition={"C": 0.0})
+    assert plot_steel(steel, tmp_path / "iron.png").stat().st_size > 20_000
+
+
+def test_drawing_leaves_the_users_matplotlib_alone(tmp_path):
+    import matplotlib
+
+    before = dict(matplotlib.rcParams)
+    plot_steel(load_steel("carbon_042"), tmp_path / "steel.png")
+    assert dict(matplotlib.rcParams) == before

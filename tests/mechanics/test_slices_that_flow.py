@@ -166,7 +166,7 @@ def test_a_block_that_turns_flows_as_one_at_rest(flows: str) -> None:
 
 @pytest.mark.parametrize("imposed", [True, False])
 def test_bending_about_the_other_axis(imposed: bool) -> None:
-    """A1 and the moment with x, as a2 and the moment with y (test_patch): exact."""
+    """A1 and the moment with x, as a2 and the moment with y (test_closed_forms): exact."""
     width, height, k = 0.06, 0.04, 0.05
     inertia = height * width**3 / 12
     if imposed:

@@ -1,4 +1,4 @@
-"""Exact outlines."""
+"""Exact outlines, outlines that stand out from a rectangle, and grading along one."""
 
 from __future__ import annotations
 
@@ -6,8 +6,12 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from castfem.meshes import build
+from castfem.meshes.bulge import normals_round, ways_round
+from castfem.meshes.grading import LARGEST_GROWTH, SizeLaw, size_law, two_sided
 from castfem.meshes.outline import Piece, chain, quarter
 
 
@@ -75,3 +79,169 @@ def test_points_inside_and_outside(order: int) -> None:
         assert whole.holds(sx * (0.05 - cut - 2e-4), 0.04 - cut - 2e-4)
         assert not whole.holds(sx * (0.05 - cut + 2e-4), 0.04 - cut + 2e-4)
         assert whole.holds(sx * 0.05, 0.0) and not whole.holds(sx * 0.0505, 0.0)
+
+
+A, B, R = 0.0625, 0.05, 0.005
+SIZES = {"surface_size": 0.002, "core_size": 0.01}
+SECTION = {"width": 2 * A, "height": 2 * B, "corner_radius": R}
+ARC = 0.5 * np.pi * R
+TABLE = ([0.0, 0.045, 0.045 + ARC, 0.045 + ARC + 0.0575], [1e-4, -2e-4, -2e-4, 3e-4])
+
+
+def off(points):
+    """How far points on the surface stand out from the rectangle, and their way."""
+    q = np.abs(points)
+    ways = ways_round(q, A, B, R)
+    normal = normals_round(ways, B, R)
+    centre = np.array([A - R, B - R])
+    base = centre + R * normal
+    right, upper = ways <= B - R, ways >= B - R + ARC
+    base[right] = np.stack([np.full(right.sum(), A), q[right, 1]], 1)
+    base[upper] = np.stack([q[upper, 0], np.full(upper.sum(), B)], 1)
+    return ((q - base) * normal).sum(axis=1), ways
+
+
+@pytest.mark.parametrize("symmetry", ["quarter", "half", "whole"])
+@pytest.mark.parametrize(("cell", "order"), [("quadrilateral", 2), ("triangle", 1)])
+def test_outline_has_the_offsets(symmetry, cell, order):
+    parts = {"cell": cell, "order": order, "symmetry": symmetry}
+    plain = build("rectangle", **SECTION, **SIZES, **parts)
+    mesh = build("rectangle", **SECTION, **SIZES, **parts, bulge=TABLE)
+    surface = np.unique(
+        mesh.facets[[mesh.groups[g] in mesh.outer_groups for g in mesh.facet_group]]
+    )
+    found, ways = off(mesh.points[surface])
+    assert found == pytest.approx(np.interp(ways, *TABLE), abs=1e-9)
+    assert np.array_equal(plain.cells, mesh.cells)
+    moved = mesh.points - plain.points
+    assert np.abs(moved).max() <= 3.01e-4
+    for axis in (0, 1):
+        on_axis = np.abs(plain.points[:, axis]) < 1e-12
+        assert np.all(moved[on_axis, axis] == 0.0)
+    quality = mesh.quality()
+    assert quality.min_jacobian_ratio > 0.5 * plain.quality().min_jacobian_ratio
+    assert abs(quality.area_error) == pytest.approx(abs(plain.quality().area_error), abs=1e-9)
+
+
+def test_uniform_bulge_is_the_larger_rectangle():
+    mesh = build("rectangle", **SECTION, **SIZES, order=2, bulge=([0.0], [1e-3]))
+    area = 4 * (A + 1e-3) * (B + 1e-3) - (4 - np.pi) * (R + 1e-3) ** 2
+    assert 4.0 * mesh.exact_area == pytest.approx(area, rel=1e-6)
+    assert mesh.probes["mid_face"][0] == pytest.approx([0.0, B + 1e-3])
+    assert mesh.probes["narrow_face"][0] == pytest.approx([A + 1e-3, 0.0])
+    corner = np.array([A, B]) - R + (R + 1e-3) * np.sqrt(0.5)
+    assert mesh.probes["corner"][0] == pytest.approx(corner, abs=2e-5)
+
+
+def test_sharp_corner_and_its_ways():
+    mesh = build("rectangle", width=0.1, height=0.1, **SIZES, bulge=([0.0], [5e-4]))
+    assert np.abs(mesh.points).max(axis=0) == pytest.approx([0.0505, 0.0505], abs=1e-9)
+    points = np.array([[A, 0.0], [A, B - R], [A - R, B], [0.0, B], [-A, -0.01]])
+    wanted = [0.0, B - R, B - R + ARC, B - R + ARC + A - R, 0.01]
+    assert ways_round(points, A, B, R) == pytest.approx(wanted)
+
+
+def test_too_large_a_bulge_is_refused():
+    with pytest.raises(ValueError, match=r"bulge is 20 mm somewhere; allowed: at most 10 mm"):
+        build("rectangle", **SECTION, **SIZES, bulge=([0.0], [0.02]))
+
+
+LENGTH = 0.0625
+
+
+def test_sizes_form_a_geometric_progression() -> None:
+    law = size_law(0.5e-3, 5e-3, 0.0, LENGTH)
+    sizes = np.diff(law.nodes(LENGTH))
+    ratio = sizes[1:] / sizes[:-1]
+    np.testing.assert_allclose(ratio, ratio[0], rtol=1e-9)
+    assert ratio[0] == pytest.approx(math.exp(4.5 / 62.5), rel=5e-3)
+    assert 0.45e-3 < sizes[0] <= 0.5e-3
+    assert sizes.sum() == pytest.approx(LENGTH, rel=1e-14)
+
+
+def test_whole_number_of_cells_starts_exactly_with_the_fine_size() -> None:
+    law = SizeLaw(0.001, 1.0, 0.0, math.log(1.2))
+    length = 0.001 * (1.2**9 - 1.0) / 0.2
+    assert law.count(length) == pytest.approx(9.0, abs=1e-12)
+    np.testing.assert_allclose(np.diff(law.nodes(length)), 0.001 * 1.2 ** np.arange(9), rtol=1e-10)
+
+
+def test_growth_is_limited() -> None:
+    law = size_law(0.1e-3, 50e-3, 0.0, 0.01)
+    sizes = np.diff(law.nodes(LENGTH))
+    assert (sizes[1:] / sizes[:-1]).max() <= LARGEST_GROWTH + 1e-9
+
+
+def test_fine_size_is_kept_over_its_depth() -> None:
+    law = size_law(0.5e-3, 5e-3, 0.01, LENGTH)
+    nodes = law.nodes(LENGTH)
+    sizes = np.diff(nodes)
+    kept = nodes[1:] <= 0.01
+    assert kept.sum() >= 19
+    np.testing.assert_allclose(sizes[kept], sizes[0], rtol=1e-12)
+    assert sizes[0] <= 0.5e-3
+    assert np.all(np.diff(sizes) >= -1e-15)
+
+
+def test_halving_every_size_halves_every_cell() -> None:
+    coarse = size_law(1e-3, 8e-3, 0.0, LENGTH)
+    fine = size_law(0.5e-3, 4e-3, 0.0, LENGTH)
+    assert fine.count(LENGTH) == pytest.approx(2.0 * coarse.count(LENGTH), rel=0.06)
+    n = 20
+    halves = fine.nodes(LENGTH, 2 * n)
+    # The continuous laws are similar, so every second node of the fine grid is a coarse one.
+    np.testing.assert_allclose(halves[::2], coarse.nodes(LENGTH, n), atol=0.02 * LENGTH)
+
+
+def test_lead_grows_from_a_narrow_feature() -> None:
+    law = SizeLaw(0.5e-3, 5e-3, 0.0, 0.07, lead=0.05e-3)
+    sizes = np.diff(law.nodes(LENGTH))
+    assert 0.045e-3 < sizes[0] <= 0.05e-3
+    assert (sizes[1:] / sizes[:-1]).max() <= LARGEST_GROWTH + 1e-6
+    plain = SizeLaw(0.5e-3, 5e-3, 0.0, 0.07)
+    assert 0 < law.count(LENGTH) - plain.count(LENGTH) < 9
+
+
+@pytest.mark.parametrize("cells", [1, 2, 5, 20, 60, 125, 400])
+@pytest.mark.parametrize("keep", [0.0, 0.004])
+def test_fitted_law_has_the_count_it_was_fitted_to(cells: int, keep: float) -> None:
+    law = SizeLaw(0.5e-3, 5e-3, keep, 0.07)
+    fitted = law.fitted(LENGTH, cells)
+    nodes = fitted.nodes(LENGTH, cells)
+    assert len(nodes) == cells + 1
+    assert np.all(np.diff(nodes) > 0.0)
+    if 20 <= cells <= 125:
+        assert fitted.count(LENGTH) == pytest.approx(cells, abs=1e-6)
+        assert nodes[1] == pytest.approx(0.5e-3, rel=0.05)
+
+
+def test_two_sided_keeps_both_ends() -> None:
+    first, last = SizeLaw(1e-3, 1e-2, 0.0, 0.1), SizeLaw(2e-3, 1e-2, 0.0, 0.1)
+    sizes = np.diff(two_sided(0.2, first, last))
+    assert 0.9e-3 < sizes[0] <= 1.001e-3
+    assert 1.8e-3 < sizes[-1] <= 2.002e-3
+    assert sizes.max() <= 1.001e-2
+    given_count = np.diff(two_sided(0.2, first, last, 50))
+    assert len(given_count) == 50
+    assert given_count[0] == pytest.approx(1e-3, rel=0.1)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    fine=st.floats(1e-4, 5e-3),
+    ratio=st.floats(1.0, 100.0),
+    keep=st.floats(0.0, 0.03),
+    length=st.floats(0.01, 1.0),
+    lead=st.floats(0.0, 1.0),
+)
+def test_nodes_ascend_and_respect_the_law(
+    fine: float, ratio: float, keep: float, length: float, lead: float
+) -> None:
+    law = size_law(fine, fine * ratio, keep, keep + 0.05)
+    law = SizeLaw(law.fine, law.coarse, law.keep, law.slope, lead * fine if lead > 0.01 else 0.0)
+    nodes = law.nodes(length)
+    sizes = np.diff(nodes)
+    assert nodes[0] == 0.0 and nodes[-1] == length
+    assert np.all(sizes > 0.0)
+    assert np.all(sizes <= law.size(nodes[1:]) * (1.0 + 1e-6))
+    assert len(sizes) == law.cells(length)

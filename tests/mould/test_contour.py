@@ -1,15 +1,25 @@
-"""Closed contours: the ray lands on the wall, moves with the point, and never falls through."""
+"""Rays against segments, by closed forms and never NaN, and against closed contours."""
 
 from __future__ import annotations
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from castfem.physics.mould import Contour, Sides, Straight, circle, rectangle
+from castfem.physics.mould import (
+    Circular,
+    Contour,
+    Parabolic,
+    PlaneWall,
+    Sides,
+    Straight,
+    circle,
+    rectangle,
+)
 
 A, B, R = 0.0625, 0.05, 0.005
 FRACTION = st.floats(0.0, 1.0)
@@ -162,3 +172,200 @@ def test_circle_seen_from_off_its_centre():
     along = m @ offset
     expected = -along + np.sqrt(along**2 - offset @ offset + 0.01) - 0.09
     assert wall.gap_function(offset + 0.09 * m, m).gap == pytest.approx(expected, rel=1e-12)
+
+
+UP = (0.0, 1.0)
+
+
+def reach(segment, point, normal):
+    """Gap and wall normal of one point."""
+    normal = np.array([normal], dtype=float) / np.hypot(*normal)
+    found = Contour([segment]).gap_function(np.array([point], dtype=float), normal)
+    return float(found.gap[0]), found.normal[0]
+
+
+def right_wall(x=1.0):
+    return Straight((x, -1.0), (x, 1.0))
+
+
+def test_straight_wall_seen_straight_and_askew():
+    gap, normal = reach(right_wall(), (0.25, 0.1), (1.0, 0.0))
+    assert gap == 0.75
+    assert normal == pytest.approx([1.0, 0.0], abs=1e-15)
+    gap, _ = reach(right_wall(), (0.25, -0.5), (1.0, 1.0))
+    assert gap == pytest.approx(0.75 * math.sqrt(2.0), rel=1e-14)
+
+
+def test_straight_wall_behind_a_penetrated_point():
+    gap, normal = reach(right_wall(), (1.125, 0.1), (1.0, 0.0))
+    assert gap == -0.125
+    assert normal == pytest.approx([1.0, 0.0], abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("point", "normal"),
+    [
+        ((0.0, 0.0), (0.0, 1.0)),  # runs along the wall
+        ((0.0, 0.0), (-1.0, 0.0)),  # the wall would be entered from behind
+        ((0.0, 0.9), (1.0, 1.0)),  # passes beyond its end
+        ((math.nan, 0.0), (1.0, 0.0)),
+        ((math.inf, 0.0), (1.0, 0.0)),
+    ],
+)
+def test_straight_wall_that_is_not_met(point, normal):
+    gap, found = reach(right_wall(), point, normal)
+    assert gap == math.inf
+    assert found == pytest.approx(np.array(normal) / np.hypot(*normal), rel=1e-14)
+
+
+@pytest.mark.parametrize("depth", [0.3, 1e-9, 0.0, -1e-9, -0.2])
+def test_arc_about_a_point_on_the_radius(depth):
+    """Along the radius the gap of a concentric arc is the difference of the radii."""
+    for radius, angle in product((0.005, 1.0, 1e4), (0.0, 0.3, 0.7)):
+        half = radius / math.sqrt(2.0)
+        arc = Circular((half, -half), (half, half), (0.0, 0.0))
+        ray = math.cos(angle), math.sin(angle)
+        inner = radius * (1.0 - depth)
+        gap, normal = reach(arc, (inner * ray[0], inner * ray[1]), ray)
+        assert gap == pytest.approx(radius * depth, rel=1e-12, abs=4e-16 * radius), (radius, angle)
+        assert normal == pytest.approx(ray, abs=1e-12), (radius, angle)
+
+
+def test_arc_of_other_curvature_than_the_strand():
+    """Strand corner of radius q about c inside a wall corner of radius r about C, along m."""
+    r, q, m = 0.005, 0.003, np.array([0.6, 0.8])
+    wall = Circular((0.0625, 0.0575), (0.0575, 0.0625), (0.0575, 0.0575))
+    c, centre = np.array([0.0590, 0.0588]), np.array([0.0575, 0.0575])
+    offset = c + q * m - centre
+    expected = -offset @ m + math.sqrt((offset @ m) ** 2 - offset @ offset + r * r)
+    gap, normal = reach(wall, c + q * m, m)
+    assert gap == pytest.approx(expected, rel=1e-12)
+    assert normal == pytest.approx((offset + expected * m) / r, abs=1e-12)
+
+
+def test_bulging_arc_is_met_on_its_near_side():
+    """A wall that bulges into the cavity: the ray enters the circle where it meets the wall."""
+    fillet = Circular((1.0, 1.0), (-1.0, 1.0), (0.0, 2.0))
+    radius = math.sqrt(2.0)
+    gap, normal = reach(fillet, (0.25, 0.0), UP)
+    assert gap == pytest.approx(2.0 - math.sqrt(radius**2 - 0.25**2), rel=1e-14)
+    assert normal == pytest.approx([-0.25 / radius, math.sqrt(1 - 0.25**2 / 2)], rel=1e-14)
+
+
+@pytest.mark.parametrize("x", [1.0, 1.0 - 1e-9, 1.0 + 1e-9, 1.2])
+def test_ray_tangent_to_an_arc_or_past_it_meets_nothing(x):
+    half = Circular((1.0, -0.5), (1.0, 0.5), (0.0, 0.0)).radius
+    arc = Circular((half, 0.0), (0.0, half), (0.0, 0.0))
+    gap, _ = reach(arc, (half * x, 0.1), UP)
+    assert gap == math.inf
+
+
+PARABOLA = Parabolic((1.0, 0.0), (0.0, 0.5), (-1.0, 0.0))  # y = (1 - x^2) / 2
+
+
+@pytest.mark.parametrize("x", [-1.0, -0.4, 0.0, 1e-9, 0.9, 1.0])
+def test_parabola_seen_along_its_axis(x):
+    gap, normal = reach(PARABOLA, (x, -0.3), UP)
+    assert gap == pytest.approx(0.5 * (1 - x * x) + 0.3, rel=1e-13)
+    assert normal == pytest.approx(np.array([x, 1.0]) / math.hypot(x, 1.0), abs=1e-12)
+
+
+def test_parabola_seen_askew():
+    """From the origin along (1, 1): x = (1 - x^2) / 2, so x = sqrt(2) - 1."""
+    gap, _ = reach(PARABOLA, (0.0, 0.0), (1.0, 1.0))
+    assert gap == pytest.approx(math.sqrt(2.0) * (math.sqrt(2.0) - 1.0), rel=1e-14)
+
+
+def test_parabola_behind_a_penetrated_point():
+    gap, _ = reach(PARABOLA, (0.5, 0.4), UP)
+    assert gap == pytest.approx(0.375 - 0.4, rel=1e-13)
+
+
+@pytest.mark.parametrize("bulge", [0.0, 1e-17, 1e-9])
+@pytest.mark.parametrize("ray", [(0.0, 1.0), (0.4, 1.0), (-1.0, 0.3)])
+def test_parabola_that_degenerates_to_a_line(bulge, ray):
+    nearly = Parabolic((1.0, 0.5), (0.0, 0.5 + bulge), (-1.0, 0.5))
+    line = Straight((1.0, 0.5), (-1.0, 0.5))
+    for x in (-0.3, 0.0, 0.6):
+        one, other = reach(nearly, (x, 0.45), ray), reach(line, (x, 0.45), ray)
+        assert one[0] == pytest.approx(other[0], abs=4.0 * bulge + 1e-14)
+        assert one[1] == pytest.approx(other[1], abs=4.0 * bulge + 1e-14)
+
+
+def test_parabola_with_its_middle_point_off_centre_still_lies_on_its_points():
+    skew = Parabolic((1.0, 0.0), (0.2, 0.6), (-1.0, 0.2))
+    for point in skew.points(9):
+        gap, _ = reach(skew, point - np.array([0.0, 0.25]), UP)
+        assert gap == pytest.approx(0.25, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("point", "ray"),
+    [
+        ((0.0, 0.5), (1.0, 0.0)),  # tangent at the top
+        ((0.0, 0.6), (1.0, 0.0)),  # no root at all
+        ((2.0, 0.0), (0.0, 1.0)),  # root beyond the end
+        ((0.0, 0.0), (0.0, -1.0)),  # wrong way round
+        ((0.0, math.nan), (0.0, 1.0)),
+    ],
+)
+def test_parabola_that_is_not_met(point, ray):
+    gap, normal = reach(PARABOLA, point, ray)
+    assert gap == math.inf
+    assert np.isfinite(normal).all()
+
+
+@pytest.mark.parametrize(
+    ("build", "words"),
+    [
+        (lambda: Straight((1.0, 1.0), (1.0, 1.0)), "two points"),
+        (lambda: Circular((1.0, 0.0), (0.0, 2.0), (0.0, 0.0)), "at 1 and 2 m"),
+        (lambda: Parabolic((1.0, 0.0), (0.9, 0.0), (-1.0, 0.0)), "turns back"),
+        (lambda: Contour([]), "at least one segment"),
+        (lambda: PlaneWall((0.0, 0.0), (0.0, 0.0)), "direction"),
+    ],
+)
+def test_impossible_segments_are_refused(build, words):
+    with pytest.raises(ValueError, match=words):
+        build()
+
+
+def test_plane_wall_of_any_slope_that_closes():
+    slope = np.array([3.0, 4.0]) / 5.0
+    wall = PlaneWall((0.6, 0.8), (3.0, 4.0), closing=0.1)
+    points = np.array([[0.0, 0.0], [0.9, 1.2], [5.0, -3.0]])
+    found = wall.gap_function(points, np.tile(slope, (3, 1)), 2.0)
+    assert found.gap == pytest.approx([0.8, -0.7, 0.8 - points[2] @ slope], rel=1e-13)
+    found = wall.gap_function(points[:1], np.array([[1.0, 0.0]]), 0.0)
+    assert found.gap[0] == pytest.approx(1.0 / 0.6, rel=1e-14)
+    assert wall.gap_function(points[:1], -slope[None], 0.0).gap[0] == math.inf
+
+
+def arc(radius, *angles, centre=(0.0, 0.0)):
+    """An arc of a radius about a centre from one angle to another."""
+    ends = [(centre[0] + radius * math.cos(a), centre[1] + radius * math.sin(a)) for a in angles]
+    return Circular(*ends, centre)
+
+
+@pytest.mark.parametrize(
+    ("segment", "sign"),
+    [
+        (right_wall(), 0),
+        (arc(1.5, -0.5, 0.5), 1),
+        (arc(1.5, math.pi + 0.5, math.pi - 0.5, centre=(2.5, 0.0)), -1),
+        (Parabolic((1.0, -0.5), (1.1, 0.1), (0.9, 0.6)), 1),
+        (Parabolic((1.0, -0.5), (0.9, 0.1), (1.0, 0.6)), -1),
+    ],
+)
+def test_curvature_is_how_fast_the_normal_turns(segment, sign):
+    contour, step = Contour([segment]), 1e-5
+    points = np.column_stack([np.full(6, 0.6), np.linspace(-0.2, 0.3, 6)])
+    right = np.broadcast_to([1.0, 0.0], points.shape)
+    found = [
+        contour.gap_function(points + np.array([0.0, move]), right) for move in (-step, 0.0, step)
+    ]
+    tangent = np.column_stack([-found[1].normal[:, 1], found[1].normal[:, 0]])
+    way = (found[2].gap - found[0].gap)[:, None] * right + np.array([0.0, 2.0 * step])
+    turn = np.einsum("ni,ni->n", found[2].normal - found[0].normal, tangent)
+    assert found[1].curvature == pytest.approx(turn / np.einsum("ni,ni->n", way, tangent), abs=1e-8)
+    assert (np.sign(found[1].curvature) == sign).all()

@@ -1,8 +1,15 @@
-"""`castfem mould`: the numbers it prints, the picture it draws, the mistakes it tells."""
+"""`castfem mould` and `castfem mould --hot`: numbers printed, pictures, files, mistakes."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import numpy as np
 import pytest
+
+from castfem.model import load_case
+from castfem.model.build_mould import build_mould
+from castfem.post.plots.mould import closed, radius_at
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -102,3 +109,101 @@ def test_a_picture_of_no_format_is_refused_before_a_run(command, work, castfem, 
         "castfem: m.doc: the name of a picture ends in .png, .pdf, .svg; to write into a folder, "
         "make it first",
     )
+
+
+TUBE = """
+[mould.tube]
+thickness = "10 mm"
+cell_size = "50 mm"
+cells_across = 1
+flux = "2 MW/m^2"
+"""
+
+
+def table(printed):
+    """Rows of the table of dimensions."""
+    lines = printed.splitlines()
+    start = next(i for i, line in enumerate(lines) if line.startswith("position [mm]"))
+    return [[float(cell) for cell in line.split()] for line in lines[start + 2 : start + 15]]
+
+
+def test_the_outline_that_is_drawn_is_that_of_the_mould():
+    """Its distortion is drawn 40 times as large, and so is what the outline misses of a face."""
+    case = load_case(Path(__file__).parents[2] / "cases" / "billet125" / "hot.toml")
+    cavity = build_mould(case.mould, case.section)
+    angle = np.linspace(-0.7, 0.7, 301)
+    radius = radius_at(closed(cavity, 0.3, 400), angle)
+    half = 0.5 * cavity.dimensions(0.3)["width"]
+    assert np.abs(radius * np.cos(angle) - half).max() < 1e-6
+
+
+@pytest.fixture
+def hot(castfem, write):
+    def _run(lines, *words):
+        path = write(lines + TUBE)
+        return path, castfem("mould", path, "--hot", *words)
+
+    return _run
+
+
+def test_cold_mould_with_the_wall_that_a_run_takes(hot, tmp_path):
+    """Width left out: at work it is the strand's at the meniscus, so the cold one is smaller."""
+    lines = 'taper = "1 %/m"\ncondition = "cold"\nwall_temperature = "160 degC"\n'
+    path, (status, out, _) = hot(lines)
+    assert status == 0
+    rows = table(out)
+    assert rows[0][0] == 0.0 and rows[-1][0] == 600.0
+    assert rows[0][2] == 125.0 and rows[0][1] < 124.95
+    assert all(row[1] < row[2] and row[3] < row[4] for row in rows)
+    assert (tmp_path / "case_hot.png").read_bytes().startswith(PNG)
+    assert "tube in case_hot.vtu" in out and (tmp_path / "case_hot.vtu").exists()
+    (tmp_path / "run.toml").write_text(
+        path.read_text().replace("taper", 'displacement = { file = "case_hot.csv" }\ntaper')
+    )
+    case = load_case(tmp_path / "run.toml")
+    mould = build_mould(case.mould, case.section)
+    for position, *sizes in rows:
+        found = mould.dimensions(1e-3 * position)
+        assert 1e3 * found["width"] == pytest.approx(sizes[1], abs=1e-3)
+        assert 1e3 * found["diagonal"] == pytest.approx(sizes[3], abs=1e-3)
+
+
+def test_sizes_of_a_cold_mould_are_kept(hot):
+    lines = 'width = "125 mm"\nheight = "125 mm"\ncondition = "cold"\nwall_temperature = "160 degC"'
+    _, (_, out, _) = hot(lines)
+    rows = table(out)
+    assert [row[1] for row in rows] == [125.0] * 13
+    assert all(0.05 < row[2] - 125.0 < 0.4 for row in rows)
+
+
+def test_mould_given_at_work_says_what_to_make(hot, tmp_path):
+    _, (_, out, _) = hot('taper = "1 %/m"')
+    rows = table(out)
+    assert rows[0][2] == 125.0 and rows[-1][2] == pytest.approx(124.254, abs=1e-3)
+    assert all(row[1] < row[2] for row in rows)
+    assert not (tmp_path / "case_hot.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("key", "given"),
+    [("flux", 'flux = "2 MW/m^2"'), ("hot_face", 'hot_face = "150 degC"\nwater_side = "100 degC"')],
+)
+def test_given_heat_has_no_strand_to_couple(castfem, write, key, given):
+    """The plain command says nothing of it: it was not asked."""
+    path = write(TUBE.replace('flux = "2 MW/m^2"', given))
+    status, out, _ = castfem("mould", path, "--coupled")
+    assert status == 0
+    assert out.startswith(f"mould.tube.{key} heats the tube: the strand is not run, nothing to rep")
+    _, out, _ = castfem("mould", path, "--hot")
+    assert "strand" not in out
+
+
+def test_copper_that_softens_is_told(hot):
+    _, (_, out, _) = hot("", "--set", "mould.tube.flux=7 MW/m^2")
+    assert "warning: above 400 degC the copper softens" in out
+
+
+def test_case_without_a_tube(castfem, write):
+    status, _, err = castfem("mould", write(), "--hot")
+    assert status == 1
+    assert "mould.tube: the table is missing; add [mould.tube]" in err and err.count("\n") == 1

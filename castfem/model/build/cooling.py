@@ -17,7 +17,7 @@ from castfem.base.tables import Table
 from castfem.base.types import Array
 from castfem.fem import reductions
 from castfem.model.cooling import Contact, over_temperature
-from castfem.model.heat_law import Extent, Surroundings
+from castfem.model.heat_law import Extent, HeatLaw, Surroundings
 from castfem.model.water import Supply, steel_per_length
 from castfem.physics.machine.machine import OverTime
 from castfem.physics.thermal import flux_laws
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from castfem.fem.section import Section
     from castfem.model import Case
     from castfem.model.build.secondary import SecondaryCooling
-    from castfem.model.heat_law import HeatLaw
     from castfem.physics.machine import Machine
     from castfem.physics.materials import Steel
 

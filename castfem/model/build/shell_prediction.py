@@ -18,7 +18,6 @@ from castfem.physics.machine.bulging.uneven import UnevenRolls
 from castfem.physics.machine.defects import out_of_line
 
 if TYPE_CHECKING:
-    from castfem.base.types import Array
     from castfem.model import Case
     from castfem.model.bulging import Bulging
     from castfem.physics.constitutive.base import Law

@@ -27,15 +27,10 @@ KINDS = ("colder", "hotter", "faster")
 
 @dataclass(frozen=True, slots=True)
 class DataRange:
-    """The conditions that the data behind a law cover; beyond them it is an extrapolation.
+    """The conditions that the data behind a law cover; beyond them it is an extrapolation."""
 
-    Attributes:
-        temperature: Lowest and highest, K.
-        rate: Lowest and highest strain rate, 1/s.
-    """
-
-    temperature: tuple[float, float]
-    rate: tuple[float, float]
+    temperature: tuple[float, float]  #: lowest and highest, K
+    rate: tuple[float, float]  #: lowest and highest strain rate, 1/s
 
     def beyond(self, temperature: Array, rate: Array) -> dict[str, Flags]:
         """Which points (n,) are colder, hotter or strained faster than the data, by kind."""
@@ -55,19 +50,12 @@ class DataRange:
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A parameter of a law over temperature, as a file gives it.
+    """A parameter of a law over temperature, as a file gives it."""
 
-    Attributes:
-        kind: Unit and bounds.
-        logarithmic: Between rows its logarithm is linear.
-        default: Without it the parameter is needed.
-        word: What may stand in its place, and does by default: the law finds it by itself.
-    """
-
-    kind: Kind
-    logarithmic: bool = False
-    default: float | None = None
-    word: str = ""
+    kind: Kind  #: unit and bounds
+    logarithmic: bool = False  #: between rows its logarithm is linear
+    default: float | None = None  #: without it the parameter is needed
+    word: str = ""  #: what may stand in its place, and does by default: the law finds it by itself
 
 
 class Given(Protocol):
@@ -88,42 +76,27 @@ class Given(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class MaterialStep:
-    """What happens to n points over one time step.
+    """What happens to n points over one time step."""
 
-    Attributes:
-        strain_increment: Total strain, Mandel, (n, 4).
-        thermal_increment: Isotropic thermal strain, (n,); already 0 for what happens in the
-            mushy zone and the liquid.
-        temperature_old: At the start, K, (n,).
-        temperature: At the end, K, (n,).
-        dt: Length of the step, s.
-    """
-
-    strain_increment: Array
+    strain_increment: Array  #: total strain, Mandel, (n, 4)
+    #: isotropic thermal strain, (n,); already 0 for what happens in the mushy zone and the liquid
     thermal_increment: Array
-    temperature_old: Array
-    temperature: Array
-    dt: float
+    temperature_old: Array  #: at the start, K, (n,)
+    temperature: Array  #: at the end, K, (n,)
+    dt: float  #: length of the step, s
 
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """What a law answers; its arrays may be used again for the next call.
+    """What a law answers; its arrays may be used again for the next call."""
 
-    Attributes:
-        stress: At the end of the step, Mandel, Pa, (n, 4).
-        tangent: d stress / d strain increment, consistent with the step, Pa, (n, 4, 4).
-        state: At the end, (n, states).
-        dissipation: Viscoplastic work over the step, J/m3, (n,), less what a back stress stores;
-            how much of it turns to heat is the caller's affair.
-        flows: Whether the point has flowed in this step, (n,).
-    """
-
-    stress: Array
-    tangent: Array
-    state: Array
+    stress: Array  #: at the end of the step, Mandel, Pa, (n, 4)
+    tangent: Array  #: d stress / d strain increment, consistent with the step, Pa, (n, 4, 4)
+    state: Array  #: at the end, (n, states)
+    #: viscoplastic work over the step, J/m3, (n,), less what a back stress stores; how much of it
+    #: turns to heat is the caller's affair
     dissipation: Array
-    flows: Flags
+    flows: Flags  #: whether the point has flowed in this step, (n,)
 
     @classmethod
     def empty(cls, points: int, states: int) -> Response:
@@ -149,38 +122,23 @@ class Response:
 
 @dataclass(frozen=True, slots=True)
 class StepChange:
-    """What a step is given, as it changes with k parameters, per unit of each.
+    """What a step is given, as it changes with k parameters, per unit of each."""
 
-    Attributes:
-        coefficients: Of the law (k, n, columns).
-        strain: Total strain increment (k, n, 4).
-        thermal: Thermal strain increment (k, n).
-        stress_old: Stress at the start (k, n, 4), Pa.
-        state_old: State at the start (k, n, states).
-        dt: Length of the step (k,), s.
-    """
-
-    coefficients: Array
-    strain: Array
-    thermal: Array
-    stress_old: Array
-    state_old: Array
-    dt: Array
+    coefficients: Array  #: of the law (k, n, columns)
+    strain: Array  #: total strain increment (k, n, 4)
+    thermal: Array  #: thermal strain increment (k, n)
+    stress_old: Array  #: stress at the start (k, n, 4), Pa
+    state_old: Array  #: state at the start (k, n, states)
+    dt: Array  #: length of the step (k,), s
 
 
 @dataclass(frozen=True, slots=True)
 class ResponseChange:
-    """Derivatives of what a law answers, per unit of k parameters.
+    """Derivatives of what a law answers, per unit of k parameters."""
 
-    Attributes:
-        stress: (k, n, 4), Pa.
-        state: (k, n, states).
-        dissipation: (k, n), J/m3.
-    """
-
-    stress: Array
-    state: Array
-    dissipation: Array
+    stress: Array  #: (k, n, 4), Pa
+    state: Array  #: (k, n, states)
+    dissipation: Array  #: (k, n), J/m3
 
     @classmethod
     def empty(cls, ways: int, points: int, states: int) -> ResponseChange:

@@ -68,30 +68,23 @@ class Freezing(Protocol):
 class Solidity:
     """How solid a point is.
 
-    Attributes:
-        solidus: Below it the steel is coherent solid, K.
-        fraction: Solid fraction over temperature in K; None where nothing is ever liquid.
-        stiffness_ratio: Young's modulus of the liquid over that of the solid.
-        mushy_zone: Between them the modulus goes geometrically or linearly with the solid
-            fraction; with "none" the mushy zone is as soft as the liquid down to the solidus; with
-            "skeleton" Young's modulus, Poisson's ratio and flow stress are the solid's times (S).
-        coherency: Solid fraction up to which the mushy zone is as soft as the liquid.
-        from_freezing: Count the strain of a step only from the moment of freezing on.
-        memory: Whether what is not solid keeps its stress from one step to the next.
-        coherent: Temperature below which steel keeps its stress in any case, K: the solidus, or
-            that at which the crystals of a skeleton begin to touch.
-
     Raises:
         ValueError: If a number is out of range.
     """
 
-    solidus: float = np.inf
+    solidus: float = np.inf  #: below it the steel is coherent solid, K
+    #: solid fraction over temperature in K; None where nothing is ever liquid
     fraction: Curve | None = None
-    stiffness_ratio: float = 1e-5
+    stiffness_ratio: float = 1e-5  #: Young's modulus of the liquid over that of the solid
+    #: between them the modulus goes geometrically or linearly with the solid fraction; with "none"
+    #: the mushy zone is as soft as the liquid down to the solidus; with "skeleton" Young's modulus,
+    #: Poisson's ratio and flow stress are the solid's times (S)
     mushy_zone: MushyZone = "geometric"
-    coherency: float = 0.0
-    from_freezing: bool = True
-    memory: bool = True
+    coherency: float = 0.0  #: solid fraction up to which the mushy zone is as soft as the liquid
+    from_freezing: bool = True  #: count the strain of a step only from the moment of freezing on
+    memory: bool = True  #: whether what is not solid keeps its stress from one step to the next
+    #: temperature below which steel keeps its stress in any case, K: the solidus, or that at which
+    #: the crystals of a skeleton begin to touch
     coherent: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

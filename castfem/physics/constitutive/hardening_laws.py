@@ -39,14 +39,11 @@ class Hardening(RadialReturn):
     (austenite) the hardening part is a back stress X along E, of the size of Kozlowski's at the
     equivalent strain of E, and flow is along the deviator of stress less X.  In tension and
     compression this is Kozlowski's law with its signed strain.
-
-    Attributes:
-        hardening: By which strain.
-        recovery_time: tau over temperature in K, s, of dp = dp_vp - p/tau dt (of E likewise); None
-            for no recovery.
     """
 
+    #: by which strain
     hardening: Literal["accumulated", "signed"] = field(default="accumulated", kw_only=True)
+    #: tau over temperature in K, s, of dp = dp_vp - p/tau dt (of E likewise); None for no recovery
     recovery_time: Curve | None = field(default=None, kw_only=True)
 
     parameters: ClassVar[Mapping[str, Parameter]] = {"recovery_time": _RECOVERY}

@@ -15,15 +15,12 @@ from castfem.physics.coupling.step_control import StepControl
 
 @dataclass(frozen=True, slots=True)
 class WindowLimits:
-    """Down to which length a window is cut back.
+    """Down to which length a window is cut back."""
 
-    Attributes:
-        shortest: Of the window of the case: cut back no further for a gap that does not converge,
-            or for a state beyond the range of the model, where a shorter window ends, too.
-        fine: s: a window this short is not cut back for its error, however long others may be.
-    """
-
+    #: of the window of the case: cut back no further for a gap that does not converge, or for a
+    #: state beyond the range of the model, where a shorter window ends, too
     shortest: float = 0.02
+    #: s: a window this short is not cut back for its error, however long others may be
     fine: float = 0.1
 
 

@@ -24,19 +24,12 @@ CELLS = 4  # of the grid on which pieces are looked up, for each piece
 
 @dataclass(frozen=True, slots=True)
 class CurvePoint:
-    """State at given enthalpies; all arrays have the shape of the enthalpy handed in.
+    """State at given enthalpies; all arrays have the shape of the enthalpy handed in."""
 
-    Attributes:
-        temperature: T, K.
-        temperature_slope: dT/dH, K m3/J; zero where freezing is isothermal.
-        conduction: theta(T) = integral of k dT from the curve's datum, W/m.
-        conduction_slope: dtheta/dH = k dT/dH, m2/s (the effective diffusivity).
-    """
-
-    temperature: Array
-    temperature_slope: Array
-    conduction: Array
-    conduction_slope: Array
+    temperature: Array  #: T, K
+    temperature_slope: Array  #: dT/dH, K m3/J; zero where freezing is isothermal
+    conduction: Array  #: theta(T) = integral of k dT from the curve's datum, W/m
+    conduction_slope: Array  #: dtheta/dH = k dT/dH, m2/s (the effective diffusivity)
 
 
 class ThermalCurve:

@@ -23,14 +23,11 @@ from castfem.physics.materials.iron_carbon import Side
 class EnthalpyTable:
     """Linear between the rows, and beyond them by the slope of the first and the last piece.
 
-    Attributes:
-        table: Enthalpy over temperature, J/kg.
-
     Raises:
         ValueError: The enthalpy does not increase from row to row.
     """
 
-    table: Table
+    table: Table  #: enthalpy over temperature, J/kg
     jumps: tuple[float, ...] = ()
     curved: bool = False
 

@@ -93,15 +93,10 @@ class DifferentialExpansion:
 
 @dataclass(frozen=True, slots=True)
 class MeanExpansion:
-    """Table of the mean coefficient since a temperature of its own (often 20 degC).
+    """Table of the mean coefficient since a temperature of its own (often 20 degC)."""
 
-    Args:
-        coefficient: Mean coefficient, 1/K.
-        origin: Temperature at which its length counts as 1, K.
-    """
-
-    coefficient: Table
-    origin: float
+    coefficient: Table  #: mean coefficient, 1/K
+    origin: float  #: temperature at which its length counts as 1, K
     curved: bool = True
 
     @property
@@ -142,12 +137,9 @@ class ChandraExpansion:
 
     Wray's specific volume of a pure phase gives the volume of its cell, the carbon in the phase
     widens the cell edge, and the volumes of the phases add up by mass fraction.
-
-    Args:
-        diagram: Iron-carbon diagram of the steel.
     """
 
-    diagram: Diagram
+    diagram: Diagram  #: iron-carbon diagram of the steel
     curved: bool = True
 
     @property

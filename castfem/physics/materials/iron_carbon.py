@@ -172,18 +172,13 @@ class IronCarbon:
     meet; what they freeze to there is on the lines of the solids. In truth alloying spreads the
     peritectic over some 10 K.
 
-    Args:
-        carbon: Carbon content, wt%, from 0 to 2.11; a trace below 1e-6 counts as none.
-        lines: Of the diagram; by default the straight ones of the thesis.
-        peritectic: Temperature of the peritectic reaction, K.
-
     Raises:
         ValueError: If the carbon content is out of range or the points are out of order.
     """
 
-    carbon: float
-    lines: Lines = PASCON
-    peritectic: float = PASCON.liquid_delta.last[0]
+    carbon: float  #: carbon content, wt%, from 0 to 2.11; a trace below 1e-6 counts as none
+    lines: Lines = PASCON  #: of the diagram; by default the straight ones of the thesis
+    peritectic: float = PASCON.liquid_delta.last[0]  #: temperature of the peritectic reaction, K
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.carbon <= MAX_CARBON:

@@ -75,20 +75,17 @@ def written(composition: Mapping[str, float]) -> str:
 class PhaseTable:
     """Mass fractions, carbon and heat over temperature.
 
-    Attributes:
-        header: Where it comes from, see `HEADER`; perhaps `outside`, what the database does not
-            state to cover.
-        temperature: Rows (n,), K, rising; a jump is a temperature that stands twice.
-        columns: `FRACTIONS` (sum 1), `CARBON` (wt%, NaN where there is none of the phase), and
-            `HEAT` (J/kg, 0 in the first row; J/(kg K), that of transformations left out), (n,)
-            each. `carbon_gamma` is that of all solid but delta ferrite.
-
     Raises:
         ValueError: The table is not of this kind.
     """
 
+    #: where it comes from, see `HEADER`; perhaps `outside`, what the database does not state to
+    #: cover
     header: Mapping[str, str]
-    temperature: Array
+    temperature: Array  #: rows (n,), K, rising; a jump is a temperature that stands twice
+    #: `FRACTIONS` (sum 1), `CARBON` (wt%, NaN where there is none of the phase), and `HEAT` (J/kg,
+    #: 0 in the first row; J/(kg K), that of transformations left out), (n,) each. `carbon_gamma` is
+    #: that of all solid but delta ferrite.
     columns: Mapping[str, Array]
 
     def __post_init__(self) -> None:

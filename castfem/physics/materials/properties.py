@@ -43,16 +43,11 @@ class Property(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ByFormula:
-    """A named formula with its parameters, by phase if it needs the iron-carbon diagram.
+    """A named formula with its parameters, by phase if it needs the iron-carbon diagram."""
 
-    Args:
-        formula: From `castfem.physics.materials.formulas.FORMULAS`.
-        parameters: Values of all its parameters, SI.
-        diagram: Iron-carbon diagram of the steel, for a formula that goes by phase.
-    """
-
-    formula: Formula
-    parameters: Mapping[str, float]
+    formula: Formula  #: from `castfem.physics.materials.formulas.FORMULAS`
+    parameters: Mapping[str, float]  #: values of all its parameters, SI
+    #: iron-carbon diagram of the steel, for a formula that goes by phase
     diagram: Diagram | None = None
 
     def __post_init__(self) -> None:

@@ -39,14 +39,10 @@ class LinearFraction:
     """Solid fraction linear from solidus to liquidus (12); a step where they coincide.
 
     They do where they are less than `NARROWEST` apart: it freezes at the liquidus then.
-
-    Args:
-        solidus: K.
-        liquidus: K, not below the solidus.
     """
 
-    solidus: float
-    liquidus: float
+    solidus: float  #: K
+    liquidus: float  #: K, not below the solidus
     curved: bool = False
     span: tuple[float, float] = (0.0, np.inf)
 
@@ -79,13 +75,11 @@ class LinearFraction:
 class TableFraction:
     """Solid fraction from a table that falls from 1 at the solidus to 0 at the liquidus.
 
-    Args:
-        table: Over temperature from the solidus to the liquidus: 1 first and 0 last, never rising.
-
     Raises:
         ValueError: If the table is not of this kind.
     """
 
+    #: over temperature from the solidus to the liquidus: 1 first and 0 last, never rising
     table: Table
     jumps: tuple[float, ...] = ()
     curved: bool = False
@@ -124,13 +118,9 @@ class TableFraction:
 
 @dataclass(frozen=True, slots=True)
 class LeverFraction:
-    """Solid fraction of the iron-carbon equilibrium, peritectic jump included.
+    """Solid fraction of the iron-carbon equilibrium, peritectic jump included."""
 
-    Args:
-        diagram: Iron-carbon diagram of the steel.
-    """
-
-    diagram: Diagram
+    diagram: Diagram  #: iron-carbon diagram of the steel
     curved: bool = True
     span: tuple[float, float] = (0.0, np.inf)
 

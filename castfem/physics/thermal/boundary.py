@@ -23,14 +23,11 @@ from castfem.physics.thermal.flux_laws import PrescribedTemperature, SurfaceLaw
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """The owned surface vertices of some boundary groups.
+    """The owned surface vertices of some boundary groups."""
 
-    Attributes:
-        dofs: Their degrees of freedom (n,). weights: Share of the perimeter of each (n,), m; of one
-            that moves, as it is now and times its thickness.
-    """
-
-    dofs: npt.NDArray[np.int64]
+    dofs: npt.NDArray[np.int64]  #: their degrees of freedom (n,)
+    #: share of the perimeter of each (n,), m; of one that moves, as it is now and times its
+    #: thickness
     weights: Array
 
 
@@ -103,14 +100,11 @@ class Surface:
 
 @dataclass(slots=True)
 class Cooling:
-    """What cools the surface in one zone.
+    """What cools the surface in one zone."""
 
-    Attributes:
-        laws: Pairs of a patch and the law that holds there; laws on one patch add up (36).
-        prescribed: Pairs of a patch and its given temperature.
-    """
-
+    #: pairs of a patch and the law that holds there; laws on one patch add up (36)
     laws: list[tuple[Patch, SurfaceLaw]]
+    #: pairs of a patch and its given temperature
     prescribed: list[tuple[Patch, PrescribedTemperature]] = field(default_factory=list)
 
     def ambient_range(self, time: float) -> tuple[float, float]:

@@ -44,19 +44,12 @@ Value = float | Callable[[float], float]
 
 @dataclass(frozen=True, slots=True)
 class MouldFlux:
-    """A published heat flux of moulds over the time that the strand has been in them.
+    """A published heat flux of moulds over the time that the strand has been in them."""
 
-    Attributes:
-        formula: W/m2 at a time since the meniscus, s.
-        until: End of its range, s.
-        kinks: Where its slope jumps, s.
-        source: Whose it is, and where it was read.
-    """
-
-    formula: Callable[[float], float]
-    until: float
-    kinks: tuple[float, ...]
-    source: str
+    formula: Callable[[float], float]  #: W/m2 at a time since the meniscus, s
+    until: float  #: end of its range, s
+    kinks: tuple[float, ...]  #: where its slope jumps, s
+    source: str  #: whose it is, and where it was read
 
     @property
     def checked(self) -> bool:
@@ -106,14 +99,10 @@ def li_thomas(time: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class CoefficientCurve:
-    """A coefficient of contact that changes on the way or with the temperature.
+    """A coefficient of contact that changes on the way or with the temperature."""
 
-    Attributes:
-        value: W/(m2 K), over the time since the meniscus, s.
-        over_temperature: Instead of it, over surface temperatures (n,), K.
-    """
-
-    value: Value = 0.0
+    value: Value = 0.0  #: W/(m2 K), over the time since the meniscus, s
+    #: instead of it, over surface temperatures (n,), K
     over_temperature: Callable[[Array], Array] | None = None
 
     def of(self, temperature: Array, time: float, wall: float) -> tuple[Array, Array]:
@@ -123,14 +112,10 @@ class CoefficientCurve:
 
 @dataclass(frozen=True, slots=True)
 class FluxCurve:
-    """The coefficient that a measured flux of good contact stands for.
+    """The coefficient that a measured flux of good contact stands for."""
 
-    Attributes:
-        value: W/m2, over the time since the meniscus, s.
-        over_temperature: Instead of it, over surface temperatures (n,), K.
-    """
-
-    value: Value = 0.0
+    value: Value = 0.0  #: W/m2, over the time since the meniscus, s
+    #: instead of it, over surface temperatures (n,), K
     over_temperature: Callable[[Array], Array] | None = None
 
     def of(self, temperature: Array, time: float, wall: float) -> tuple[Array, Array]:

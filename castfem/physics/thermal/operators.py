@@ -42,19 +42,13 @@ def direct_options(ranks: int) -> dict[str, object]:
 
 @dataclass(frozen=True, slots=True)
 class Operators:
-    """What all heat balances on a section share, of whatever steel.
+    """What all heat balances on a section share, of whatever steel."""
 
-    Attributes:
-        laplacian: Of the section, L. area: Of each owned vertex (owned,), m2.
-        conduction: Form of L, for a slice that moves; None if it does not.
-        theta: Vector to compute with. work: Likewise.
-    """
-
-    laplacian: PETSc.Mat
-    area: Array
-    conduction: fem.Form | None
-    theta: PETSc.Vec
-    work: PETSc.Vec
+    laplacian: PETSc.Mat  #: of the section, L
+    area: Array  #: of each owned vertex (owned,), m2
+    conduction: fem.Form | None  #: form of L, for a slice that moves; None if it does not
+    theta: PETSc.Vec  #: vector to compute with
+    work: PETSc.Vec  #: likewise
 
     @classmethod
     def on(cls, section: Section, shape: Shape | None) -> Operators:

@@ -63,41 +63,28 @@ OF_STEP = 2e-4
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """Result of one implicit stage.
+    """Result of one implicit stage."""
 
-    Attributes:
-        enthalpy: H at the owned vertices (owned,), J/m3. rate: dH/dt (owned,), W/m3.
-        point: Temperature and slopes that belong to the solution.
-        out: Heat that leaves through this rank's part of the surface, W/m.
-        generated: Heat that appears inside this rank's part of the section, W/m.
-        result: How the solver ended. tau: Its coefficient, s. time: Since the meniscus, s.
-    """
-
-    enthalpy: Array
-    rate: Array
-    point: CurvePoint
-    out: float
-    generated: float
-    result: SolveResult
-    tau: float
-    time: float
+    enthalpy: Array  #: H at the owned vertices (owned,), J/m3
+    rate: Array  #: dH/dt (owned,), W/m3
+    point: CurvePoint  #: temperature and slopes that belong to the solution
+    out: float  #: heat that leaves through this rank's part of the surface, W/m
+    generated: float  #: heat that appears inside this rank's part of the section, W/m
+    result: SolveResult  #: how the solver ended
+    tau: float  #: its coefficient, s
+    time: float  #: since the meniscus, s
 
 
 @dataclass(frozen=True, slots=True)
 class _State:
-    """What `ThermalProblem` knows at one enthalpy.
-
-    Attributes:
-        flow: Heat that leaves each vertex (owned,), W/m; slope: its part by the surface, d/dT.
-        out: Heat that leaves this rank's surface, W/m; gross: the same without regard to sign.
-    """
+    """What `ThermalProblem` knows at one enthalpy."""
 
     enthalpy: Array
     point: CurvePoint
-    flow: Array
-    slope: Array
-    out: float
-    gross: float
+    flow: Array  #: heat that leaves each vertex (owned,), W/m
+    slope: Array  #: its part by the surface, d/dT
+    out: float  #: heat that leaves this rank's surface, W/m
+    gross: float  #: the same without regard to sign
 
 
 class ThermalProblem:

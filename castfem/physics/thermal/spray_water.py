@@ -26,18 +26,13 @@ Coefficient = Callable[[Array, Array], Array]
 class CoefficientTable:
     """h(T, W) in rows and columns: bilinear between them, beyond them as at their end.
 
-    Attributes:
-        temperatures: Of the surface, increasing (t,), K.
-        water: Flows per area, increasing from 0 (w,), kg/(m2 s).
-        values: h (t, w), W/m2K.
-
     Raises:
         ValueError: They do not fit or do not increase.
     """
 
-    temperatures: tuple[float, ...]
-    water: tuple[float, ...]
-    values: tuple[tuple[float, ...], ...] = field(repr=False)
+    temperatures: tuple[float, ...]  #: of the surface, increasing (t,), K
+    water: tuple[float, ...]  #: flows per area, increasing from 0 (w,), kg/(m2 s)
+    values: tuple[tuple[float, ...], ...] = field(repr=False)  #: h (t, w), W/m2K
 
     def __post_init__(self) -> None:
         for name, axis in (("temperatures", self.temperatures), ("water", self.water)):
@@ -79,16 +74,11 @@ class OfCorrelation:
 
     Below the least flow that it was measured for h falls to 0 with the flow: without water there is
     none of it, and at the edge of a spray nothing jumps.
-
-    Attributes:
-        correlation: The formula.
-        water_temperature: K.
-        machine_factor: Divides the coefficient.
     """
 
-    correlation: Correlation
-    water_temperature: float
-    machine_factor: float = 1.0
+    correlation: Correlation  #: the formula
+    water_temperature: float  #: K
+    machine_factor: float = 1.0  #: divides the coefficient
 
     def __call__(self, water: Array, surface: Array) -> Array:
         """See `Coefficient`."""
@@ -117,19 +107,12 @@ def water_across(places: Array, nozzles: Sequence[float], width: float, edge: fl
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """What a row of nozzles adds to the water of a face.
+    """What a row of nozzles adds to the water of a face."""
 
-    Attributes:
-        water: On each vertex for a flow of 1 m3/s through the circuit (n,), kg/(m2 s).
-        flow: Of the circuit over time, m3/s.
-        most: The largest, m3/s.
-        coefficient: h of its model of nozzle.
-    """
-
-    water: Array
-    flow: Callable[[float], float]
-    most: float
-    coefficient: Coefficient
+    water: Array  #: on each vertex for a flow of 1 m3/s through the circuit (n,), kg/(m2 s)
+    flow: Callable[[float], float]  #: of the circuit over time, m3/s
+    most: float  #: the largest, m3/s
+    coefficient: Coefficient  #: h of its model of nozzle
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,14 +121,10 @@ class SprayWater(SurfaceLaw):
 
     Nozzles of several models: h is the mean of theirs, each at the sum of the water, weighted with
     its share of it.
-
-    Attributes:
-        rows: What each adds.
-        water_temperature: K.
     """
 
-    rows: tuple[Share, ...]
-    water_temperature: float
+    rows: tuple[Share, ...]  #: what each adds
+    water_temperature: float  #: K
 
     def flows(self, time: float) -> list[Array]:
         """Water of each row at a time, kg/(m2 s) (n,)."""
@@ -215,16 +194,11 @@ def _least_rise(
 
 @dataclass(frozen=True, slots=True)
 class RollShare(SurfaceLaw):
-    """Heat to a roll as a share of what its pitch loses in all ([Meng2003]).
+    """Heat to a roll as a share of what its pitch loses in all ([Meng2003])."""
 
-    Attributes:
-        share: Of the roll.
-        length: Of contact, m.
-        beside: Length, m, and law of all else that cools the pitch.
-    """
-
-    share: float
-    length: float
+    share: float  #: of the roll
+    length: float  #: of contact, m
+    #: length, m, and law of all else that cools the pitch
     beside: tuple[tuple[float, SurfaceLaw], ...]
 
     def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:

@@ -28,22 +28,16 @@ WENDELSTORF_EXCESS = (180.0, 1100.0)  # K
 
 @dataclass(frozen=True, slots=True)
 class Correlation:
-    """A published correlation.
+    """A published correlation."""
 
-    Attributes:
-        formula: The coefficient.
-        water: Least and largest flow that it was measured for, L/(m2 s).
-        surface: Coldest and hottest surface of the measurements, K; of `wendelstorf`, of its
-            excess over the water.
-        excess: Whether it is the excess.
-        held: What is taken beyond the largest flow; empty: the formula is extrapolated.
-    """
-
-    formula: Formula
+    formula: Formula  #: the coefficient
+    #: least and largest flow that it was measured for, L/(m2 s)
     water: tuple[float, float] = (0.0, math.inf)
+    #: coldest and hottest surface of the measurements, K; of `wendelstorf`, of its excess over the
+    #: water
     surface: tuple[float, float] = (0.0, math.inf)
-    excess: bool = False
-    held: str = ""
+    excess: bool = False  #: whether it is the excess
+    held: str = ""  #: what is taken beyond the largest flow; empty: the formula is extrapolated
 
     def coefficient(
         self, water: Flow, water_temperature: float, machine_factor: float, surface: Array

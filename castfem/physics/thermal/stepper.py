@@ -65,57 +65,40 @@ RANGE, DAMPING = RangeLimits(), Damping()
 
 @dataclass(frozen=True, slots=True)
 class ThermalState:
-    """The committed thermal state.
+    """The committed thermal state."""
 
-    Attributes:
-        time: Since the meniscus, s. enthalpy: H (owned,), J/m3. rate: dH/dt (owned,), W/m3.
-        point: T(H) and its companions. removed: Heat removed since the meniscus from the modelled
-            part, J/m.
-        extremes: Coldest and hottest vertex of the section, K.
-        generated: Heat generated inside the modelled part since the meniscus, J/m.
-        next_rate: dH/dt with which the next step is expected to begin (owned,), W/m3.
-        allowed: Coldest and hottest that the data have allowed since the meniscus, K; None before
-            the first step.
-        filled: Volume that the vertices' steel fills, over the undeformed one (owned,); empty
-            where nothing moves.
-        fed: Heat that liquid has brought along as it was fed (negative: colder than poured), J/m.
-    """
-
-    time: float
-    enthalpy: Array
-    rate: Array
-    point: CurvePoint
-    removed: float
-    extremes: tuple[float, float]
-    generated: float
-    next_rate: Array
+    time: float  #: since the meniscus, s
+    enthalpy: Array  #: H (owned,), J/m3
+    rate: Array  #: dH/dt (owned,), W/m3
+    point: CurvePoint  #: T(H) and its companions
+    removed: float  #: heat removed since the meniscus from the modelled part, J/m
+    extremes: tuple[float, float]  #: coldest and hottest vertex of the section, K
+    generated: float  #: heat generated inside the modelled part since the meniscus, J/m
+    next_rate: Array  #: dH/dt with which the next step is expected to begin (owned,), W/m3
+    #: coldest and hottest that the data have allowed since the meniscus, K; None before the first
+    #: step
     allowed: tuple[float, float] | None = None
+    #: volume that the vertices' steel fills, over the undeformed one (owned,); empty where nothing
+    #: moves
     filled: Array = field(default_factory=lambda: np.zeros(0))
+    #: heat that liquid has brought along as it was fed (negative: colder than poured), J/m
     fed: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class StepResult:
-    """One attempted step.
+    """One attempted step."""
 
-    Attributes:
-        converged: Whether the solver succeeded; if not, `state` is the old one.
-        state: The new state. error: Estimated temperature error of the step, K (largest vertex).
-        newton: Newton iterations. limited: Whether the second-order step left the physical bounds,
-            or would have come back, and backward Euler was taken instead. reason: The solver's
-            word.
-        balance: (heat out + change of enthalpy - heat generated) over the largest.
-        stages: That led to the new state: two of the second-order scheme, or parts of backward
-            Euler.
-    """
-
-    converged: bool
-    state: ThermalState
-    error: float
-    newton: int
+    converged: bool  #: whether the solver succeeded; if not, `state` is the old one
+    state: ThermalState  #: the new state
+    error: float  #: estimated temperature error of the step, K (largest vertex)
+    newton: int  #: Newton iterations
+    #: whether the second-order step left the physical bounds, or would have come back, and backward
+    #: Euler was taken instead
     limited: bool
-    reason: str
-    balance: float
+    reason: str  #: the solver's word
+    balance: float  #: (heat out + change of enthalpy - heat generated) over the largest
+    #: that led to the new state: two of the second-order scheme, or parts of backward Euler
     stages: tuple[Stage, ...] = ()
 
 

@@ -28,7 +28,6 @@ from castfem.studies.optimisation.optimum import (
 
 if TYPE_CHECKING:
     from castfem.model import Case
-    from castfem.studies.optimisation.optimum import Front
 
 
 _FAR = " (which bars better places)"  # a constraint that binds, but not where the optimum is

@@ -13,7 +13,6 @@ import numpy as np
 
 from castfem.base.atomic_files import write_text
 from castfem.base.constants import ZERO_CELSIUS
-from castfem.base.libraries import own_matplotlib
 from castfem.base.result_registry import probe_label
 from castfem.base.shown_units import place_said, plain_unit, said, scale_of, shown_in
 from castfem.base.table import pairs
@@ -24,9 +23,9 @@ from castfem.model.quality import band_of
 from castfem.model.shipped_cases import CASE_NAME
 from castfem.model.shown_units import units_of
 from castfem.physics.machine.side import Side
-from castfem.post.html.graphics import FRAME, marks, ticks
+from castfem.post.html.graphics import FRAME, marks, palette, ticks
 from castfem.post.html.page import case_text, json_of, provenance, template, text_of
-from castfem.post.plots.strand_maps import SURFACE, mapped
+from castfem.post.plots.caster_figures import SURFACE, mapped
 from castfem.post.plots.style import probe_colours
 from castfem.post.report.caster import answers
 from castfem.post.report.show import how_it_ended
@@ -41,7 +40,6 @@ from castfem.runs.output.run_record import RunRecord
 
 _INSTANTS, _PIECES = 240, 160
 """Of a page, at most: instants, and pieces of the strand seen from its side."""
-_SHADES = 24
 _WIDE = 520.0  # of the side view, pixels
 
 
@@ -72,11 +70,6 @@ def _content(folder: Path, case: Case) -> dict[str, Any]:
     panels = list(_panels(shown, case))
     length, along = case.casting.length, scale_of("m", "position")
     across = marks(0.0, float(along(length)))
-
-    def place_x(value: float) -> float:
-        inner = FRAME.width - FRAME.left - FRAME.right
-        return FRAME.left + inner * value / float(along(length))
-
     count = len(caster["time"])
     chosen = np.unique(np.linspace(0, count - 1, min(count, _INSTANTS)).round().astype(int))
     instants = [
@@ -91,14 +84,16 @@ def _content(folder: Path, case: Case) -> dict[str, Any]:
     data = {
         "instants": instants, "heads": heads, "pool": pool, "length": float(along(length)),
         "panels": [{"names": [c[0] for c in p.curves], "limits": p.limits} for p in panels],
-        "palette": _palette(),
+        "palette": palette("inferno"),
     }  # fmt: skip
     record = RunRecord.load(folder)
     return {
         "title": case.title, "status": how_it_ended(record), "css": text_of("report.css"),
         "script": text_of("caster.js"), "answers": answers(folder, case), "panels": panels,
         "heads": heads, "begin": int(np.argmax(np.nan_to_num(ends, nan=-1.0))),  # the longest pool
-        "across": ticks([v for v in across if v <= along(length)], place_x),
+        "across": ticks(
+            [v for v in across if v <= along(length)], FRAME.across(0.0, float(along(length)))
+        ),
         "along": plain_unit(along.unit), "size": FRAME, "side": _side_view(case),
         "data": json_of(data), "pictures": list(_pictures(folder)),
         "provenance": pairs(provenance(folder, record)), "case": case_text(folder),
@@ -143,19 +138,14 @@ def _panels(shown: dict[str, Array], case: Case) -> Iterator[Panel]:
             for name in names
         )
         title = f"{label} [{plain_unit(unit)}]" if plain_unit(unit) else label
-        yield Panel(title, curves, ticks(up, _up(limits)), limits, band)
-
-
-def _up(limits: tuple[float, float]) -> Any:
-    low, high = limits
-    inner = FRAME.height - FRAME.top - FRAME.bottom
-    return lambda value: FRAME.height - FRAME.bottom - inner * (value - low) / (high - low)
+        yield Panel(title, curves, ticks(up, FRAME.up(*limits)), limits, band)
 
 
 def _places_up(ends: Any, limits: tuple[float, float]) -> tuple[float, float]:
     """Top and bottom of a band in the drawing."""
     low, high = (float(np.clip(end, *limits)) for end in ends)
-    return float(_up(limits)(high)), float(_up(limits)(low))
+    place = FRAME.up(*limits)
+    return float(place(high)), float(place(low))
 
 
 def _instant(
@@ -203,13 +193,6 @@ def _side_view(case: Case) -> dict[str, Any] | None:
         "pieces": [text(outline) for outline in outlines],
         "at": [_rounded(metre(0.5 * (a + b))) for a, b in pairwise(ends)],
     }  # fmt: skip
-
-
-def _palette() -> list[str]:
-    colormaps = own_matplotlib().colormaps
-    from matplotlib.colors import to_hex
-
-    return [to_hex(colormaps["inferno"](i / (_SHADES - 1))) for i in range(_SHADES)]
 
 
 def _pictures(folder: Path) -> Iterator[str]:

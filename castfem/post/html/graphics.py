@@ -18,6 +18,7 @@ from castfem.base.result_registry import probe_label
 from castfem.base.shown_units import documented, place_said, plain_unit, scale_of
 from castfem.post.compare.figures import Curve, Panel, engineering, figures
 from castfem.post.compare.runs import Run
+from castfem.post.plots.section import MIRRORED
 from castfem.post.plots.style import probe_colours
 from castfem.runs.output.field_files import HDF5_NAME
 from castfem.runs.output.fields import Fields
@@ -35,6 +36,16 @@ class Frame:
     right: int = 12
     top: int = 10
     bottom: int = 40
+
+    def across(self, low: float, high: float) -> Callable[[float], float]:
+        """What places values between two limits along the horizontal axis."""
+        inner = self.width - self.left - self.right
+        return lambda value: self.left + inner * (value - low) / (high - low)
+
+    def up(self, low: float, high: float) -> Callable[[float], float]:
+        """What places values between two limits along the vertical axis."""
+        inner = self.height - self.top - self.bottom
+        return lambda value: self.height - self.bottom - inner * (value - low) / (high - low)
 
 
 FRAME = Frame()
@@ -152,16 +163,7 @@ def chart(title: str, label: str, series: Sequence[Series], *, zero: bool) -> Ch
     low, high = _span(min(low, 0.0) if zero else low, high)
     across, up = marks(left, right), marks(low, high)
     low, high = min(low, up[0]), max(high, up[-1])
-
-    inner_width = FRAME.width - FRAME.left - FRAME.right
-    inner_height = FRAME.height - FRAME.top - FRAME.bottom
-
-    def place_x(value: float) -> float:
-        return FRAME.left + inner_width * (value - left) / (right - left)
-
-    def place_y(value: float) -> float:
-        return FRAME.height - FRAME.bottom - inner_height * (value - low) / (high - low)
-
+    place_x, place_y = FRAME.across(left, right), FRAME.up(low, high)
     return Chart(
         title,
         label,
@@ -224,7 +226,6 @@ def _rounded(values: NDArray[np.float64]) -> list[float | None]:
 _SHOWN = {"temperature": "inferno", "von_mises": "viridis", "solid_fraction": "cividis"}
 _SCALED = {"K": ("degC", 1.0, -ZERO_CELSIUS), "Pa": ("MPa", 1e-6, 0.0), "-": ("", 1.0, 0.0)}
 _CORNERS = {"triangle": 3, "quadrilateral": 4}
-_MIRRORS = {"quarter": ((1, 1), (-1, 1), (-1, -1), (1, -1)), "half": ((1, 1), (-1, 1))}
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,7 +296,7 @@ def _read(folder: Path, runs: int) -> tuple[Section, dict[str, NDArray[np.float6
         shown = {name: _values(fields, name, corners, chosen) for name in names}
         positions = [float(fields.positions[i]) for i in chosen]
         words = tuple(place_said(one, near=".0f", beyond=np.inf) for one in positions)
-        mirrors = _MIRRORS.get(_part(fields), ((1, 1),))
+        mirrors = MIRRORED.get(_part(fields), ((1, 1),))
         return Section(box, mirrors, polygons, axes, words, start, ()), shown
 
 
@@ -349,25 +350,31 @@ def _values(
     return found
 
 
+def palette(name: str, shades: int = 24) -> list[str]:
+    """Colours of a scale, from its lower end on."""
+    colours = own_matplotlib().colormaps[name]
+    from matplotlib.colors import to_hex
+
+    return [to_hex(colours(i / (shades - 1))) for i in range(shades)]
+
+
 def _field(
     name: str, values: NDArray[np.float64], low: float, high: float, start: int
 ) -> dict[str, Any]:
     """A field (places, cells) in a scale of colours between two limits."""
-    colormaps = own_matplotlib().colormaps
-    from matplotlib.colors import to_hex
-
     scale = scale_of(_SCALED[UNITS[name]][0], name)
     if high - low < 1e-9 * max(1.0, abs(high)):
         high = low + 1.0
     levels = np.round(65535 * (values - low) / (high - low)).astype("<u2")
-    palette, shades = colormaps[_SHOWN[name]], 24
+    shades = palette(_SHOWN[name])
+    last = len(shades) - 1
     return {
         "name": name.replace("von_mises", "von Mises stress").replace("_", " "),
         "unit": plain_unit(scale.unit),
         "low": float(f"{low:.6g}"),
         "high": float(f"{high:.6g}"),
         "ends": [f"{low:.4g}", f"{high:.4g}"],
-        "palette": [to_hex(palette(i / (shades - 1))) for i in range(shades)],
-        "first": [min(shades - 1, int(shades * int(level) / 65536)) for level in levels[start]],
+        "palette": shades,
+        "first": [min(last, int(len(shades) * int(level) / 65536)) for level in levels[start]],
         "values": base64.b64encode(levels.tobytes()).decode("ascii"),
     }

@@ -34,7 +34,8 @@ STATES = {"solid": "#5b6f82", "mushy": "#f2a541", "liquid": "#fbe7b2"}
 
 
 MARGINS = Margins(left=0.72, right=0.15, above=0.15, below=0.5, between=0.62)
-_MIRRORED = {"quarter": ((1, 1), (-1, 1), (-1, -1), (1, -1)), "half": ((1, 1), (-1, 1))}
+MIRRORED = {"quarter": ((1, 1), (-1, 1), (-1, -1), (1, -1)), "half": ((1, 1), (-1, 1))}
+"""Signs of x and y of the parts that make the whole section, by what is modelled."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +67,7 @@ def section_triangles(
     plane, triangles, parents = triangulate(points, fields.cells, fields.cell, fields.order)
     nodal = values[parents].mean(axis=1)
     part = str(fields.attributes.get("symmetry", "whole"))
-    signs = _MIRRORED.get(part, ((1, 1),)) if mirrored else ((1, 1),)
+    signs = MIRRORED.get(part, ((1, 1),)) if mirrored else ((1, 1),)
     points = np.vstack([1e3 * plane * np.array(sign) for sign in signs])
     offsets = range(0, len(points), len(plane))
     table = np.vstack([triangles + offset for offset in offsets])

@@ -11,34 +11,20 @@ from castfem.model.caster import Cast, Plant
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """A slice at an instant.
+    """A slice at an instant."""
 
-    Attributes:
-        number: From 1, the oldest first.
-        start: When it left the meniscus, by the clock, s.
-        length: Of strand that it stands for, m.
-        age: Time since it left the meniscus, s.
-        lasts: How old it is when it leaves the machine, s.
-        position: Below the meniscus, m.
-        solid: Where it became solid, m; NaN while it is not.
-        closed: How old it was then, s.
-        removed: Heat that was removed of its length, J.
-        gained: Change of its enthalpy since the meniscus, J.
-        row: Columns of its history.
-        passed: Pyrometers that it has passed since the instant before: number, age s, K.
-    """
-
-    number: int
-    start: float
-    length: float
-    age: float
-    lasts: float
-    position: float
-    solid: float
-    closed: float
-    removed: float
-    gained: float
-    row: dict[str, float]
+    number: int  #: from 1, the oldest first
+    start: float  #: when it left the meniscus, by the clock, s
+    length: float  #: of strand that it stands for, m
+    age: float  #: time since it left the meniscus, s
+    lasts: float  #: how old it is when it leaves the machine, s
+    position: float  #: below the meniscus, m
+    solid: float  #: where it became solid, m; NaN while it is not
+    closed: float  #: how old it was then, s
+    removed: float  #: heat that was removed of its length, J
+    gained: float  #: change of its enthalpy since the meniscus, J
+    row: dict[str, float]  #: columns of its history
+    #: pyrometers that it has passed since the instant before: number, age s, K
     passed: list[list[float]]
 
     @property

@@ -50,17 +50,12 @@ Values = NDArray[Any]
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One time on disk.
+    """One time on disk."""
 
-    Attributes:
-        number: Its place among the times. time: s. position: Below the meniscus, m.
-        file: Where it is, relative to the folder of the run, as an XDMF names it.
-    """
-
-    number: int
-    time: float
-    position: float
-    file: str
+    number: int  #: its place among the times
+    time: float  #: s
+    position: float  #: below the meniscus, m
+    file: str  #: where it is, relative to the folder of the run, as an XDMF names it
 
     @property
     def group(self) -> str:

@@ -29,37 +29,27 @@ _STOPPED = STOPS[signal.SIGINT]
 
 @dataclass(frozen=True, slots=True)
 class RunRecord:
-    """What run.json holds.
+    """What run.json holds."""
 
-    Attributes:
-        status: "running", "finished", "failed", or "interrupted" by the user or a batch system. A
-            run that was killed stays "running".
-        reason: Why it failed or stopped, one line.
-        started: When the run began, UTC.
-        ended: When it ended, empty before.
-        resumed: How often it was resumed.
-        ranks: Number of MPI processes.
-        versions: Name to version of castfem and what it stands on.
-        wall_time: Stage to seconds, those before a resume included.
-        compiled_forms: Names of the forms this simulation compiled or took from the cache.
-        memory_mb: Largest resident memory of all ranks together, in 10^6 bytes.
-        reached: Last good state: time [s], position [m], step.
-        commands: The command line, of each start if it was resumed.
-        files: SHA-256 of case.toml and of the copies of property files, by their names.
-    """
-
+    #: "running", "finished", "failed", or "interrupted" by the user or a batch system. A run that
+    #: was killed stays "running".
     status: str = "running"
-    reason: str = ""
-    started: str = ""
-    ended: str = ""
-    resumed: int = 0
-    ranks: int = 1
+    reason: str = ""  #: why it failed or stopped, one line
+    started: str = ""  #: when the run began, UTC
+    ended: str = ""  #: when it ended, empty before
+    resumed: int = 0  #: how often it was resumed
+    ranks: int = 1  #: number of MPI processes
+    #: name to version of castfem and what it stands on
     versions: Mapping[str, str] = field(default_factory=dict)
+    #: stage to seconds, those before a resume included
     wall_time: Mapping[str, float] = field(default_factory=dict)
+    #: names of the forms this simulation compiled or took from the cache
     compiled_forms: tuple[str, ...] = ()
-    memory_mb: float | None = None
+    memory_mb: float | None = None  #: largest resident memory of all ranks together, in 10^6 bytes
+    #: last good state: time [s], position [m], step
     reached: Mapping[str, int | float] = field(default_factory=dict)
-    commands: tuple[str, ...] = ()
+    commands: tuple[str, ...] = ()  #: the command line, of each start if it was resumed
+    #: SHA-256 of case.toml and of the copies of property files, by their names
     files: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod

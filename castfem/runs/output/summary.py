@@ -69,26 +69,16 @@ def renamed(entries: Mapping[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """A number to compare with.
+    """A number to compare with."""
 
-    Attributes:
-        quantity: Name of ours.
-        value: In SI.
-        shown_unit: In which it is shown, "-" for none.
-        source: Who has found it.
-        at: Where it holds, below the meniscus [m]; None at the end of the run.
-        kind: What it says of ours: its value, or a bound.
-        note: What a reader must know of it.
-        changed: Keys of the case that were changed since: it is a number of the unchanged case.
-    """
-
-    quantity: str
-    value: float
-    shown_unit: str
-    source: str
-    at: float | None = None
-    kind: Kind = "value"
-    note: str = ""
+    quantity: str  #: name of ours
+    value: float  #: in SI
+    shown_unit: str  #: in which it is shown, "-" for none
+    source: str  #: who has found it
+    at: float | None = None  #: where it holds, below the meniscus [m]; None at the end of the run
+    kind: Kind = "value"  #: what it says of ours: its value, or a bound
+    note: str = ""  #: what a reader must know of it
+    #: keys of the case that were changed since: it is a number of the unchanged case
     changed: tuple[str, ...] = ()
 
     @classmethod
@@ -107,17 +97,11 @@ class Reference:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A reference and what we have found.
+    """A reference and what we have found."""
 
-    Attributes:
-        reference: The number to compare with.
-        ours: In SI; NaN when there is none.
-        missing: Why there is nothing to compare.
-    """
-
-    reference: Reference
-    ours: float = math.nan
-    missing: str = ""
+    reference: Reference  #: the number to compare with
+    ours: float = math.nan  #: in SI; NaN when there is none
+    missing: str = ""  #: why there is nothing to compare
 
     @property
     def difference(self) -> float:
@@ -147,19 +131,12 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class Zone:
-    """A cooling zone between two positions below the meniscus [m].
+    """A cooling zone between two positions below the meniscus [m]."""
 
-    Attributes:
-        name: Of the zone.
-        start: Where it begins.
-        end: Where it ends, or the run within it.
-        whole: Whether it is the zone that ends there.
-    """
-
-    name: str
-    start: float
-    end: float
-    whole: bool = True
+    name: str  #: of the zone
+    start: float  #: where it begins
+    end: float  #: where it ends, or the run within it
+    whole: bool = True  #: whether it is the zone that ends there
 
 
 @dataclass(frozen=True, slots=True)

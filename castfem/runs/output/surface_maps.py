@@ -44,25 +44,17 @@ class SurfaceLine:
 
     The line begins where the surface of what is modelled begins: of half a slab at mid-width of the
     extrados, and it goes round the narrow face to mid-width of the intrados.
-
-    Attributes:
-        nodes: Of the section's mesh (n,).
-        place: x and y (n, 2), m.
-        way: Length of surface from the beginning (n,), m.
-        faces: Names of the faces.
-        face: Which of them each vertex lies on (n,); a corner counts to its wide face.
-        corner: Distance along the surface from the nearest corner (n,), m; 0 on an arc that is one,
-            inf in a section without corners.
-        closed: Whether the last vertex stands beside the first.
     """
 
-    nodes: Indices
-    place: Array
-    way: Array
-    faces: tuple[str, ...]
-    face: Indices
+    nodes: Indices  #: of the section's mesh (n,)
+    place: Array  #: x and y (n, 2), m
+    way: Array  #: length of surface from the beginning (n,), m
+    faces: tuple[str, ...]  #: names of the faces
+    face: Indices  #: which of them each vertex lies on (n,); a corner counts to its wide face
+    #: distance along the surface from the nearest corner (n,), m; 0 on an arc that is one, inf in a
+    #: section without corners
     corner: Array
-    closed: bool
+    closed: bool  #: whether the last vertex stands beside the first
 
     @classmethod
     def of(cls, mesh: SectionMesh) -> SurfaceLine:
@@ -155,36 +147,25 @@ _ANEW = "run again without --resume"
 
 @dataclass(frozen=True, slots=True)
 class SurfaceMap:
-    """One quantity over the surface.
+    """One quantity over the surface."""
 
-    Attributes:
-        name: Of the map. unit: SI. shown: Unit in which it is shown. label: For a reader.
-    """
-
-    name: str
-    unit: str
-    shown: str
-    label: str
+    name: str  #: of the map
+    unit: str  #: SI
+    shown: str  #: unit in which it is shown
+    label: str  #: for a reader
 
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """What holds for all rows.
+    """What holds for all rows."""
 
-    Attributes:
-        line: The vertices. maps: What each row has, in this order.
-        band: Temperatures of the low-ductility band, K.
-        rolls: Columns of the rolls (`castfem.physics.machine.stations.Stations.columns`); None
-            without any.
-        thickness: Of the section, m; None of one without. mould_exit: m; None without a mould.
-    """
-
-    line: SurfaceLine
-    maps: tuple[SurfaceMap, ...]
-    band: tuple[float, float]
+    line: SurfaceLine  #: the vertices
+    maps: tuple[SurfaceMap, ...]  #: what each row has, in this order
+    band: tuple[float, float]  #: temperatures of the low-ductility band, K
+    #: columns of the rolls (`castfem.physics.machine.stations.Stations.columns`); None without any
     rolls: Mapping[str, Any] | None = None
-    thickness: float | None = None
-    mould_exit: float | None = None
+    thickness: float | None = None  #: of the section, m; None of one without
+    mould_exit: float | None = None  #: m; None without a mould
 
     @property
     def row(self) -> np.dtype[Any]:

@@ -33,12 +33,11 @@ from castfem.studies.calibration.measured import (
     value_at,
 )
 from castfem.studies.mould_fit.coupled import CopperTemperatures
-from castfem.studies.optimisation.evaluator import Evaluator, variant
+from castfem.studies.optimisation.evaluator import Ended, Evaluator, variant
 from castfem.studies.sweep.workers import nothing
 
 if TYPE_CHECKING:
     from castfem.model import Case
-    from castfem.studies.optimisation.evaluator import Ended
 
 CSV_NAME, JSON_NAME, CASE_NAME = "calibration.csv", "calibration.json", "calibrated.toml"
 
