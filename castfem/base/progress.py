@@ -68,7 +68,7 @@ class Progress:
         Args:
             position: Of the slice, m from the meniscus.
             time_s: Since the meniscus, s.
-            newton: Newton iterations the step took.
+            newton: Newton iterations the step took; 0 where nothing counts them.
             step: Its length, s.
             note: A word on what happens, such as the cooling zone.
         """
@@ -122,7 +122,8 @@ class Progress:
     def _draw(self) -> None:
         assert self._bar is not None and self._task is not None
         _, newton, step, note = self._state
-        text = f"Newton {newton}, step {_duration(step)}  {note}"
+        solved = f"Newton {newton}, " if self._newton else ""
+        text = f"{solved}step {_duration(step)}  {note}"
         self._bar.update(self._task, completed=self._position, text=text, refresh=True)
 
     def _line(self, now: float) -> None:
@@ -134,11 +135,11 @@ class Progress:
         elapsed = now - self._begun
         way = self._position - self._from
         left = elapsed * (self._total - self._position) / way if way > 0.0 else 0.0
-        mean = self._newton / max(self._steps, 1)
+        solved = f"Newton {self._newton / self._steps:.1f} a step  " if self._newton else ""
         text = (
             f"{100.0 * share:3.0f} %  {self._position:.3f} of {self._total:.3f} {self._unit}  "
             f"t = {time_s:.3f} s  step {_duration(step)}  {self._steps} steps  "
-            f"Newton {mean:.1f} a step  elapsed {clock(elapsed)}  left {clock(left)}  {note}"
+            f"{solved}elapsed {clock(elapsed)}  left {clock(left)}  {note}"
         )
         quiet = self._terminal or not self._shown
         _logger.info("%s", text.rstrip(), extra=FILE_ONLY if quiet else None)
