@@ -113,6 +113,15 @@ class SurfaceLine:
         """The vertex nearest to a place, m."""
         return int(np.argmin(np.hypot(*(self.place - (x, y)).T)))
 
+    def depth(self, x: float, y: float) -> float:
+        """Distance of a place from the surface, m."""
+        ends = np.concatenate([self.place, self.place[:1]]) if self.closed else self.place
+        start, along = ends[:-1], np.diff(ends, axis=0)
+        off = np.array([x, y]) - start
+        share = np.clip((off * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
+        found = float(np.linalg.norm(off - share[:, None] * along, axis=1).min())
+        return 0.0 if found <= ROUNDING * float(np.ptp(self.place, axis=0).max()) else found
+
     def words(self, vertex: int) -> str:
         """Where a vertex lies: "intrados, 20 mm from the corner"."""
         face, off = self.faces[self.face[vertex]], float(self.corner[vertex])

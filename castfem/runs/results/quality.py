@@ -23,6 +23,7 @@ from castfem.runs.results.thermal_quantities import temperature_at
 if TYPE_CHECKING:
     from castfem.model.build.simulation import Simulation
     from castfem.physics.coupling.staggered import StrandState
+    from castfem.runs.results.hot_tearing import Follower, Tearing
     from castfem.runs.results.mechanical import MechanicalSampler
 
 TimedStrains = tuple[float, float, float, float]
@@ -60,6 +61,7 @@ class QualityState:
         centre: Temperature on the centre line, K; NaN in a section without a probe to it.
         solid_fraction: There; None likewise.
         passed: Solid fraction to the position at which the centre line came to it, m.
+        tearing: What the criteria of hot tearing say; None in a case that names none.
     """
 
     line: SurfaceLine
@@ -75,6 +77,7 @@ class QualityState:
     centre: float = np.nan
     solid_fraction: float | None = None
     passed: Mapping[float, float] = field(default_factory=dict)
+    tearing: Tearing | None = None
 
     def words(self, worst: Worst | None) -> str:
         """Where an index was worst: place, position, roll, time, phase; "" if always zero."""
@@ -83,7 +86,8 @@ class QualityState:
         vertex = self.line.at(worst.x, worst.y)
         off = self.line.place[vertex] - (worst.x, worst.y)
         on = np.abs(off).max() <= ROUNDING * np.ptp(self.line.place)
-        place = f"x = {1e3 * worst.x:.1f}, y = {1e3 * worst.y:.1f} mm"
+        depth = f"{1e3 * self.line.depth(worst.x, worst.y):.3g} mm deep"
+        place = f"x = {1e3 * worst.x:.1f}, y = {1e3 * worst.y:.1f} mm, {depth}"
         where = self.line.words(vertex) if on else place
         return f"{where}, {self.caster.words(worst.position, worst.time)}"
 
@@ -128,9 +132,15 @@ class QualitySampler:
         # a zone 14 um below it, a window of milliseconds lies between them. What jumps there, as
         # does the bed of a pitch by 4e-7 of strain, would be a rate as large as any in it.
         self._least = 0.2 * window
+        self._follower: Follower | None = None
+        if self.settings.hot_tearing:
+            from castfem.runs.results.hot_tearing import Follower
+
+            self._follower = Follower(simulation, mechanics)
         none = np.zeros(section.owned)
         self.state = QualityState(
             line, caster, temperature=none,
+            tearing=None if self._follower is None else self._follower.start,
             values={index.name: none for index in self.indexes},
             worst={index.name: Worst() for index in self.indexes},
         )  # fmt: skip
@@ -143,6 +153,10 @@ class QualitySampler:
         recent = self._recent(time, kelvin, first)
         strain_history = self._strain_history(strand, position, recent[0][0], first)
         step = self._step(strand, recent, strain_history, position)
+        tearing = old.tearing
+        if self._follower is not None and tearing is not None:
+            tearing = self._follower.note(tearing, strand, step.duration)
+            step = replace(step, tearing=tearing)
         values = dict(old.values)
         for index in self.indexes:
             if not (first and index.accumulates):
@@ -156,7 +170,7 @@ class QualitySampler:
             old, time=time, temperature=kelvin, strain_history=strain_history, recent=recent,
             values=values, largest=largest,
             worst=_worse(old.worst, largest), in_phase=in_phase, centre=centre,
-            passed=self._passed(centre, time),
+            passed=self._passed(centre, time), tearing=tearing,
             solid_fraction=float(self.simulation.steel.solid_fraction(centre)) if known else None,
         )  # fmt: skip
         return self.state
@@ -282,6 +296,8 @@ class QualitySampler:
         if self._mechanics is not None:  # the last sample is the state itself
             for k, (_, kelvin) in enumerate(self.state.recent[:-1]):
                 found[f"quality_recent_{k}"] = kelvin
+        if self._follower is not None and self.state.tearing is not None:
+            found |= self._follower.arrays(self.state.tearing)
         return found
 
     def memory(self) -> dict[str, Any]:
@@ -319,6 +335,7 @@ class QualitySampler:
             worst=_named(memory["worst"]),
             in_phase={phase: _named(worst) for phase, worst in memory["in_phase"].items()},
             passed={float(f): float(position) for f, position in memory["passed"]},
+            tearing=None if self._follower is None else self._follower.restored(by_node),
         )  # fmt: skip
 
 

@@ -1,0 +1,176 @@
+"""Follows the places of the section through the mushy zone, for the criteria of hot tearing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.base.errors import InputError
+from castfem.base.types import Array, Flags
+from castfem.fem import dof_values
+from castfem.model.quality import FEEDING, Feeding
+from castfem.physics.constitutive import hot_tearing as laws
+from castfem.physics.constitutive.hot_tearing import Passage
+from castfem.runs.results.thermal_quantities import temperature_at
+
+if TYPE_CHECKING:
+    from castfem.model.build.simulation import Simulation
+    from castfem.physics.coupling.staggered import StrandState
+    from castfem.physics.materials import Steel
+    from castfem.runs.results.mechanical import MechanicalSampler
+
+_NAME = "hot_tearing"  # before the names of arrays in a checkpoint
+
+
+@dataclass(frozen=True, slots=True)
+class Tearing:
+    """What the criteria say of the owned vertices after a step; nothing writes into its arrays."""
+
+    passage: Passage  #: what each vertex has met
+    width: float  #: of the brittle range, K
+    mushy: float  #: temperature over which the relief goes as well, K
+    feeding: laws.Feeding | None  #: of the criterion "rdg"; None without
+    enthalpy: Array  #: at the vertices, J/m3
+    rate: Array  #: with which that goes on, W/m3
+    strain: Array  #: at the deviator's points, Mandel (n, 4); none without mechanics
+    here: Flags  #: whether each vertex was in the brittle range within the step
+    passed: Flags  #: whether it has left it
+
+    def won(self) -> Array:
+        """Strain across the range so far over the critical one (n,)."""
+        passage = self.passage
+        return laws.won_damage(passage.strain, passage.vulnerable, self.width)
+
+    def clyne_davies(self) -> Array:
+        """Time in the range over that before it (n,); 0 before its end."""
+        found = laws.clyne_davies(self.passage.vulnerable, self.passage.relief)
+        return np.where(self.passed, found, 0.0)
+
+    def rdg(self) -> Array:
+        """Pressure drop by the means over the way, Pa (n,); 0 before the end of the range."""
+        assert self.feeding is not None
+        passage = self.passage
+        time = passage.relief + passage.vulnerable
+        cooling = self.mushy / np.where(time > 0.0, time, np.inf)
+        drop = self.feeding.pressure_drop(passage.strain_rate(), passage.gradient(), cooling)
+        return np.where(self.passed, drop, 0.0)
+
+
+class Follower:
+    """Follows the owned vertices of a simulation whose case names criteria (collective).
+
+    Args:
+        simulation: The simulation.
+        mechanics: Samples its strained slice; None without.
+    """
+
+    def __init__(self, simulation: Simulation, mechanics: MechanicalSampler | None) -> None:
+        quality = simulation.case.quality
+        assert quality is not None and quality.hot_tearing
+        self.simulation, self._mechanics = simulation, mechanics
+        strained = any(name != "clyne_davies" for name in quality.hot_tearing)
+        self._mechanics = mechanics if strained else None
+        steel = simulation.steel
+        fractions = (FEEDING, *quality.brittle)
+        kelvin = [temperature_at(steel, fraction) for fraction in fractions]
+        # Heat is drawn evenly over a step, whereas the temperature falls fast where there is little
+        # latent heat left.
+        enthalpy = simulation.problem.curve.enthalpy(np.array(kelvin))
+        self._levels = float(enthalpy[0]), float(enthalpy[1]), float(enthalpy[2])
+        width = kelvin[1] - kelvin[2]
+        if not (width > 0.0 and self._levels[0] > self._levels[1]):
+            raise InputError(
+                f"quality.hot_tearing: {steel.name} freezes at one temperature, which has no "
+                "brittle range; leave it out, or give the steel a freezing range"
+            )
+        feeding = None
+        if "rdg" in quality.hot_tearing:
+            feeding = _feeding(quality.rdg or Feeding.model_validate({}), steel, kelvin[2])
+        count = simulation.section.owned
+        self.start = Tearing(
+            Passage.begun(count), width, kelvin[0] - kelvin[2], feeding, np.zeros(count),
+            np.zeros(count), np.zeros((0, 4)), np.zeros(count, bool), np.zeros(count, bool),
+        )  # fmt: skip
+
+    def note(self, old: Tearing, strand: StrandState, duration: float) -> Tearing:
+        """Take in one more step; one of no length where the run begins or goes on (collective)."""
+        thermal, strain, passage = strand.thermal, old.strain, old.passage
+        here = np.zeros(len(old.here), bool)
+        if self._mechanics is not None and strand.mechanical is not None:
+            strain = self._mechanics.strain(strand.mechanical)
+        if duration > 0.0:
+            taken: list[Array] = [np.zeros(len(here))] * 3
+            if self._mechanics is not None:
+                taken = self._strained(strain - old.strain, thermal.point.temperature)
+            part = duration / laws.PARTS
+            around, axial, gradient = taken[0] / laws.PARTS, taken[1] / laws.PARTS, taken[2]
+            ends = (old.rate, thermal.rate)
+            course = laws.courses(old.enthalpy, thermal.enthalpy, ends, duration)
+            for before, after in pairwise(course):
+                passage, inside = passage.advanced(
+                    before, after, self._levels, part, around, axial, gradient
+                )
+                here |= inside > 0.0
+        return replace(
+            old, passage=passage, enthalpy=thermal.enthalpy, rate=thermal.next_rate, strain=strain,
+            here=here, passed=thermal.enthalpy <= self._levels[2],
+        )  # fmt: skip
+
+    def _strained(self, strain: Array, temperature: Array) -> list[Array]:
+        """Strain along the isotherm and along the strand, and gradient, at the vertices (n,).
+
+        Dendrites grow along the gradient, and tear apart across it. What is strained along it is
+        fed, and in the liquid it means nothing: its mesh follows the shell. There is no thermal
+        strain above the solidus; an elastic one is that of some MPa at most.
+        """
+        assert self._mechanics is not None
+        points = self._mechanics.strained.points
+        local = dof_values.with_ghosts(points.section.vertex_space, temperature)
+        slope = (points.gradient @ local).reshape(-1, 2)
+        steep = np.linalg.norm(slope, axis=1)
+        nx, ny = slope.T / np.where(steep > 0.0, steep, 1.0)
+        xx, yy, zz, xy = strain.T
+        around = ny**2 * xx + nx**2 * yy - 2.0**0.5 * nx * ny * xy
+        found = points.at_vertices(np.column_stack([around, zz, steep]))
+        return list(found.T)
+
+    @staticmethod
+    def arrays(state: Tearing) -> dict[str, Array]:
+        """What a checkpoint must hold at the owned vertices; the rest is of the slice itself."""
+        return {f"{_NAME}_{name}": getattr(state.passage, name) for name in Passage.names()}
+
+    def restored(self, by_node: Mapping[str, Array]) -> Tearing:
+        """The state of `arrays`, by node."""
+        nodes = self.simulation.section.node_of_owned
+        found = (np.asarray(by_node[f"{_NAME}_{name}"], float)[nodes] for name in Passage.names())
+        return replace(self.start, passage=Passage(*found))
+
+
+def _feeding(given: Feeding, steel: Steel, roots: float) -> laws.Feeding:
+    """The feeding of a steel whose crystals grow together at `roots`, K."""
+    shrinkage = given.shrinkage
+    if shrinkage is None:
+        shrinkage = float(steel.density(steel.solidus, "below")) / steel.liquid_density - 1.0
+        if not shrinkage > 0.0:
+            raise InputError(
+                f"quality.rdg.shrinkage: the density of {steel.name} does not rise as it freezes; "
+                'give the shrinkage, shrinkage = "4 percent"'
+            )
+    carbon, spacing = steel.composition.get("C", 0.0), given.arm_spacing
+    if spacing is None and not 0.0 < carbon < 1.0:
+        raise InputError(
+            f"quality.rdg.arm_spacing: {steel.name} states no carbon content (up to 1 %), from "
+            'which it is computed; give it, arm_spacing = "120 um"'
+        )
+
+    def spaced(cooling_rate: Array) -> Array:
+        if spacing is None:
+            return laws.secondary_arm_spacing(cooling_rate, carbon)
+        return np.full_like(cooling_rate, spacing)
+
+    integrals = laws.feeding_integrals(steel.solid_fraction, steel.liquidus, roots)
+    return laws.Feeding(given.viscosity, shrinkage, integrals, spaced)
