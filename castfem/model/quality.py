@@ -137,9 +137,7 @@ class Feeding(TableModel):
 
     viscosity: Annotated[float, Kind("Pa s", "Pa s", above=0.0)] = written("5.5e-3 Pa s")
     """of the liquid between the crystals"""
-    shrinkage: Annotated[float, Kind("1", above=0.0)] | None = Field(
-        None, examples=["4 percent"]
-    )
+    shrinkage: Annotated[float, Kind("1", above=0.0)] | None = Field(None, examples=["4 percent"])
     """by which the volume falls as the steel freezes; left out: by the densities at solidus and
     liquidus"""
     arm_spacing: Length | None = Field(None, examples=["120 um"])
@@ -179,8 +177,8 @@ def _followed(case: Case, quality: Quality) -> Faults:
         which = "is missing" if case.mechanics is None else "ends above (mechanics.until)"
         text = 'a run of the temperature alone can have "clyne_davies"'
         yield "hot_tearing", f'("{strained[0]}") needs strain, and [mechanics] {which}; {text}'
-    if criteria and not (FEEDING < quality.brittle[0] and quality.brittle[1] < 1.0):
-        text = f"criteria of hot tearing need a range between {FEEDING:g} and 1, such as [0.9, 0.99]"
+    if criteria and not (quality.brittle[0] > FEEDING and quality.brittle[1] < 1.0):
+        text = f"hot_tearing needs a range between {FEEDING:g} and 1, such as [0.9, 0.99]"
         yield "brittle", text
     if quality.rdg is not None and "rdg" not in criteria:
         yield "rdg", 'is of the criterion "rdg"; name it, hot_tearing = ["rdg"]'

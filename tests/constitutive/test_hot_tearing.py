@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -9,7 +11,7 @@ from scipy.integrate import quad
 from castfem.base.types import Array
 from castfem.physics.constitutive import hot_tearing as laws
 from castfem.physics.constitutive.ductility import Ductility, fracture_strain
-from castfem.physics.constitutive.hot_tearing import Passage
+from castfem.physics.constitutive.hot_tearing import MushyHistory
 
 LIQUIDUS, WIDTH = 1780.0, 50.0  # K
 ROOTS = LIQUIDUS - 0.99 * WIDTH
@@ -49,7 +51,7 @@ def test_arm_spacings_are_those_of_the_formula() -> None:
 
 
 def test_integrals_of_a_linear_fraction_are_those_of_paper() -> None:
-    """int f^2/(1-f)^2 df = f + 2 ln(1-f) + f/(1-f), of 0.99; the other by a quadrature over f."""
+    """Int f^2/(1-f)^2 df = f + 2 ln(1-f) + f/(1-f), of 0.99; the other by a quadrature over f."""
     end = 0.99
     shrunk = WIDTH * (end + 2.0 * np.log(1.0 - end) + end / (1.0 - end))
     strained, _ = quad(lambda f: 0.5 * (end**2 - f**2) * f**2 / (1.0 - f) ** 3, 0.0, end)
@@ -89,15 +91,15 @@ def test_the_pressure_drop_is_darcy_integrated_along_the_growth() -> None:
     assert still == pytest.approx([0.0])
 
 
-def passed(ends: Array, rates: tuple[float, float] = (1.5e-3, -4e-4)) -> Passage:
+def passed(ends: Array, rates: tuple[float, float] = (1.5e-3, -4e-4)) -> MushyHistory:
     """A strip that is cooled at 4 K/s from 1700 K, stretched at constant rates, in some steps."""
-    passage, levels = Passage.begun(2), (1650.0, 1610.0, 1595.0)
+    history, levels = MushyHistory.begun(2), (1650.0, 1610.0, 1595.0)
     times = np.concatenate([[0.0], ends])
-    for start, end in zip(times[:-1], times[1:], strict=True):
+    for start, end in pairwise(times):
         before, after = (np.array([1700.0, 1720.0]) - 4.0 * t for t in (start, end))
         strain = [np.full(2, rate * (end - start)) for rate in rates]
-        passage, _ = passage.advanced(before, after, levels, end - start, *strain, np.full(2, 5e3))
-    return passage
+        history, _ = history.advanced(before, after, levels, end - start, *strain, np.full(2, 5e3))
+    return history
 
 
 def test_a_strip_that_freezes_and_stretches_evenly_is_that_of_paper() -> None:
@@ -116,24 +118,24 @@ def test_a_strip_that_freezes_and_stretches_evenly_is_that_of_paper() -> None:
 
 @pytest.mark.parametrize("steps", [1, 2, 7, 400])
 def test_where_steps_end_does_not_matter(steps: int) -> None:
-    whole, found = passed(np.array([50.0])), passed(np.linspace(0.0, 50.0, steps + 1)[1:] ** 1.0)
+    whole, found = passed(np.array([50.0])), passed(np.linspace(0.0, 50.0, steps + 1)[1:])
     uneven = passed(50.0 * np.linspace(0.0, 1.0, steps + 1)[1:] ** 2)
-    for name in Passage.names():
+    for name in MushyHistory.names():
         assert getattr(found, name) == pytest.approx(getattr(whole, name), rel=1e-9), name
         assert getattr(uneven, name) == pytest.approx(getattr(whole, name), rel=1e-9), name
 
 
 def test_what_melts_again_begins_anew() -> None:
     levels, one = (1650.0, 1610.0, 1595.0), np.ones(1)
-    passage, _ = Passage.begun(1).advanced(1660.0 * one, 1600.0 * one, levels, 6.0, 0.006)
-    assert passage.vulnerable == pytest.approx([1.0]) and passage.around == pytest.approx([0.001])
-    held, inside = passage.advanced(1600.0 * one, 1600.0 * one, levels, 2.0, -0.01)
+    history, _ = MushyHistory.begun(1).advanced(1660.0 * one, 1600.0 * one, levels, 6.0, 0.006)
+    assert history.vulnerable == pytest.approx([1.0]) and history.around == pytest.approx([0.001])
+    held, inside = history.advanced(1600.0 * one, 1600.0 * one, levels, 2.0, -0.01)
     assert held.vulnerable == pytest.approx([3.0]) and held.around == pytest.approx([0.0])
     assert inside == pytest.approx([1.0])
-    melted, _ = passage.advanced(1600.0 * one, 1640.0 * one, levels, 4.0, 0.004)
+    melted, _ = history.advanced(1600.0 * one, 1640.0 * one, levels, 4.0, 0.004)
     assert melted.vulnerable == pytest.approx([0.0]) and melted.around == pytest.approx([0.0])
     assert melted.relief == pytest.approx([4.0 + 3.0])
-    liquid, _ = passage.advanced(1600.0 * one, 1700.0 * one, levels, 4.0)
+    liquid, _ = history.advanced(1600.0 * one, 1700.0 * one, levels, 4.0)
     assert liquid.relief == pytest.approx([0.0])
 
 

@@ -28,7 +28,7 @@ Fraction = Callable[[Array], Array]
 WON, WON_RATE, WON_RANGE = 0.02821, 0.3131, 0.8638  # of 1/s and K
 POINTS = 16  # of Gauss in each of the panels of an integral over the mushy zone
 PANELS = 64
-PARTS = 8  # in which the course of a step is followed
+PARTS = 8  # in which what a step does is followed
 
 
 def won_critical_strain(rate: Array, width: float) -> Array:
@@ -152,7 +152,9 @@ def share_within(before: Array, after: Array, low: float, high: float) -> Array:
     return np.where(span > 0.0, moving, still)
 
 
-def courses(start: Array, end: Array, rates: tuple[Array, Array], duration: float) -> list[Array]:
+def cubic_between(
+    start: Array, end: Array, rates: tuple[Array, Array], duration: float
+) -> list[Array]:
     """What goes from one value to another with given rates at both ends, at even instants (n,).
 
     A cubic in time that does not leave the two values. Heat flows are continuous in time, so that
@@ -171,7 +173,7 @@ def _none() -> Array:
 
 
 @dataclass(frozen=True, slots=True)
-class Passage:
+class MushyHistory:
     """What points have met on their way through the mushy zone; nothing writes into its arrays."""
 
     relief: Array = field(default_factory=_none)  #: time from a solid fraction of 0.4 to 0.9, s
@@ -187,7 +189,7 @@ class Passage:
         return tuple(one.name for one in fields(cls))
 
     @classmethod
-    def begun(cls, count: int) -> Passage:
+    def begun(cls, count: int) -> MushyHistory:
         """That of points of which nothing is known."""
         return cls(*(np.zeros(count) for _ in cls.names()))
 
@@ -200,13 +202,14 @@ class Passage:
         around: Array | float = 0.0,
         axial: Array | float = 0.0,
         gradient: Array | float = 0.0,
-    ) -> tuple[Passage, Array]:
-        """The passage after a step, and the share of it that lay in the brittle range (n,).
+    ) -> tuple[MushyHistory, Array]:
+        """The history after a step, and the share of it that lay in the brittle range (n,).
 
         What a step brings comes evenly over it. A point that melts again begins anew.
 
         Args:
-            before: Enthalpy or temperature before the step (n,). after: Behind it.
+            before: Enthalpy or temperature before the step (n,).
+            after: Behind it.
             levels: Those of solid fraction 0.4 and of both ends of the range, falling.
             duration: Of the step, s.
             around: Strain that it adds along the isotherm (n,).

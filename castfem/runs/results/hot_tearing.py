@@ -14,7 +14,7 @@ from castfem.base.types import Array, Flags
 from castfem.fem import dof_values
 from castfem.model.quality import FEEDING, Feeding
 from castfem.physics.constitutive import hot_tearing as laws
-from castfem.physics.constitutive.hot_tearing import Passage
+from castfem.physics.constitutive.hot_tearing import MushyHistory
 from castfem.runs.results.thermal_quantities import temperature_at
 
 if TYPE_CHECKING:
@@ -30,33 +30,33 @@ _NAME = "hot_tearing"  # before the names of arrays in a checkpoint
 class Tearing:
     """What the criteria say of the owned vertices after a step; nothing writes into its arrays."""
 
-    passage: Passage  #: what each vertex has met
+    history: MushyHistory  #: what each vertex has met
     width: float  #: of the brittle range, K
     mushy: float  #: temperature over which the relief goes as well, K
     feeding: laws.Feeding | None  #: of the criterion "rdg"; None without
     enthalpy: Array  #: at the vertices, J/m3
-    rate: Array  #: with which that goes on, W/m3
+    rate: Array  #: of that at the end of the step, W/m3
     strain: Array  #: at the deviator's points, Mandel (n, 4); none without mechanics
     here: Flags  #: whether each vertex was in the brittle range within the step
     passed: Flags  #: whether it has left it
 
     def won(self) -> Array:
         """Strain across the range so far over the critical one (n,)."""
-        passage = self.passage
-        return laws.won_damage(passage.strain, passage.vulnerable, self.width)
+        history = self.history
+        return laws.won_damage(history.strain, history.vulnerable, self.width)
 
     def clyne_davies(self) -> Array:
         """Time in the range over that before it (n,); 0 before its end."""
-        found = laws.clyne_davies(self.passage.vulnerable, self.passage.relief)
+        found = laws.clyne_davies(self.history.vulnerable, self.history.relief)
         return np.where(self.passed, found, 0.0)
 
     def rdg(self) -> Array:
         """Pressure drop by the means over the way, Pa (n,); 0 before the end of the range."""
         assert self.feeding is not None
-        passage = self.passage
-        time = passage.relief + passage.vulnerable
+        history = self.history
+        time = history.relief + history.vulnerable
         cooling = self.mushy / np.where(time > 0.0, time, np.inf)
-        drop = self.feeding.pressure_drop(passage.strain_rate(), passage.gradient(), cooling)
+        drop = self.feeding.pressure_drop(history.strain_rate(), history.gradient(), cooling)
         return np.where(self.passed, drop, 0.0)
 
 
@@ -92,13 +92,13 @@ class Follower:
             feeding = _feeding(quality.rdg or Feeding.model_validate({}), steel, kelvin[2])
         count = simulation.section.owned
         self.start = Tearing(
-            Passage.begun(count), width, kelvin[0] - kelvin[2], feeding, np.zeros(count),
+            MushyHistory.begun(count), width, kelvin[0] - kelvin[2], feeding, np.zeros(count),
             np.zeros(count), np.zeros((0, 4)), np.zeros(count, bool), np.zeros(count, bool),
         )  # fmt: skip
 
     def note(self, old: Tearing, strand: StrandState, duration: float) -> Tearing:
         """Take in one more step; one of no length where the run begins or goes on (collective)."""
-        thermal, strain, passage = strand.thermal, old.strain, old.passage
+        thermal, strain, history = strand.thermal, old.strain, old.history
         here = np.zeros(len(old.here), bool)
         if self._mechanics is not None and strand.mechanical is not None:
             strain = self._mechanics.strain(strand.mechanical)
@@ -109,14 +109,14 @@ class Follower:
             part = duration / laws.PARTS
             around, axial, gradient = taken[0] / laws.PARTS, taken[1] / laws.PARTS, taken[2]
             ends = (old.rate, thermal.rate)
-            course = laws.courses(old.enthalpy, thermal.enthalpy, ends, duration)
-            for before, after in pairwise(course):
-                passage, inside = passage.advanced(
+            values = laws.cubic_between(old.enthalpy, thermal.enthalpy, ends, duration)
+            for before, after in pairwise(values):
+                history, inside = history.advanced(
                     before, after, self._levels, part, around, axial, gradient
                 )
                 here |= inside > 0.0
         return replace(
-            old, passage=passage, enthalpy=thermal.enthalpy, rate=thermal.next_rate, strain=strain,
+            old, history=history, enthalpy=thermal.enthalpy, rate=thermal.rate, strain=strain,
             here=here, passed=thermal.enthalpy <= self._levels[2],
         )  # fmt: skip
 
@@ -141,13 +141,15 @@ class Follower:
     @staticmethod
     def arrays(state: Tearing) -> dict[str, Array]:
         """What a checkpoint must hold at the owned vertices; the rest is of the slice itself."""
-        return {f"{_NAME}_{name}": getattr(state.passage, name) for name in Passage.names()}
+        return {f"{_NAME}_{name}": getattr(state.history, name) for name in MushyHistory.names()}
 
     def restored(self, by_node: Mapping[str, Array]) -> Tearing:
         """The state of `arrays`, by node."""
         nodes = self.simulation.section.node_of_owned
-        found = (np.asarray(by_node[f"{_NAME}_{name}"], float)[nodes] for name in Passage.names())
-        return replace(self.start, passage=Passage(*found))
+        found = (
+            np.asarray(by_node[f"{_NAME}_{name}"], float)[nodes] for name in MushyHistory.names()
+        )
+        return replace(self.start, history=MushyHistory(*found))
 
 
 def _feeding(given: Feeding, steel: Steel, roots: float) -> laws.Feeding:

@@ -45,7 +45,7 @@ def _declare(name: str, unit: str, label: str, needs: tuple[str, ...], says: str
         f"{name}_front", unit, f"{label}, front", needs=needs, on="section", followed=True
     )(front)  # fmt: skip
     crack_index(
-        f"{name}_surface", unit, f"{label}, surface", needs=needs, accumulates=True, followed=True
+        name, unit, label, needs=needs, accumulates=True, followed=True
     )(surface)  # fmt: skip
     own = tuple("throughout" if need == "mechanics" else need for need in needs)
     quantity(
@@ -70,7 +70,7 @@ _declare(
 
 @quantity(
     "rdg_share", "percent", "largest pressure drop of feeding, of that which tears",
-    column=False, needs=("throughout", "rdg", "quality"),
+    column=False, of_way=True, needs=("throughout", "rdg", "quality"),
 )  # fmt: skip
 def rdg_share(sample: Sample) -> float:
     """Largest pressure drop at the front over `quality.rdg.cavitation`; a pore opens at 100 %."""

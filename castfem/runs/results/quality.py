@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from castfem.base.constants import ROUNDING
+from castfem.base.result_registry import probe_label
 from castfem.base.shown_quantity import si_unit
 from castfem.base.types import Array
 from castfem.fem import reductions
 from castfem.model.machine import thickness_of
 from castfem.physics.machine.stations import Stations
-from castfem.runs.output.surface_maps import Heading, SurfaceLine, SurfaceMap
+from castfem.runs.output.surface_maps import (
+    DEPTHS,
+    SURFACE,
+    Heading,
+    SurfaceLine,
+    SurfaceMap,
+)
 from castfem.runs.results.crack_index import BENDS, CrackIndex, SliceStep, declared_indexes
 from castfem.runs.results.needs import are_met
 from castfem.runs.results.quality_quantities import POOL
@@ -26,6 +33,7 @@ if TYPE_CHECKING:
     from castfem.runs.results.hot_tearing import Follower, Tearing
     from castfem.runs.results.mechanical import MechanicalSampler
 
+EVERY = 4  # of the samples along a line is one of the maps over the depth
 TimedStrains = tuple[float, float, float, float]
 """Time (s), and the generalized strains a0 - 1, a1, a2."""
 
@@ -267,27 +275,53 @@ class QualitySampler:
                 found[fraction] = self.simulation.machine.position(then)
         return found
 
-    def heading(self) -> Heading:
-        """What holds for all rows of the maps."""
-        maps = [SurfaceMap("temperature", "K", "degC", "temperature")]
-        for index in self._mapped():
-            maps.append(SurfaceMap(index.name, si_unit(index.unit), index.unit, index.label))
-        caster = self.state.caster
-        thickness = thickness_of(self.simulation.case.section)
-        return Heading(
-            self.state.line, tuple(maps), self.settings.band, caster.columns(), thickness,
-            caster.mould_exit,
+    def headings(self) -> dict[tuple[str, str], Heading]:
+        """What holds for all rows of each kind of maps, by the names of their files."""
+        caster, thickness = self.state.caster, thickness_of(self.simulation.case.section)
+
+        def heading(
+            line: SurfaceLine, indexes: Sequence[CrackIndex], band: tuple[float, float]
+        ) -> Heading:
+            maps = [SurfaceMap("temperature", "K", "degC", "temperature")]
+            maps += [SurfaceMap(i.name, si_unit(i.unit), i.unit, i.label) for i in indexes]
+            return Heading(line, tuple(maps), band, caster.columns(), thickness, caster.mould_exit)
+
+        found = {SURFACE: heading(self.state.line, self._mapped(), self.settings.band)}
+        if self._follower is not None:
+            found[DEPTHS] = heading(self._lines(), self._mapped(followed=True), self._brittle)
+        return found
+
+    def _lines(self) -> SurfaceLine:
+        """The places along the probe lines over whose depths criteria are mapped."""
+        probes = self.simulation.probes
+        place, depth = [], []
+        for name, (start, end) in probes.lines.items():
+            way = probes.depth[name][::EVERY]
+            along = np.subtract(end, start) / np.linalg.norm(np.subtract(end, start))
+            place.append(np.asarray(start) + way[:, None] * along)
+            depth.append(way)
+        count = len(place[0])
+        return SurfaceLine(
+            np.arange(count * len(place)), np.concatenate(place), np.concatenate(depth),
+            tuple(probe_label(name) for name in probes.lines),
+            np.repeat(np.arange(len(place)), count), np.full(count * len(place), np.inf), False,
         )  # fmt: skip
 
-    def _mapped(self) -> list[CrackIndex]:
-        return [index for index in self.indexes if index.on == "surface"]
+    def _mapped(self, followed: bool = False) -> list[CrackIndex]:
+        return [i for i in self.indexes if i.on == "surface" and (i.followed or not followed)]
 
-    def row(self) -> Array | None:
-        """A row of the maps (maps, vertices) on rank 0, None elsewhere (collective)."""
+    def rows(self) -> list[Array]:
+        """A row (maps, places) of each kind of maps on rank 0, none elsewhere (collective)."""
         gather, state = self.simulation.section.gather, self.state
         owned = [state.temperature, *(state.values[index.name] for index in self._mapped())]
         whole = [values for values in map(gather, owned) if values is not None]
-        return np.array([values[state.line.nodes] for values in whole]) if whole else None
+        found = [np.array([values[state.line.nodes] for values in whole])] if whole else []
+        if self._follower is not None:
+            followed = [state.values[index.name] for index in self._mapped(followed=True)]
+            along = map(self.simulation.probes.along, (state.temperature, *followed))
+            lines = [np.concatenate([line[::EVERY] for line in one.values()]) for one in along]
+            found += [np.array(lines)] if whole else []
+        return found
 
     def arrays(self) -> dict[str, Array]:
         """What a checkpoint must hold at the owned vertices."""
