@@ -1,4 +1,4 @@
-"""Criteria of hot tearing of a run: by the similarity solution, resumed, on ranks, differentiated."""
+"""Criteria of hot tearing of a run: similarity solution, restart, ranks, derivatives."""
 
 from __future__ import annotations
 

@@ -160,9 +160,9 @@ class Recorder:
         """
         comm, path = self.simulation.section.comm, self.path
         assert path is not None
-        if names := self.readings.not_kept():
+        if lost := self.readings.not_kept():
             raise InputError(
-                f"{path}: holds no derivatives of {names[0]}, which hangs on the whole section in "
+                f"{path}: holds no derivatives of {lost[0]}, which hangs on the whole section in "
                 "all steps; run without --resume"
             )
         read = on_root(comm, lambda: load_checkpoint(path, **self._physics))
