@@ -93,7 +93,8 @@ def test_the_pressure_drop_is_darcy_integrated_along_the_growth() -> None:
 
 def passed(ends: Array, rates: tuple[float, float] = (1.5e-3, -4e-4)) -> MushyHistory:
     """A strip that is cooled at 4 K/s from 1700 K, stretched at constant rates, in some steps."""
-    history, levels = MushyHistory.begun(2), (1650.0, 1610.0, 1595.0)
+    levels = (1650.0, 1610.0, 1595.0)
+    history = MushyHistory.begun(np.full(2, 1700.0), levels[0])
     times = np.concatenate([[0.0], ends])
     for start, end in pairwise(times):
         before, after = (np.array([1700.0, 1720.0]) - 4.0 * t for t in (start, end))
@@ -127,7 +128,9 @@ def test_where_steps_end_does_not_matter(steps: int) -> None:
 
 def test_what_melts_again_begins_anew() -> None:
     levels, one = (1650.0, 1610.0, 1595.0), np.ones(1)
-    history, _ = MushyHistory.begun(1).advanced(1660.0 * one, 1600.0 * one, levels, 6.0, 0.006)
+    history, _ = MushyHistory.begun(1660.0 * one, 1650.0).advanced(
+        1660.0 * one, 1600.0 * one, levels, 6.0, 0.006
+    )
     assert history.vulnerable == pytest.approx([1.0]) and history.around == pytest.approx([0.001])
     held, inside = history.advanced(1600.0 * one, 1600.0 * one, levels, 2.0, -0.01)
     assert held.vulnerable == pytest.approx([3.0]) and held.around == pytest.approx([0.0])
@@ -137,6 +140,17 @@ def test_what_melts_again_begins_anew() -> None:
     assert melted.relief == pytest.approx([4.0 + 3.0])
     liquid, _ = history.advanced(1600.0 * one, 1700.0 * one, levels, 4.0)
     assert liquid.relief == pytest.approx([0.0])
+
+
+def test_what_is_half_frozen_at_the_start_has_no_ratio() -> None:
+    """How long it has been fed is not known; of its strain counts what is seen."""
+    levels, start = (1650.0, 1610.0, 1595.0), np.array([1640.0, 1651.0])
+    history = MushyHistory.begun(start, levels[0])
+    history, _ = history.advanced(start, np.full(2, 1590.0), levels, 5.0, 0.005)
+    ratio = laws.clyne_davies(history.vulnerable, history.relief)
+    assert ratio == pytest.approx([0.0, 15.0 / 40.0])
+    assert history.around == pytest.approx([0.005 * 0.3, 0.005 * 15.0 / 61.0])
+    assert history.vulnerable == pytest.approx([1.5, 5.0 * 15.0 / 61.0])
 
 
 def test_ductility_is_linear_in_temperature_and_logarithm_of_rate() -> None:

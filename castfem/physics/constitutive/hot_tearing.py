@@ -57,9 +57,9 @@ def won_damage(strain: Array, time: Array, width: float) -> Array:
 def clyne_davies(vulnerable: Array, relief: Array) -> Array:
     """Time in the brittle range over that from a solid fraction of 0.4 to it (n,) [Clyne1981].
 
-    0 where a point has not been seen in both, as one that was poured between.
+    0 where a point has not been seen through both.
     """
-    return np.asarray(np.where(relief > 0.0, vulnerable / np.where(relief > 0, relief, 1.0), 0.0))
+    return np.asarray(vulnerable / np.where(relief > 0.0, relief, np.inf))
 
 
 def secondary_arm_spacing(cooling_rate: Array, carbon: float) -> Array:
@@ -176,7 +176,8 @@ def _none() -> Array:
 class MushyHistory:
     """What points have met on their way through the mushy zone; nothing writes into its arrays."""
 
-    relief: Array = field(default_factory=_none)  #: time from a solid fraction of 0.4 to 0.9, s
+    #: time from a solid fraction of 0.4 to 0.9, s; without end where it was not seen from its start
+    relief: Array = field(default_factory=_none)
     vulnerable: Array = field(default_factory=_none)  #: time in the brittle range, s
     #: tension across the range less compression, along the isotherm of the section
     around: Array = field(default_factory=_none)
@@ -189,9 +190,10 @@ class MushyHistory:
         return tuple(one.name for one in fields(cls))
 
     @classmethod
-    def begun(cls, count: int) -> MushyHistory:
-        """That of points of which nothing is known."""
-        return cls(*(np.zeros(count) for _ in cls.names()))
+    def begun(cls, values: Array, feeds: float) -> MushyHistory:
+        """That of points of which nothing is known but what they are at (see `advanced`) (n,)."""
+        found = cls(*(np.zeros(len(values)) for _ in cls.names()))
+        return replace(found, relief=np.where(values < feeds, np.inf, 0.0))
 
     def advanced(
         self,

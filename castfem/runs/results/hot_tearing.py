@@ -90,16 +90,18 @@ class Follower:
         feeding = None
         if "rdg" in quality.hot_tearing:
             feeding = _feeding(quality.rdg or Feeding.model_validate({}), steel, kelvin[2])
-        count = simulation.section.owned
+        none = np.zeros(simulation.section.owned)
         self.start = Tearing(
-            MushyHistory.begun(count), width, kelvin[0] - kelvin[2], feeding, np.zeros(count),
-            np.zeros(count), np.zeros((0, 4)), np.zeros(count, bool), np.zeros(count, bool),
+            MushyHistory(), width, kelvin[0] - kelvin[2], feeding, none, none, np.zeros((0, 4)),
+            none > 0.0, none > 0.0,
         )  # fmt: skip
 
     def note(self, old: Tearing, strand: StrandState, duration: float) -> Tearing:
         """Take in one more step; one of no length where the run begins or goes on (collective)."""
         thermal, strain, history = strand.thermal, old.strain, old.history
         here = np.zeros(len(old.here), bool)
+        if len(history.relief) != len(here):
+            history = MushyHistory.begun(thermal.enthalpy, self._levels[0])
         if self._mechanics is not None and strand.mechanical is not None:
             strain = self._mechanics.strain(strand.mechanical)
         if duration > 0.0:
