@@ -107,7 +107,7 @@ def exact_times() -> tuple[float, float, float]:
 def test_times_and_strains_are_those_of_the_similarity_solution() -> None:
     """Each place takes x^2 times the same, so that the ratio of the times is one all over.
 
-    In the brittle range lie 0.4 mm there: with cells half as large the error is half as large.
+    In the brittle range lie 0.15 mm there: with cells half as large the error is half as large.
     The strain is the time in the range by the rate exactly, and so is the damage by hand.
     """
     feeds, begins, ends = exact_times()

@@ -84,8 +84,8 @@ class Follower:
         width = kelvin[1] - kelvin[2]
         if not (width > 0.0 and self._levels[0] > self._levels[1]):
             raise InputError(
-                f"quality.hot_tearing: {steel.name} freezes at one temperature, which has no "
-                "brittle range; leave it out, or give the steel a freezing range"
+                f"quality.hot_tearing: {steel.name} goes through its brittle range at one "
+                "temperature; give another quality.brittle or steel, or leave the criteria out"
             )
         feeding = None
         if "rdg" in quality.hot_tearing:
