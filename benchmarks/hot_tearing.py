@@ -21,8 +21,8 @@ from castfem.model import load_case
 from castfem.model.build.simulation import build
 from castfem.model.shipped_cases import find
 from castfem.physics.closed_forms.solidification import ThreeZones
-from castfem.physics.constitutive.hot_tearing import won_critical_strain
 from castfem.physics.materials import load_steel
+from castfem.physics.materials.hot_tearing import won_critical_strain
 from castfem.post.plots.maps import draw_depths
 from castfem.post.plots.style import Abscissa, look
 from castfem.runs.loop import TimeLoop

@@ -16,7 +16,7 @@ from castfem.model.checks import Faults, check
 
 if TYPE_CHECKING:
     from castfem.model.case import Case
-    from castfem.physics.constitutive.ductility import Ductility
+    from castfem.physics.materials.ductility import Ductility
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,9 +80,11 @@ class DuctilityTable(Notation):
 
     def read(self, given: object) -> Ductility | None:
         """Return the table, or raise ValueError."""
-        from castfem.physics.constitutive.ductility import Ductility
+        if given is None:
+            return None
+        from castfem.physics.materials.ductility import Ductility
 
-        if given is None or isinstance(given, Ductility):
+        if isinstance(given, Ductility):
             return given
         if not isinstance(given, Mapping):
             fix = f'{{ file = "ductility.csv" }} with {_COLUMNS.header}'
@@ -113,7 +115,7 @@ def _ductility(columns: dict[str, list[Any]], places: Sequence[str]) -> Ductilit
     """Return the table of a row for each temperature and rate, in any order."""
     import numpy as np
 
-    from castfem.physics.constitutive.ductility import Ductility, fracture_strain
+    from castfem.physics.materials.ductility import Ductility, fracture_strain
 
     if (_BY_STRAIN in columns) == (_BY_AREA in columns):
         raise ValueError(f"give one of the columns {_BY_STRAIN} and {_BY_AREA}")

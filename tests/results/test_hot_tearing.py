@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from small_case import small, strip
+from small_case import small, strip, write_small
 
 import castfem
 from castfem.base.errors import InputError, RunFailure
@@ -19,7 +21,7 @@ from castfem.base.types import Array
 from castfem.model import Case
 from castfem.model.build.simulation import build
 from castfem.physics.closed_forms.solidification import ThreeZones
-from castfem.physics.constitutive.hot_tearing import MushyHistory
+from castfem.physics.materials.hot_tearing import MushyHistory
 from castfem.post.report.cracks import crack_places
 from castfem.runs import loop
 from castfem.runs.loop import TimeLoop
@@ -252,6 +254,8 @@ def test_derivatives_are_those_of_difference_quotients(tmp_path: Path) -> None:
         assert found.gradient[name][key] == pytest.approx(quotient, rel=1e-5), name
     with pytest.raises(InputError, match=r"--of won_front_max: .*way_won_front_max"):
         castfem.sensitivities(chilled(1500.0), [key], "won_front_max")
+    with pytest.raises(InputError, match=r"--of way_won_max: with casting.speed the ends of the"):
+        castfem.sensitivities(chilled(1500.0), ["casting.speed"], "way_won_max")
 
 
 DUCTILITY = {
@@ -287,6 +291,18 @@ def test_time_alone_needs_no_mechanics(tmp_path: Path) -> None:
     found = loop.run(case, tmp_path, comm=MPI.COMM_SELF).quantities
     assert 0.05 < found["way_clyne_davies_front_max"].value < 2.0
     assert "way_won_front_max" not in found and "way_rdg_front_max" not in found
+
+
+def test_a_case_that_does_not_ask_imports_nothing_of_it(tmp_path: Path) -> None:
+    code = (
+        "import sys; from castfem.model import load_case; "
+        "from castfem.model.build.simulation import build; from castfem.runs.loop import TimeLoop; "
+        "from mpi4py import MPI; "
+        f"TimeLoop(build(load_case({str(write_small(tmp_path))!r}), MPI.COMM_SELF)).run(); "
+        "print([m for m in sys.modules if m.endswith(('.hot_tearing', '.ductility'))])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
 
 
 def test_a_case_that_does_not_ask_has_nothing_of_it(tmp_path: Path) -> None:

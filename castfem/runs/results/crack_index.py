@@ -24,7 +24,6 @@ import numpy as np
 
 from castfem.base.result_registry import quantity
 from castfem.base.types import Array, Flags
-from castfem.physics.constitutive.hot_tearing import share_within
 
 if TYPE_CHECKING:
     from castfem.model.quality import Quality
@@ -100,6 +99,8 @@ class SliceStep:
 
     def share_within(self, low: float, high: float) -> Array:
         """Share of the step in which the temperature lay within two (K), as a straight line."""
+        from castfem.physics.materials.hot_tearing import share_within  # of runs alone
+
         return share_within(self.earlier, self.temperature, low, high)
 
 

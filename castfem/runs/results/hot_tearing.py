@@ -13,8 +13,8 @@ from castfem.base.errors import InputError
 from castfem.base.types import Array, Flags
 from castfem.fem import dof_values
 from castfem.model.quality import FEEDING, Feeding
-from castfem.physics.constitutive import hot_tearing as laws
-from castfem.physics.constitutive.hot_tearing import MushyHistory
+from castfem.physics.materials import hot_tearing as laws
+from castfem.physics.materials.hot_tearing import MushyHistory
 from castfem.runs.results.thermal_quantities import temperature_at
 
 if TYPE_CHECKING:

@@ -160,7 +160,7 @@ class Recorder:
         """
         comm, path = self.simulation.section.comm, self.path
         assert path is not None
-        if lost := self.readings.not_kept():
+        if lost := self.readings.of_tearing():
             raise InputError(
                 f"{path}: holds no derivatives of {lost[0]}, which hangs on the whole section in "
                 "all steps; run without --resume"

@@ -104,6 +104,12 @@ class Readings:
         errors: bool = True,
     ) -> None:
         self._simulation, self._derivatives, self.asked = simulation, derivatives, asked
+        timed = [v.parameter.name for v in derivatives.variations if not v.above.same_times]
+        for name in self.of_tearing() if timed else ():
+            raise InputError(
+                f"--of {name}: with {timed[0]} the ends of the steps change, on which the first "
+                "skin hangs more than on it; compare runs (castfem sweep)"
+            )
         way = [one.name for one, _ in asked.values() if one.of_way]
         self._follows_heat = bool(way)
         self._follows_all = any(name not in _OF_TEMPERATURE for name in way)
@@ -218,8 +224,8 @@ class Readings:
             return float("nan"), float("nan")
         return float(found[0][number]), float(found[1][number])
 
-    def not_kept(self) -> list[str]:
-        """Results whose derivatives a checkpoint does not hold."""
+    def of_tearing(self) -> list[str]:
+        """Results of hot tearing among those asked for; no checkpoint holds their derivatives."""
         return [name for name, (one, _) in self.asked.items() if _hangs_on_tearing(one)]
 
     def memory(self) -> dict[str, Any]:

@@ -9,9 +9,9 @@ import pytest
 from scipy.integrate import quad
 
 from castfem.base.types import Array
-from castfem.physics.constitutive import hot_tearing as laws
-from castfem.physics.constitutive.ductility import Ductility, fracture_strain
-from castfem.physics.constitutive.hot_tearing import MushyHistory
+from castfem.physics.materials import hot_tearing as laws
+from castfem.physics.materials.ductility import Ductility, fracture_strain
+from castfem.physics.materials.hot_tearing import MushyHistory
 
 LIQUIDUS, WIDTH = 1780.0, 50.0  # K
 ROOTS = LIQUIDUS - 0.99 * WIDTH
