@@ -29,6 +29,7 @@ from castfem.runs.loop import TimeLoop
 from castfem.runs.output.summary import Summary
 from castfem.runs.output.surface_maps import DEPTHS, SurfaceMaps
 from castfem.runs.results.thermal_quantities import temperature_at
+from castfem.studies.accuracy.sizes import DEFAULT
 from castfem.studies.optimisation.fidelity import at_level
 
 CARBON = (0.05, 0.1, 0.12, 0.17, 0.25, 0.42)
@@ -43,7 +44,12 @@ CASES = {
     "billet180/peritectic": (),
     "slab1200/slab": ("casting.length=17.2 m",),
 }
-"""What is cast, on coarse cells, and what is changed of it."""
+"""What is cast, and what is changed of it."""
+RUNS = (
+    ("billet125/taper_1", "coarse"), ("billet125/taper_1", DEFAULT),
+    ("billet180/peritectic", "coarse"), ("slab1200/slab", "coarse"),
+)  # fmt: skip
+"""Cases with the accuracy of their cells and windows."""
 CRITERIA = 'quality.hot_tearing=["won","clyne_davies","rdg"]'
 DRAWN = ("billet125/taper_1", "slab1200/slab")
 QUIET = ("output.figures=false", "output.fields=[]")
@@ -103,16 +109,16 @@ def strip(size: float, quick: bool) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def cast(name: str, folder: Path, quick: bool) -> Summary:
-    """A case on coarse cells with all criteria."""
+def cast(name: str, level: str, folder: Path, quick: bool) -> Summary:
+    """A case with all criteria."""
     short = ("casting.length=50 mm",) if quick else ()
     case = load_case(find(name), [*QUIET, CRITERIA, *CASES[name], *short])
-    return finished_run(at_level(case, "coarse"), folder).summary
+    return finished_run(at_level(case, level), folder).summary
 
 
-def told(name: str, summary: Summary) -> dict[str, Any]:
+def told(name: str, level: str, summary: Summary) -> dict[str, Any]:
     """Largest values and where they are."""
-    row: dict[str, Any] = {"case": name}
+    row: dict[str, Any] = {"case": name, "accuracy": level}
     for result in RESULTS:
         found = summary.quantities[f"way_{result}_max"]
         row |= {result: found.shown, f"{result}_where": found.label.partition("on the way, ")[2]}
@@ -134,11 +140,11 @@ def main(output: Output, quick: bool) -> None:
     output.csv("hot_tearing_cells", [strip(s, quick) for s in (SIZES[:1] if quick else SIZES)])
     base = (output.folder if quick else ROOT / "results") / "hot_tearing"
     rows = []
-    for name in list(CASES)[: 1 if quick else None]:
-        folder = base / name.replace("/", "_")
-        summary = cast(name, folder, quick)
-        rows.append(told(name, summary))
-        if name in DRAWN:
+    for name, level in RUNS[: 1 if quick else None]:
+        folder = base / f"{name.replace('/', '_')}_{level}"
+        summary = cast(name, level, folder, quick)
+        rows.append(told(name, level, summary))
+        if name in DRAWN and level == "coarse":
             draw(output, name, folder, summary.zones)
         output.csv("hot_tearing", rows)
     show(output)
@@ -157,7 +163,8 @@ def show(output: Output) -> None:
         "time": ("time in the range [%]", "+.1f"), "ratio": ("its ratio to the relief [%]", "+.1f"),
     })  # fmt: skip
     output.table("hot tearing runs", output.rows("hot_tearing"), {
-        "case": "case", "won_front": ("by strain, front [%]", ".3g"), "won_front_where": "where",
+        "case": "case", "accuracy": "accuracy",
+        "won_front": ("by strain, front [%]", ".3g"), "won_front_where": "where",
         "won": ("at the surface [%]", ".3g"), "won_where": "where",
         "clyne_davies_front": ("by time", ".2f"), "clyne_davies_front_where": "where",
         "rdg_front": ("pressure drop [kPa]", ".3g"), "rdg_front_where": "where",

@@ -80,6 +80,7 @@ class Follower:
         # Heat is drawn evenly over a step, whereas the temperature falls fast where there is little
         # latent heat left.
         enthalpy = simulation.problem.curve.enthalpy(np.array(kelvin))
+        self._begins = kelvin[1]  # temperature at which the brittle range begins, K
         self._levels = float(enthalpy[0]), float(enthalpy[1]), float(enthalpy[2])
         width = kelvin[1] - kelvin[2]
         if not (width > 0.0 and self._levels[0] > self._levels[1]):
@@ -126,8 +127,9 @@ class Follower:
         """Strain along the isotherm and along the strand, and gradient, at the vertices (n,).
 
         Dendrites grow along the gradient, and tear apart across it. What is strained along it is
-        fed, and in the liquid it means nothing: its mesh follows the shell. There is no thermal
-        strain above the solidus; an elastic one is that of some MPa at most.
+        fed. In the liquid strain means nothing, for its mesh follows the shell: of the points
+        around a vertex those count that are in the brittle range or below, where there are any.
+        There is no thermal strain above the solidus; an elastic one is that of some MPa at most.
         """
         assert self._mechanics is not None
         points = self._mechanics.strained.points
@@ -137,8 +139,13 @@ class Follower:
         nx, ny = slope.T / np.where(steep > 0.0, steep, 1.0)
         xx, yy, zz, xy = strain.T
         around = ny**2 * xx + nx**2 * yy - 2.0**0.5 * nx * ny * xy
-        found = points.at_vertices(np.column_stack([around, zz, steep]))
-        return list(found.T)
+        at = points.vertex[: len(strain)] @ local
+        frozen = (at <= self._begins).astype(float)
+        kinds = np.column_stack([around, zz, steep, np.ones(len(at))])
+        both = points.at_vertices(np.hstack([kinds, kinds * frozen[:, None]]))
+        share = both[:, -1:]
+        found = np.where(share > 0.0, both[:, 4:] / np.where(share > 0.0, share, 1.0), both[:, :4])
+        return list(found.T[:3])
 
     @staticmethod
     def arrays(state: Tearing) -> dict[str, Array]:
