@@ -28,6 +28,7 @@ Fraction = Callable[[Array], Array]
 WON, WON_RATE, WON_RANGE = 0.02821, 0.3131, 0.8638  # of 1/s and K
 POINTS = 16  # of Gauss in each of the panels of an integral over the mushy zone
 PANELS = 64
+NO_STRAIN = 1e-12  # what rounding makes of none
 PARTS = 8  # in which what a step does is followed
 
 
@@ -43,7 +44,7 @@ def won_critical_strain(rate: Array, width: float) -> Array:
 
 
 def won_damage(strain: Array, time: Array, width: float) -> Array:
-    """Strain across the range over the critical one of its mean rate (n,); 0 where none is.
+    """Strain across the range over the critical one of its mean rate (n,).
 
     Args:
         strain: Across the range so far (n,), not negative.
@@ -51,7 +52,8 @@ def won_damage(strain: Array, time: Array, width: float) -> Array:
         width: See `won_critical_strain`.
     """
     rate = strain / np.where(time > 0.0, time, np.inf)
-    return np.asarray(strain / won_critical_strain(rate, width))
+    damage = strain / won_critical_strain(rate, width)
+    return np.where(strain > NO_STRAIN, damage, 0.0)
 
 
 def clyne_davies(vulnerable: Array, relief: Array) -> Array:
