@@ -36,6 +36,7 @@ STUDIES = {
     "shell3d": ("shell3d", "slab_bulging.md"),
     "slabs": ("slabs", "slab_thesis.md"),
     "slab_bending": ("slab_bending", "slab_bending.md"),
+    "hot_tearing": ("hot_tearing", "hot_tearing.md"),
     "slab_error": ("slab_error", "slab_error.md"),
     "slab_cells": ("slab_cells", "slab_error.md"),
     "slab_sprays": ("slab_sprays", "slab_heat.md"),

@@ -121,6 +121,48 @@ class Columns:
         return found, places
 
 
+Grid = tuple[tuple[float, ...], tuple[float, ...], tuple[tuple[float, ...], ...]]
+
+
+def grid_of(rows: Array, places: Sequence[str], kinds: Sequence[Kind], what: str) -> Grid:
+    """Return a table of two arguments from a row for each pair of them, in any order.
+
+    Args:
+        rows: Both arguments and the value (n, 3), SI.
+        places: Where each row stands.
+        kinds: Of the arguments.
+        what: What two arguments are, for messages: "temperature and flow".
+
+    Returns:
+        Both arguments, increasing, and the values, a row for each of the first.
+
+    Raises:
+        ValueError: A pair stands there twice, or one is missing.
+    """
+    found: dict[tuple[float, float], float] = {}
+    cells: Any = rows.tolist()
+    for (x, y, value), where in zip(cells, places, strict=True):
+        if (x, y) in found:
+            raise ValueError(f"{where}: this {what} stand there twice")
+        found[x, y] = value
+    first, second = (tuple(sorted({key[k] for key in found})) for k in range(2))
+    gaps = [(x, y) for x in first for y in second if (x, y) not in found]
+    if gaps:
+        at = [kind.write(x) for kind, x in zip(kinds, gaps[0], strict=False)]
+        raise ValueError(f"no value at {at[0]} and {at[1]}; one for each pair is needed")
+    return first, second, tuple(tuple(found[x, y] for y in second) for x in first)
+
+
+def rows_of(grid: Grid) -> list[tuple[float, float, float]]:
+    """Return the inverse of `grid_of`: a row for each pair."""
+    first, second, values = grid
+    return [
+        (x, y, value)
+        for x, line in zip(first, values, strict=True)
+        for y, value in zip(second, line, strict=True)
+    ]
+
+
 def _cell(name: str, kind: Kind, cell: object, unit: object, where: str) -> float:
     """Read a cell, in the unit of its column where it has none itself."""
     text = str(cell).strip()

@@ -35,6 +35,7 @@ MODULES = (
     "castfem.runs.results.mechanical_quantities",
     "castfem.runs.results.contact_quantities",
     "castfem.runs.results.quality_quantities",
+    "castfem.runs.results.hot_tearing_quantities",
     "castfem.runs.results.closed_form_quantities",
 )
 """Modules that declare quantities, in the order of the columns; others come behind."""

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
-from castfem.base.quantities import Kind, Notation
+from castfem.base.named_columns import Columns, grid_of, rows_of
+from castfem.base.quantities import Kind, Length, Notation
+from castfem.base.table_notation import schema_of_columns
 from castfem.model.base import TableModel, written
+from castfem.model.checks import Faults, check
 
 if TYPE_CHECKING:
     from castfem.model.case import Case
+    from castfem.physics.materials.ductility import Ductility
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +60,94 @@ SOLID_FRACTIONS = Range(SOLID_FRACTION, "[0.9, 0.99]")
 STRAIN = Kind("1", above=0.0, label="strain", sample="0.004")
 
 
+STRAIN_RATE = Kind("1/s", "1/s", above=0.0, label="rate of strain", sample="1e-3 1/s")
+AREA = Kind("1", above=0.0, most=0.99, label="reduction of area", sample="40 percent")
+_BY_STRAIN, _BY_AREA = "critical_strain", "reduction_of_area"
+_COLUMNS = Columns(
+    {"temperature": TEMPERATURE, "strain_rate": STRAIN_RATE, _BY_STRAIN: STRAIN, _BY_AREA: AREA},
+    {"temperature": "temperature_unit", "strain_rate": "strain_rate_unit"},
+    "table of ductility",
+    f"temperature [degC], strain_rate [1/s], and {_BY_STRAIN} or {_BY_AREA} [percent]",
+    optional=(_BY_STRAIN, _BY_AREA),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class DuctilityTable(Notation):
+    """Annotation of a field that takes the ductility of a grade: a CSV file, or columns."""
+
+    takes: str = 'CSV file `{ file = "ductility.csv" }`, or its columns'
+
+    def read(self, given: object) -> Ductility | None:
+        """Return the table, or raise ValueError."""
+        if given is None:
+            return None
+        from castfem.physics.materials.ductility import Ductility
+
+        if isinstance(given, Ductility):
+            return given
+        if not isinstance(given, Mapping):
+            fix = f'{{ file = "ductility.csv" }} with {_COLUMNS.header}'
+            raise ValueError(f"a table is needed, {fix}")
+        return _COLUMNS.read_by_name(given, _ductility)
+
+    def write(self, value: Ductility | None) -> Any:
+        """Return what reads back to the same table."""
+        if value is None:
+            return None
+        rows = rows_of((value.temperatures, value.rates, value.strains))
+        kinds = list(_COLUMNS.kinds.items())[:3]
+        return {n: [kind.write(row[i]) for row in rows] for i, (n, kind) in enumerate(kinds)}
+
+    def json_schema(self) -> dict[str, Any]:
+        """See `Notation.json_schema`."""
+        ways = [
+            way
+            for value in (_BY_STRAIN, _BY_AREA)
+            for way in schema_of_columns(
+                ("temperature", "strain_rate", value), tuple(_COLUMNS.units.values())
+            )
+        ]
+        return {"anyOf": ways, "description": "ductility of a grade, from a file"}
+
+
+def _ductility(columns: dict[str, list[Any]], places: Sequence[str]) -> Ductility:
+    """Return the table of a row for each temperature and rate, in any order."""
+    import numpy as np
+
+    from castfem.physics.materials.ductility import Ductility, fracture_strain
+
+    if (_BY_STRAIN in columns) == (_BY_AREA in columns):
+        raise ValueError(f"give one of the columns {_BY_STRAIN} and {_BY_AREA}")
+    strain = columns.get(_BY_STRAIN)
+    values = np.array(strain) if strain else fracture_strain(np.array(columns[_BY_AREA]))
+    rows = np.column_stack([columns["temperature"], columns["strain_rate"], values])
+    kinds = tuple(_COLUMNS.kinds.values())
+    found = Ductility(*grid_of(rows, places, kinds, "temperature and rate"))
+    if len(found.temperatures) < 2:
+        raise ValueError("at least two temperatures are needed")
+    return found
+
+
+FEEDING = 0.4
+"""Solid fraction from which on liquid must be drawn between the crystals [Clyne1981]."""
+Criterion = Literal["won", "clyne_davies", "rdg"]
+
+
+class Feeding(TableModel):
+    """What feeds the mushy zone, of the criterion "rdg"."""
+
+    viscosity: Annotated[float, Kind("Pa s", "Pa s", above=0.0)] = written("5.5e-3 Pa s")
+    """of the liquid between the crystals"""
+    shrinkage: Annotated[float, Kind("1", above=0.0)] | None = Field(None, examples=["4 percent"])
+    """by which the volume falls as the steel freezes; left out: by the densities at solidus and
+    liquidus"""
+    arm_spacing: Length | None = Field(None, examples=["120 um"])
+    """of the secondary dendrite arms; left out: by carbon content and cooling rate [Won2001]"""
+    cavitation: Annotated[float, Kind("Pa", "kPa", above=0.0)] = written("2 kPa")
+    """pressure drop from which on the liquid tears"""
+
+
 class Quality(TableModel):
     """By what the strand is judged: crack indexes, end of the pool, soft reduction."""
 
@@ -68,6 +160,32 @@ class Quality(TableModel):
     share of it is told"""
     soft_reduction: Annotated[tuple[float, float], SOLID_FRACTIONS] = written([0.3, 0.7])  # type: ignore[arg-type]
     """solid fractions on the centre line between which reduction closes segregation"""
+    hot_tearing: tuple[Criterion, ...] | None = Field(None, examples=[["won", "clyne_davies"]])
+    """criteria of hot tearing in the brittle range that are followed through the section
+    (docs/hot_tearing.md); left out: none"""
+    rdg: Feeding | None = None
+    """what feeds the mushy zone, of the criterion "rdg"; left out: its defaults"""
+    ductility: Annotated[Any, DuctilityTable()] = Field(None, examples=[{"file": "ductility.csv"}])
+    """critical strain of the grade over temperature and rate of strain, which the surface's strain
+    is held against; left out: the one band of temperatures says where the steel is brittle"""
+
+
+@check("quality")
+def _followed(case: Case, quality: Quality) -> Faults:
+    """Yield what criteria lack."""
+    criteria = quality.hot_tearing or ()
+    strained = [name for name in criteria if name != "clyne_davies"]
+    if strained and (case.mechanics is None or case.mechanics_end() is not None):
+        which = "is missing" if case.mechanics is None else "ends above (mechanics.until)"
+        text = 'a run of the temperature alone can have "clyne_davies"'
+        yield "hot_tearing", f'("{strained[0]}") needs strain, and [mechanics] {which}; {text}'
+    if criteria and not (quality.brittle[0] > FEEDING and quality.brittle[1] < 1.0):
+        text = f"hot_tearing needs a range between {FEEDING:g} and 1, such as [0.9, 0.99]"
+        yield "brittle", text
+    if quality.rdg is not None and "rdg" not in criteria:
+        yield "rdg", 'is of the criterion "rdg"; name it, hot_tearing = ["rdg"]'
+    if quality.ductility is not None and case.mechanics is None:
+        yield "ductility", "is held against strain; add [mechanics], or leave it out"
 
 
 def band_of(case: Case) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
 
-from castfem.base.named_columns import Columns
+from castfem.base.named_columns import Columns, grid_of, rows_of
 from castfem.base.quantities import (
     HeatTransferCoefficient,
     Kind,
@@ -70,11 +70,7 @@ class NozzleTable(Notation):
         """Return what reads back to the same table."""
         if value is None:
             return None
-        rows = [
-            (t, w, h)
-            for t, line in zip(value.temperatures, value.values, strict=True)
-            for w, h in zip(value.water, line, strict=True)
-        ]
+        rows = rows_of((value.temperatures, value.water, value.values))
         return {
             name: [kind.write(row[i]) for row in rows]
             for i, (name, kind) in enumerate(_COLUMNS.kinds.items())
@@ -90,23 +86,12 @@ def _coefficients(rows: Array, places: Sequence[str]) -> CoefficientTable:
     """Return the table of a row for each temperature and flow, in any order."""
     from castfem.physics.thermal.spray_water import CoefficientTable
 
-    found: dict[tuple[float, float], float] = {}
-    cells: Any = rows.tolist()
-    for (t, w, h), where in zip(cells, places, strict=True):
-        if (t, w) in found:
-            raise ValueError(f"{where}: this temperature and flow stand there twice")
-        found[t, w] = h
-    temperatures, water = (tuple(sorted({key[k] for key in found})) for k in range(2))
+    kinds = tuple(_COLUMNS.kinds.values())
+    temperatures, water, values = grid_of(rows, places, kinds, "temperature and flow")
     if len(temperatures) < 2 or len(water) < 2:
         raise ValueError("at least two temperatures and two flows are needed")
     if water[0] != 0.0:
         raise ValueError("the flows must begin at 0: what holds at the edge of a spray")
-    gaps = [(t, w) for t in temperatures for w in water if (t, w) not in found]
-    if gaps:
-        kinds = _COLUMNS.kinds.values()
-        at = [kind.write(x) for kind, x in zip(kinds, gaps[0], strict=False)]
-        raise ValueError(f"no value at {at[0]} and {at[1]}; one for each pair is needed")
-    values = tuple(tuple(found[t, w] for w in water) for t in temperatures)
     return CoefficientTable(temperatures, water, values)
 
 

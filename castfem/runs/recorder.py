@@ -39,7 +39,7 @@ class Recorder:
         self._columns = Columns(simulation)
         self._history: History | None = None
         self._fields: FieldWriter | None = None
-        self._maps: MapWriter | None = None
+        self._maps: list[MapWriter] = []
         self._followed: list[ProbeSampler | WallFlux] = []
         self._followed_files: dict[str, History] = {}
         self.checkpoint: tuple[dict[str, Any], dict[str, Array]] | None = None
@@ -97,7 +97,7 @@ class Recorder:
         """
         cells, fields = self._columns.row(sample), self._due_fields(run, sample)
         judged = run.sampler.quality
-        mapped = None if judged is None else judged.row()
+        mapped = [] if judged is None else judged.rows()
         followed = [one.rows(run.state, sample) for one in self._followed]
         taken = run.counts.taken
         due = self._every > 0 and taken % self._every == 0  # at the meniscus, too
@@ -108,8 +108,8 @@ class Recorder:
             self._history.append(cells)
             if self._fields is not None and fields:
                 self._fields.write(sample.time, sample.position, fields)
-            if self._maps is not None and mapped is not None:
-                self._maps.append(sample.time, sample.position, mapped)
+            for maps, values in zip(self._maps, mapped, strict=True):
+                maps.append(sample.time, sample.position, values)
             for rows in followed:
                 for name, row in rows.items():
                     self._followed_files[name].append(row)
@@ -119,19 +119,20 @@ class Recorder:
         on_root(self.comm, write)
 
     def begin_maps(self, run: RunState) -> None:
-        """Begin the maps of the surface, or go on with them; a case without [quality] has none."""
+        """Begin the maps, or go on with them; a case without [quality] has none."""
         judged = run.sampler.quality
         if judged is None:
             return
         from castfem.runs.output.surface_maps import MapWriter
 
         def begin() -> None:
-            heading = judged.heading()
-            if self.checkpoint is None:
-                self._maps = MapWriter(self.folder.path, heading)
-            else:
-                taken = Counts.restored(self.checkpoint[0]["counts"]).taken
-                self._maps = MapWriter.resume(self.folder.path, heading, taken + 1)
+            for names, heading in judged.headings().items():
+                if self.checkpoint is None:
+                    maps = MapWriter(self.folder.path, heading, names=names)
+                else:
+                    taken = Counts.restored(self.checkpoint[0]["counts"]).taken
+                    maps = MapWriter.resume(self.folder.path, heading, taken + 1, names)
+                self._maps.append(maps)
 
         on_root(self.comm, begin)
 
@@ -206,8 +207,8 @@ class Recorder:
         arrays = {name: values for name, values in state.items() if values is not None}
         if self._history is not None:
             self._history.sync()
-        if self._maps is not None:
-            self._maps.sync()
+        for maps in self._maps:
+            maps.sync()
         for file in self._followed_files.values():
             file.sync()
         save_checkpoint(self.folder / CHECKPOINT_NAME, description, arrays, **self._physics)
@@ -220,7 +221,7 @@ class Recorder:
 
     def close(self) -> None:
         """Close the files; what was written is complete without it."""
-        for thing in (self._history, self._fields, self._maps, *self._followed_files.values()):
+        for thing in (self._history, self._fields, *self._maps, *self._followed_files.values()):
             if thing is not None:
                 thing.close()
 

@@ -46,7 +46,7 @@ from castfem.runs.results import registry as of_simulation
 from castfem.runs.results.headline import HEADLINE
 from castfem.runs.results.labels import last_quantities, probes_with
 from castfem.runs.results.mechanical import smooth_peak
-from castfem.runs.results.needs import are_met
+from castfem.runs.results.needs import CRITERIA, are_met
 from castfem.runs.results.reference_table import written
 from castfem.runs.results.sample import Sample, SmoothPeak, SmoothStress
 
@@ -61,6 +61,15 @@ GIVEN = (
     'cooling.mould.surface=[{law="contact",flux="savage_pritchard",wall="160 degC",'
     'gap_conductivity="0.15 W/(m K)"}]'
 )
+TEARING = {
+    "hot_tearing": list(CRITERIA),
+    "rdg": {"shrinkage": "4 percent"},
+    "ductility": {
+        "temperature": ["800 degC", "950 degC"],
+        "strain_rate": ["1e-3 1/s", "1e-3 1/s"],
+        "reduction_of_area": ["40 percent", "60 percent"],
+    },
+}
 THIN = (
     "section.width=20 mm", "section.height=20 mm", "section.corner_radius=2 mm",
     "mesh.face_size=4 mm", "mesh.core_size=4 mm", "casting.length=1 m", "thermal.time.step=0.5 s",
@@ -82,13 +91,13 @@ def declare_mean() -> Callable[[Sample], float]:
 
 @pytest.fixture(scope="module")
 def samples(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Sample, ...]]:
-    """The last sample of a billet with friction, and of five strands.
+    """The last sample of a billet with friction, and of six strands.
 
     One has frozen, one is bent and drawn, one bulges between its rolls, one is free to tilt, one
-    has a closed form.
+    has a closed form, one is followed for hot tears.
     """
     thin = write_small(tmp_path_factory.mktemp("thin"))
-    curved = drawn(quality={"critical_strain": 0.01}, casting__length="0.7 m")
+    curved = drawn(quality={"critical_strain": 0.01} | TEARING, casting__length="0.7 m")
     rolled = slab(mechanics__bulging="elastic", casting__length="0.95 m")
     cases = (
         billet("taper_1", *FRICTION, *OSCILLATION, GIVEN, SMOOTH),
@@ -97,6 +106,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Sample, 
         rolled,
         billet("idealised", "section.symmetry=whole", "casting.length=15 mm"),
         load_case(HALF_SPACE, ["casting.length=10 mm"]),
+        billet("idealised", "casting.length=100 mm").with_({"quality": TEARING}),
     )
     simulations = [build(case, MPI.COMM_SELF) for case in cases]
     yield tuple(TimeLoop(simulation).run() for simulation in simulations)
@@ -113,9 +123,10 @@ def test_a_quantity_is_whole(definition: QuantityDefinition, samples: tuple[Samp
     assert d.label and ("{}" in d.label) == bool(d.each)
     assert d.about.endswith((".", ")")) and len(d.about) > 10
     assert [e.name for e in declared() if e.label == d.label] == [d.name]
-    strained, frozen, curved, rolled, free, exact = samples
+    strained, frozen, curved, rolled, free, exact, torn = samples
     sample = frozen if d.name in ("metallurgical_length", "liquid_end") else strained
     sample = curved if {"bending", "quality", "extraction"} & set(d.needs) else sample
+    sample = torn if {*CRITERIA} & {*d.needs} and "bending" not in d.needs else sample
     sample = rolled if "bulging" in d.needs else sample
     sample = free if {"tilt_x", "tilt_y"} & set(d.needs) else sample
     sample = exact if "closed_form" in d.needs else sample

@@ -108,6 +108,16 @@ class Points:
         )
         return [v.reshape(cells, v[:1].size // dofs, dofs) for v in values]
 
+    @cached_property
+    def gradient(self) -> sparse.csr_matrix:
+        """Operator (2 deviator_points, local vertices) from vertex values to their gradients."""
+        space = self.section.vertex_space
+        slopes = Tabulation(
+            self.section.mesh, ufl.grad(ufl.TrialFunction(space)), self.deviator.points
+        ).values()
+        table = slopes.reshape(self.section.cells, -1, dof_values.per_cell(space))
+        return dof_values.operator(space, np.arange(len(table)), table)
+
     def _operator(self, tables: list[Array], space: fem.FunctionSpace) -> sparse.csr_matrix:
         """Sparse matrix of `_tables`, rows by point."""
         blocks = [dof_values.operator(space, np.arange(len(t)), t) for t in tables]

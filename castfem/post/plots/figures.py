@@ -23,16 +23,16 @@ from castfem.model import load_case
 from castfem.model.shipped_cases import CASE_NAME
 from castfem.post.plots import along_strand, deformation, section
 from castfem.post.plots.caster_view import draw_caster
-from castfem.post.plots.maps import draw_maps
+from castfem.post.plots.maps import draw_depths, draw_maps
 from castfem.post.plots.secondary import draw_roll_to_roll
 from castfem.post.plots.section import Steel
 from castfem.post.plots.strand import draw_stack
 from castfem.post.plots.style import STYLE, Abscissa, look, save
 from castfem.runs.output.fields import Fields
-from castfem.runs.output.folder import ALL_FIGURES, FIGURES_NAME, MAPS_NAME, ROWS_NAME
+from castfem.runs.output.folder import ALL_FIGURES, FIGURES_NAME
 from castfem.runs.output.history import HISTORY_NAME, Columns, read_columns
 from castfem.runs.output.summary import Summary, Zone
-from castfem.runs.output.surface_maps import SurfaceMaps
+from castfem.runs.output.surface_maps import DEPTHS, SURFACE, SurfaceMaps
 from castfem.runs.output.xdmf import HDF5_NAME
 from castfem.runs.results.run_case import units_of_run
 
@@ -54,12 +54,12 @@ class RunData:
     files: ExitStack  #: keeps the fields open
 
     def has(self, what: str) -> bool:
-        """Whether there is a history of two rows ("table"), "fields" of temperature, or "maps"."""
+        """Whether there is a "table" of two rows, "fields" of temperature, "maps", or "depths"."""
         if what == "table":
             return (self.folder / HISTORY_NAME).is_file() and len(self.table) > 1
         if what == "fields":
             return (self.folder / HDF5_NAME).is_file() and "temperature" in self.fields.names
-        return any((self.folder / name).is_file() for name in (MAPS_NAME, ROWS_NAME))
+        return SurfaceMaps.exist(self.folder, DEPTHS if what == "depths" else SURFACE)
 
     @cached_property
     def table(self) -> Columns:
@@ -75,6 +75,11 @@ class RunData:
     def maps(self) -> SurfaceMaps:
         """The maps of the surface."""
         return SurfaceMaps(self.folder)
+
+    @cached_property
+    def depths(self) -> SurfaceMaps:
+        """The maps over the depth."""
+        return SurfaceMaps(self.folder, DEPTHS)
 
     @property
     def zones(self) -> tuple[Zone, ...]:
@@ -190,6 +195,11 @@ FIGURES = {
         Figure("maps", "Surface unrolled: temperature, low ductility, crack indexes", "maps",
                lambda run: draw_maps(
                    run.maps, Abscissa(run.maps.time, run.maps.position, run.zones)
+               ),
+               picture=True),
+        Figure("depths", "Criteria of hot tearing over the depth", "depths",
+               lambda run: draw_depths(
+                   run.depths, Abscissa(run.depths.time, run.depths.position, run.zones)
                ),
                picture=True),
         Figure("caster", "Strand between its rolls", "maps",

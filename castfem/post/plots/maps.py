@@ -115,6 +115,49 @@ def draw_maps(maps: SurfaceMaps, abscissa: Abscissa) -> Figure | None:
     return figure
 
 
+def draw_depths(maps: SurfaceMaps, abscissa: Abscissa) -> Figure | None:
+    """Criteria of hot tearing over the depth and down the strand, with the brittle range.
+
+    Of each criterion the first line into the section is drawn, and that on which it is largest.
+
+    Returns:
+        None before the second step, or where nothing has frozen.
+    """
+    rows = np.flatnonzero(np.diff(maps.position, prepend=-1.0) > 0.0)
+    line, chosen = maps.heading.line, []
+    for one in maps.heading.maps[1:]:
+        final = maps[one.name][-1]
+        if final.max() > 0.0:
+            lines = dict.fromkeys((0, int(line.face[int(np.argmax(final))])))
+            chosen += [(one, face) for face in lines]
+    if len(rows) < 2 or not abscissa.along or not chosen:
+        return None
+    figure, axes = new_panels(len(chosen), 1.75)
+    figure.subplots_adjust(right=0.84)
+    x = maps.position[rows] * abscissa.scale
+    for panel, (one, face) in zip(axes, chosen, strict=True):
+        places = np.flatnonzero(line.face == face)
+        depth = 1e3 * line.way[places]
+        kelvin = maps["temperature"][np.ix_(rows, places)]
+        values = index_values(maps, one)[np.ix_(rows, places)]
+        top, band = float(index_values(maps, one).max()), maps.heading.band
+        hidden = (values <= 0.0) | (kelvin > band[1])  # between the last vertex and the next
+        shades = panel.pcolormesh(
+            edges(x), edges(depth), np.ma.masked_where(hidden, values).T, cmap=index_colours(),
+            vmin=0.0, vmax=top, shading="flat", rasterized=True,
+        )  # fmt: skip
+        _bar(panel, shades, index_label(one))
+        if kelvin.min() < band[1] and kelvin.max() > band[0]:
+            panel.contour(x, depth, kelvin.T, levels=list(band), colors="#333333", linewidths=0.7)
+        frozen = depth[kelvin.min(axis=0) < band[1]]
+        panel.set_ylim(min(1.15 * float(frozen.max(initial=0.05 * depth[-1])), depth[-1]), 0.0)
+        panel.set_ylabel(f"{line.faces[face]}\ndepth [mm]", fontsize=8.0)
+        panel.grid(False)
+    dress(axes, abscissa)
+    _mark_phases(axes, Stations.of_columns(**maps.heading.caster()), abscissa)
+    return figure
+
+
 def _bar(panel: Axes, shades: ScalarMappable, label: str) -> Any:
     figure = panel.figure.get_figure(root=True)
     assert figure is not None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -13,9 +13,8 @@ from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.shown_quantity import from_si
 from castfem.base.types import Array
 from castfem.physics.machine.stations import Stations
-from castfem.runs.output.folder import MAPS_NAME, ROWS_NAME
 from castfem.runs.output.summary import Summary
-from castfem.runs.output.surface_maps import IN_BAND, SurfaceMaps
+from castfem.runs.output.surface_maps import DEPTHS, IN_BAND, SurfaceMap, SurfaceMaps
 from castfem.runs.results.numbers import small_rate
 from castfem.runs.results.roll_load import heaviest_roll
 from castfem.runs.results.run_case import case_with
@@ -35,6 +34,8 @@ class CrackLimits:
 
 
 LIMITS = CrackLimits()
+Ranked = tuple[str, str, str, str]
+"""Index, value with unit, how far below the worst, and where."""
 _NOT_RANKED = ("temperature", "band_time")
 _COMPARED = ("I1", "I2")  # the other indexes are kin of I2, and worst where it is
 
@@ -110,7 +111,12 @@ class CrackReport:
         return kept
 
     def _beside(self, one: Maximum, other: Maximum) -> bool:
-        """Whether two places are one: less than two pitches and half a thickness apart."""
+        """Whether two places are one: less than two pitches and half a thickness apart.
+
+        So is what a place keeps that has come to it before.
+        """
+        if one.vertex == other.vertex and one.value == other.value:
+            return True
         line, position = self.maps.heading.line, self.maps.position
         along = abs(float(position[one.row] - position[other.row]))
         around = abs(float(line.way[one.vertex] - line.way[other.vertex]))
@@ -149,16 +155,42 @@ class CrackReport:
             way = f"from {places[found.coldest]:.2f} to {places[found.warmest]:.2f} m"
             yield f"{name}, {found.rise:.0f} K", f"{line.words(found.vertex)}, {way}"
 
-    def ranking(self) -> Iterator[tuple[str, str, str, str]]:
+    def ranking(self) -> Iterator[Ranked]:
         """Index, value with unit, how far below the worst, and where: the worst first."""
         for one in self.maps.heading.maps:
             ranked = self.maxima(one.name)[: LIMITS.ranks] if one.name in self.indexes() else []
-            for rank, found in enumerate(ranked):
-                less = f"{100.0 * (found.value / ranked[0].value - 1.0):.0f} %" if rank else "worst"
-                size = from_si(found.value, one.shown)
-                number = f"{size:.3g}" if abs(size) >= LIMITS.small else small_rate(size, ".3g")
-                value = f"{number} {one.shown}"
-                yield one.name if not rank else "", value, less, self.words(found)
+            places = [(found.value, self.words(found)) for found in ranked]
+            yield from _ranked(one, places)
+
+
+def _ranked(one: SurfaceMap, places: Sequence[tuple[float, str]]) -> Iterator[Ranked]:
+    """Rows of a ranking from the values (SI) of an index and where they are, the worst first."""
+    for rank, (value, where) in enumerate(places):
+        less = f"{100.0 * (value / places[0][0] - 1.0):.0f} %" if rank else "worst"
+        size = from_si(value, one.shown)
+        number = f"{size:.3g}" if abs(size) >= LIMITS.small else small_rate(size, ".3g")
+        shown = number if one.shown == "-" else f"{number} {one.shown}"
+        yield one.name if not rank else "", shown, less, where
+
+
+def depth_ranking(maps: SurfaceMaps) -> Iterator[Ranked]:
+    """As `CrackReport.ranking`, of what has a map over the depth: the worst of each line.
+
+    Where it is: the line, the depth, and where the slice was as that place came to its value.
+    """
+    line, stations = maps.heading.line, Stations.of_columns(**maps.heading.caster())
+    for one in maps.heading.maps[1:]:
+        values, places = maps[one.name], []
+        for face, label in enumerate(line.faces):
+            vertices = np.flatnonzero(line.face == face)
+            row, column = _peak(values[:, vertices], line.place[vertices])
+            if (value := float(values[row, vertices[column]])) > 0.0:
+                where, when = float(maps.position[row]), float(maps.time[row])
+                deep = f"{label}, {1e3 * line.way[vertices[column]]:.3g} mm deep"
+                places.append((value, f"{deep}, {stations.words(where, when)}"))
+        places.sort(key=lambda one: -one[0])
+        name = f"{one.name}, inside"
+        yield from _ranked(replace(one, name=name), places[: LIMITS.ranks])
 
 
 def _peak(values: Array, places: Array) -> tuple[int, int]:
@@ -201,7 +233,7 @@ class CrackPlaces:
     """What the maps of a run's surface say."""
 
     #: index, value with unit, how far below the worst, and where: the worst first
-    ranking: Sequence[tuple[str, str, str, str]]
+    ranking: Sequence[Ranked]
     nowhere: str  #: in its place, why there is none; empty otherwise
     #: the roll that carries most, what reheats, where the pool ends: what, and where
     others: Sequence[tuple[str, str]]
@@ -218,10 +250,12 @@ class CrackPlaces:
 
 def crack_places(folder: Path, summary: Summary | None) -> CrackPlaces | None:
     """What the maps of a run say; None without maps."""
-    if not any((folder / name).is_file() for name in (MAPS_NAME, ROWS_NAME)):
+    if not SurfaceMaps.exist(folder):
         return None
     report = CrackReport.of(SurfaceMaps(folder))
     ranking = list(report.ranking())
+    if SurfaceMaps.exist(folder, DEPTHS):
+        ranking += depth_ranking(SurfaceMaps(folder, DEPTHS))
     low, high = (f"{end - ZERO_CELSIUS:.4g}" for end in report.maps.heading.band)
     nowhere = ""
     if report.indexes() and not ranking and report.maps[IN_BAND].any():

@@ -9,6 +9,7 @@
     wall_flux.csv  the heat into the wall of a mould with thermocouples, likewise
     surface_maps.h5   the surface unrolled over time (`runs.output.surface_maps`), those of a
     surface_maps.rows run that has not ended
+    depth_maps.h5 .rows  criteria of hot tearing over the depth, likewise
     fields.xdmf    the fields over time, for ParaView (`castfem.runs.output.xdmf`) ...
     fields.h5      ... and their numbers (`castfem.runs.output.field_files`), those of
     fields/        a run that has not ended in a file a time
@@ -70,6 +71,7 @@ PROBES_NAME = "probes"
 WALL_FLUX_NAME = "wall_flux.csv"
 DERIVATIVES_NAME = "derivatives.json"  # that a run has carried along
 MAPS_NAME, ROWS_NAME = "surface_maps.h5", "surface_maps.rows"
+DEPTHS_NAME, DEPTH_ROWS_NAME = "depth_maps.h5", "depth_maps.rows"
 ERROR_NAME, ERROR_ENDING = "error.json", "_error"
 """File of the errors of a case, and what its folder has behind the name of a run's."""
 CASTER_NAME, STRAND_ROWS_NAME, SLICES_NAME = "caster.csv", "strand.csv", "slices.csv"
@@ -79,7 +81,7 @@ STRAND_SERIES_NAME, MOMENTS_NAME = "strand.pvd", "moments"
 STRAND_NAME = "strand.vtu"  # written on demand, from the others
 FIGURES = ("temperature", "states", "stack", "surface_temperature", "shell", "heat", "steps")
 MECHANICS_FIGURES = ("von_mises", "shape", "stress", "size", "axial", "contact")
-BENDING_FIGURES = ("slice", "bulging", "extraction", "maps", "caster", "roll_to_roll")
+BENDING_FIGURES = ("slice", "bulging", "extraction", "maps", "depths", "caster", "roll_to_roll")
 TENSILE_FIGURES = ("tensile",)
 ALL_FIGURES = FIGURES + MECHANICS_FIGURES + BENDING_FIGURES + TENSILE_FIGURES
 CASTER_FIGURES = "strand_over_time", "strand_maps", "strand_moments"
@@ -90,6 +92,7 @@ _COPY = re.compile(rf"{PROPERTIES_NAME}/\w+/[^/]*\w[^/]*")
 ARTEFACTS = (
     *(CHECKPOINT_NAME, CASE_NAME, RUN_NAME, LOG_NAME, HISTORY_NAME, XDMF_NAME, HDF5_NAME),
     *(SUMMARY_NAME, DERIVATIVES_NAME, MAPS_NAME, ROWS_NAME, STRAND_NAME, WALL_FLUX_NAME),
+    *(DEPTHS_NAME, DEPTH_ROWS_NAME),
     *(CASTER_NAME, STRAND_ROWS_NAME, SLICES_NAME, NOW_NAME, NOW_ROWS_NAME),
     *(PYROMETERS_NAME, STRAND_SERIES_NAME),
     *(f"{FIGURES_NAME}/{name}.png" for name in (*ALL_FIGURES, *CASTER_FIGURES)),

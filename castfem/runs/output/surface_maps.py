@@ -4,7 +4,10 @@
     surface_maps.rows    of one that is at work, or was killed
 
 During the run each step adds a row to surface_maps.rows, in one piece like a row of history.csv; in
-the end all rows are put into surface_maps.h5, which is written whole:
+the end all rows are put into surface_maps.h5, which is written whole. What is followed over the
+depth below the surface, criteria of hot tearing, stands in depth_maps.h5 in the same way; there a
+line into the section stands for a face, the depth for the way round it, and the brittle range for
+the band:
 
     /                    attributes: format, version, band [K]
     /heading             vertices, maps and rolls as JSON
@@ -30,7 +33,7 @@ from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError
 from castfem.base.types import Array, Indices
 from castfem.runs.output.field_files import UNREADABLE, open_hdf5, store, write_image
-from castfem.runs.output.folder import MAPS_NAME, ROWS_NAME
+from castfem.runs.output.folder import DEPTH_ROWS_NAME, DEPTHS_NAME, MAPS_NAME, ROWS_NAME
 
 if TYPE_CHECKING:
     import h5py
@@ -105,6 +108,15 @@ class SurfaceLine:
         """The vertex nearest to a place, m."""
         return int(np.argmin(np.hypot(*(self.place - (x, y)).T)))
 
+    def depth(self, x: float, y: float) -> float:
+        """Distance of a place from the surface, m."""
+        ends = np.concatenate([self.place, self.place[:1]]) if self.closed else self.place
+        start, along = ends[:-1], np.diff(ends, axis=0)
+        off = np.array([x, y]) - start
+        share = np.clip((off * along).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
+        found = float(np.linalg.norm(off - share[:, None] * along, axis=1).min())
+        return 0.0 if found <= ROUNDING * float(np.ptp(self.place, axis=0).max()) else found
+
     def words(self, vertex: int) -> str:
         """Where a vertex lies: "intrados, 20 mm from the corner"."""
         face, off = self.faces[self.face[vertex]], float(self.corner[vertex])
@@ -142,6 +154,8 @@ def face_name(group: str) -> str:
 FORMAT = "castfem surface maps"
 VERSION = 1
 IN_BAND = "in_band"
+SURFACE, DEPTHS = (MAPS_NAME, ROWS_NAME), (DEPTHS_NAME, DEPTH_ROWS_NAME)
+"""Names of the file of a run that has ended, and of one at work."""
 _ANEW = "run again without --resume"
 
 
@@ -201,18 +215,26 @@ class Heading:
 class MapWriter(Closing):
     """Adds a row a step; keeps one file open."""
 
-    def __init__(self, folder: Path, heading: Heading, kept: bytes = b"") -> None:
-        self._folder, self._heading = folder, heading
-        path = folder / ROWS_NAME
+    def __init__(
+        self,
+        folder: Path,
+        heading: Heading,
+        kept: bytes = b"",
+        names: tuple[str, str] = SURFACE,
+    ) -> None:
+        self._folder, self._heading, self._names = folder, heading, names
+        path = folder / names[1]
         with replacing(path) as temporary:
             temporary.write_bytes(heading.text().encode() + kept)
         self._file = AppendedFile(path)
 
     @classmethod
-    def resume(cls, folder: Path, heading: Heading, rows: int) -> MapWriter:
+    def resume(
+        cls, folder: Path, heading: Heading, rows: int, names: tuple[str, str] = SURFACE
+    ) -> MapWriter:
         """Goes on with the maps of an earlier run behind so many rows."""
-        there, found = _read(folder)
-        path = folder / (ROWS_NAME if (folder / ROWS_NAME).is_file() else MAPS_NAME)
+        there, found = _read(folder, names)
+        path = folder / names[(folder / names[1]).is_file()]
         if there.text() != heading.text():
             raise InputError(f"{path}: holds other maps than this run writes; {_ANEW}")
         if len(found) < rows:
@@ -220,7 +242,7 @@ class MapWriter(Closing):
                 f"{path}: has {len(found)} rows of {rows} that were written: it has been changed; "
                 f"put the file back as it was, or {_ANEW}"
             )
-        return cls(folder, heading, found[:rows].tobytes())
+        return cls(folder, heading, found[:rows].tobytes(), names)
 
     def append(self, time: float, position: float, values: Array) -> None:
         """Adds a row."""
@@ -233,14 +255,15 @@ class MapWriter(Closing):
         self._file.sync()
 
     def close(self) -> None:
-        """Puts all rows into surface_maps.h5; nothing is lost without it."""
+        """Puts all rows into the file of a run that has ended; nothing is lost without it."""
         if not self._file.is_open:
             return
         self._file.close()
-        _, rows = _read(self._folder)
-        write_image(self._folder / MAPS_NAME, lambda file: _fill(file, self._heading, rows))
+        ended, at_work = (self._folder / name for name in self._names)
+        _, rows = _read(self._folder, self._names)
+        write_image(ended, lambda file: _fill(file, self._heading, rows))
         with suppress(OSError):
-            (self._folder / ROWS_NAME).unlink()
+            at_work.unlink()
 
 
 class SurfaceMaps:
@@ -251,15 +274,15 @@ class SurfaceMaps:
         time: (rows,), s. position: (rows,), m.
     """
 
-    def __init__(self, folder: Path | str) -> None:
-        self.heading, rows = _read(Path(folder))
+    def __init__(self, folder: Path | str, names: tuple[str, str] = SURFACE) -> None:
+        self.heading, rows = _read(Path(folder), names)
         self.time, self.position = np.array(rows["time"]), np.array(rows["position"])
         self._values = rows["values"]
 
     @staticmethod
-    def exist(folder: Path) -> bool:
+    def exist(folder: Path, names: tuple[str, str] = SURFACE) -> bool:
         """Whether a run has written maps."""
-        return any((folder / name).is_file() for name in (MAPS_NAME, ROWS_NAME))
+        return any((folder / name).is_file() for name in names)
 
     def names(self) -> tuple[str, ...]:
         """Of the maps."""
@@ -274,16 +297,16 @@ class SurfaceMaps:
         return np.asarray(self._values[:, self.names().index(name)], float)
 
 
-def _read(folder: Path) -> tuple[Heading, np.ndarray[Any, Any]]:
+def _read(folder: Path, names: tuple[str, str]) -> tuple[Heading, np.ndarray[Any, Any]]:
     """Heading and rows, whichever file has them; a row that a kill cut off is left out."""
-    path = folder / ROWS_NAME
+    path = folder / names[1]
     try:
         if path.is_file():
             head, _, content = path.read_bytes().partition(b"\n")
             heading = Heading.read(head.decode())
             whole = len(content) // heading.row.itemsize * heading.row.itemsize
             return heading, np.frombuffer(content[:whole], heading.row)
-        path = folder / MAPS_NAME
+        path = folder / names[0]
         with open_hdf5(path) as file:
             heading = Heading.read(file["heading"][()].decode())
             rows = np.zeros(file["time"].shape, heading.row)

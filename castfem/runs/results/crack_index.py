@@ -28,6 +28,7 @@ from castfem.base.types import Array, Flags
 if TYPE_CHECKING:
     from castfem.model.quality import Quality
     from castfem.physics.materials import Steel
+    from castfem.runs.results.hot_tearing import Tearing
     from castfem.runs.results.sample import Sample
 
 Where = Literal["surface", "section"]
@@ -53,6 +54,7 @@ class SliceStep:
         pitch_rate: Axial, mean over the last pitch of rolls (n,), 1/s.
         value: Of the index before the step (n,); zero at the meniscus.
         brittle: Temperatures between which the solid fraction lies in the brittle range, K.
+        tearing: What the criteria of hot tearing say; None in a case that names none.
     """
 
     settings: Quality
@@ -69,6 +71,7 @@ class SliceStep:
     pitch_rate: Array
     value: Array
     brittle: tuple[float, float]
+    tearing: Tearing | None = None
 
     @property
     def in_band(self) -> Flags:
@@ -96,13 +99,9 @@ class SliceStep:
 
     def share_within(self, low: float, high: float) -> Array:
         """Share of the step in which the temperature lay within two (K), as a straight line."""
-        cold = np.minimum(self.temperature, self.earlier)
-        warm = np.maximum(self.temperature, self.earlier)
-        inside = np.minimum(warm, high) - np.maximum(cold, low)
-        still = np.asarray((cold > low) & (cold < high), float)
-        span = warm - cold
-        moving = np.clip(inside / np.where(span > 0.0, span, 1.0), 0.0, 1.0)
-        return np.where(span > 0.0, moving, still)
+        from castfem.physics.materials.hot_tearing import share_within  # of runs alone
+
+        return share_within(self.earlier, self.temperature, low, high)
 
 
 Computed = Callable[[SliceStep], Array]
@@ -125,6 +124,8 @@ class CrackIndex:
         needs: What a simulation must have, of `castfem.runs.results.needs.NEEDS`.
         on: Where it counts: at the surface, or in the whole section; then it has no map.
         accumulates: Whether it continues from its own values before the step.
+        followed: Whether it is of what `tearing` has followed: such an index is differentiated, and
+            has a map over the depth.
         compute: The function: its value in SI after a step for each vertex of the surface, or each
             point of the section (n,).
     """
@@ -135,6 +136,7 @@ class CrackIndex:
     needs: tuple[str, ...] = ()
     on: Where = "surface"
     accumulates: bool = False
+    followed: bool = False
     compute: Computed = _nothing
 
     def __call__(self, compute: Computed) -> Computed:
@@ -166,7 +168,7 @@ class CrackIndex:
         quantity(f"{name}_max", unit=unit, label=label, row=False, needs=together)(largest)
         quantity(
             f"way_{name}_max", unit=unit, label=f"largest {label} on the way", column=False,
-            place=place, needs=together,
+            place=place, of_way=self.followed, needs=together,
         )(on_the_way)  # fmt: skip
         for phase in () if self.accumulates else BENDS:
             _declare_within(phase, name, unit, label, about, compute, together)

@@ -67,6 +67,9 @@ HEADLINE = (
     "straightening_I2_max",
     "way_I1_max",
     "way_I2_max",
+    "way_won_front_max",
+    "way_clyne_davies_front_max",
+    "way_rdg_front_max",
     "slice_thickness_centre",
     "mould_mean_flux",
 )
@@ -82,7 +85,7 @@ ENDS = ("liquid_end", "metallurgical_length")
 """Ends of the pool, which stand first, where any of the runs has come to them."""
 # Place, position, roll, time and phase of the largest value of a map.
 _PLACE = re.compile(
-    r", (?:[^,]+, (?:corner|[^,]+ from the corner)|x = [^,]+, y = [^,]+)"
+    r", (?:[^,]+, (?:corner|[^,]+ from the corner)|x = [^,]+, y = [^,]+(?:, [^,]+ deep)?)"
     r", \d+\.\d\d m(?: \(roll \d+\))?, .*$"
 )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from castfem.base.errors import choices
@@ -13,6 +14,7 @@ from castfem.base.units import in_mm, nearest
 if TYPE_CHECKING:
     from castfem.model.build.simulation import Simulation
     from castfem.model.case import Case
+    from castfem.model.quality import Quality
     from castfem.physics.mechanics.definition import Slice
 
 
@@ -63,7 +65,18 @@ def _bulges(simulation: Simulation) -> bool:
     return mechanics is not None and mechanics.bulging is not None and mechanics.bulging.bears
 
 
+def _quality(simulation: Simulation) -> Quality:
+    assert simulation.case.quality is not None, "of a case with [quality]"
+    return simulation.case.quality
+
+
+def _is_followed(criterion: str, simulation: Simulation) -> bool:
+    """Whether a criterion of hot tearing is."""
+    return criterion in (_quality(simulation).hot_tearing or ())
+
+
 _ROLLED = ("mechanics", "machine")
+CRITERIA = ("won", "clyne_davies", "rdg")
 NEEDS: Mapping[str, Need] = {
     "mechanics": Need(("mechanics",)),
     "throughout": Need(  # mechanics that go on to the end of the strand
@@ -83,6 +96,8 @@ NEEDS: Mapping[str, Need] = {
     "bulging": Need(_ROLLED, _bulges),
     "machine": Need(("machine",)),
     "quality": Need(("quality",)),
+    **{name: Need(("quality",), partial(_is_followed, name)) for name in CRITERIA},
+    "ductility": Need(("quality",), lambda simulation: _quality(simulation).ductility is not None),
     "bending": Need(_ROLLED, lambda simulation: simulation.case.bends),
     "extraction": Need(
         _ROLLED, lambda simulation: getattr(_slice(simulation).planes, "effort", None) is not None
@@ -95,7 +110,9 @@ STRAINED = NEEDS.keys() - {
     "oscillation",
     "machine",
     "quality",
+    "ductility",
     "closed_form",
+    *CRITERIA,
 }
 """Needs of quantities that are read off the strained slice, unless they are `of_way`."""
 

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from castfem.base.constants import ROUNDING
+from castfem.base.result_registry import probe_label
 from castfem.base.shown_quantity import si_unit
 from castfem.base.types import Array
 from castfem.fem import reductions
 from castfem.model.machine import thickness_of
 from castfem.physics.machine.stations import Stations
-from castfem.runs.output.surface_maps import Heading, SurfaceLine, SurfaceMap
+from castfem.runs.output.surface_maps import (
+    DEPTHS,
+    SURFACE,
+    Heading,
+    SurfaceLine,
+    SurfaceMap,
+)
 from castfem.runs.results.crack_index import BENDS, CrackIndex, SliceStep, declared_indexes
 from castfem.runs.results.needs import are_met
 from castfem.runs.results.quality_quantities import POOL
@@ -23,8 +30,10 @@ from castfem.runs.results.thermal_quantities import temperature_at
 if TYPE_CHECKING:
     from castfem.model.build.simulation import Simulation
     from castfem.physics.coupling.staggered import StrandState
+    from castfem.runs.results.hot_tearing import Follower, Tearing
     from castfem.runs.results.mechanical import MechanicalSampler
 
+EVERY = 4  # of the samples along a line is one of the maps over the depth
 TimedStrains = tuple[float, float, float, float]
 """Time (s), and the generalized strains a0 - 1, a1, a2."""
 
@@ -60,6 +69,7 @@ class QualityState:
         centre: Temperature on the centre line, K; NaN in a section without a probe to it.
         solid_fraction: There; None likewise.
         passed: Solid fraction to the position at which the centre line came to it, m.
+        tearing: What the criteria of hot tearing say; None in a case that names none.
     """
 
     line: SurfaceLine
@@ -75,6 +85,7 @@ class QualityState:
     centre: float = np.nan
     solid_fraction: float | None = None
     passed: Mapping[float, float] = field(default_factory=dict)
+    tearing: Tearing | None = None
 
     def words(self, worst: Worst | None) -> str:
         """Where an index was worst: place, position, roll, time, phase; "" if always zero."""
@@ -83,7 +94,8 @@ class QualityState:
         vertex = self.line.at(worst.x, worst.y)
         off = self.line.place[vertex] - (worst.x, worst.y)
         on = np.abs(off).max() <= ROUNDING * np.ptp(self.line.place)
-        place = f"x = {1e3 * worst.x:.1f}, y = {1e3 * worst.y:.1f} mm"
+        depth = f"{1e3 * self.line.depth(worst.x, worst.y):.3g} mm deep"
+        place = f"x = {1e3 * worst.x:.1f}, y = {1e3 * worst.y:.1f} mm, {depth}"
         where = self.line.words(vertex) if on else place
         return f"{where}, {self.caster.words(worst.position, worst.time)}"
 
@@ -128,9 +140,15 @@ class QualitySampler:
         # a zone 14 um below it, a window of milliseconds lies between them. What jumps there, as
         # does the bed of a pitch by 4e-7 of strain, would be a rate as large as any in it.
         self._least = 0.2 * window
+        self._follower: Follower | None = None
+        if self.settings.hot_tearing:
+            from castfem.runs.results.hot_tearing import Follower
+
+            self._follower = Follower(simulation, mechanics)
         none = np.zeros(section.owned)
         self.state = QualityState(
             line, caster, temperature=none,
+            tearing=None if self._follower is None else self._follower.start,
             values={index.name: none for index in self.indexes},
             worst={index.name: Worst() for index in self.indexes},
         )  # fmt: skip
@@ -143,6 +161,10 @@ class QualitySampler:
         recent = self._recent(time, kelvin, first)
         strain_history = self._strain_history(strand, position, recent[0][0], first)
         step = self._step(strand, recent, strain_history, position)
+        tearing = old.tearing
+        if self._follower is not None and tearing is not None:
+            tearing = self._follower.note(tearing, strand, step.duration)
+            step = replace(step, tearing=tearing)
         values = dict(old.values)
         for index in self.indexes:
             if not (first and index.accumulates):
@@ -156,7 +178,7 @@ class QualitySampler:
             old, time=time, temperature=kelvin, strain_history=strain_history, recent=recent,
             values=values, largest=largest,
             worst=_worse(old.worst, largest), in_phase=in_phase, centre=centre,
-            passed=self._passed(centre, time),
+            passed=self._passed(centre, time), tearing=tearing,
             solid_fraction=float(self.simulation.steel.solid_fraction(centre)) if known else None,
         )  # fmt: skip
         return self.state
@@ -253,27 +275,53 @@ class QualitySampler:
                 found[fraction] = self.simulation.machine.position(then)
         return found
 
-    def heading(self) -> Heading:
-        """What holds for all rows of the maps."""
-        maps = [SurfaceMap("temperature", "K", "degC", "temperature")]
-        for index in self._mapped():
-            maps.append(SurfaceMap(index.name, si_unit(index.unit), index.unit, index.label))
-        caster = self.state.caster
-        thickness = thickness_of(self.simulation.case.section)
-        return Heading(
-            self.state.line, tuple(maps), self.settings.band, caster.columns(), thickness,
-            caster.mould_exit,
+    def headings(self) -> dict[tuple[str, str], Heading]:
+        """What holds for all rows of each kind of maps, by the names of their files."""
+        caster, thickness = self.state.caster, thickness_of(self.simulation.case.section)
+
+        def heading(
+            line: SurfaceLine, indexes: Sequence[CrackIndex], band: tuple[float, float]
+        ) -> Heading:
+            maps = [SurfaceMap("temperature", "K", "degC", "temperature")]
+            maps += [SurfaceMap(i.name, si_unit(i.unit), i.unit, i.label) for i in indexes]
+            return Heading(line, tuple(maps), band, caster.columns(), thickness, caster.mould_exit)
+
+        found = {SURFACE: heading(self.state.line, self._mapped(), self.settings.band)}
+        if self._follower is not None:
+            found[DEPTHS] = heading(self._lines(), self._mapped(followed=True), self._brittle)
+        return found
+
+    def _lines(self) -> SurfaceLine:
+        """The places along the probe lines over whose depths criteria are mapped."""
+        probes = self.simulation.probes
+        place, depth = [], []
+        for name, (start, end) in probes.lines.items():
+            way = probes.depth[name][::EVERY]
+            along = np.subtract(end, start) / np.linalg.norm(np.subtract(end, start))
+            place.append(np.asarray(start) + way[:, None] * along)
+            depth.append(way)
+        count = len(place[0])
+        return SurfaceLine(
+            np.arange(count * len(place)), np.concatenate(place), np.concatenate(depth),
+            tuple(probe_label(name) for name in probes.lines),
+            np.repeat(np.arange(len(place)), count), np.full(count * len(place), np.inf), False,
         )  # fmt: skip
 
-    def _mapped(self) -> list[CrackIndex]:
-        return [index for index in self.indexes if index.on == "surface"]
+    def _mapped(self, followed: bool = False) -> list[CrackIndex]:
+        return [i for i in self.indexes if i.on == "surface" and (i.followed or not followed)]
 
-    def row(self) -> Array | None:
-        """A row of the maps (maps, vertices) on rank 0, None elsewhere (collective)."""
+    def rows(self) -> list[Array]:
+        """A row (maps, places) of each kind of maps on rank 0, none elsewhere (collective)."""
         gather, state = self.simulation.section.gather, self.state
         owned = [state.temperature, *(state.values[index.name] for index in self._mapped())]
         whole = [values for values in map(gather, owned) if values is not None]
-        return np.array([values[state.line.nodes] for values in whole]) if whole else None
+        found = [np.array([values[state.line.nodes] for values in whole])] if whole else []
+        if self._follower is not None:
+            followed = [state.values[index.name] for index in self._mapped(followed=True)]
+            along = map(self.simulation.probes.along, (state.temperature, *followed))
+            lines = [np.concatenate([line[::EVERY] for line in one.values()]) for one in along]
+            found += [np.array(lines)] if whole else []
+        return found
 
     def arrays(self) -> dict[str, Array]:
         """What a checkpoint must hold at the owned vertices."""
@@ -282,6 +330,8 @@ class QualitySampler:
         if self._mechanics is not None:  # the last sample is the state itself
             for k, (_, kelvin) in enumerate(self.state.recent[:-1]):
                 found[f"quality_recent_{k}"] = kelvin
+        if self._follower is not None and self.state.tearing is not None:
+            found |= self._follower.arrays(self.state.tearing)
         return found
 
     def memory(self) -> dict[str, Any]:
@@ -319,6 +369,7 @@ class QualitySampler:
             worst=_named(memory["worst"]),
             in_phase={phase: _named(worst) for phase, worst in memory["in_phase"].items()},
             passed={float(f): float(position) for f, position in memory["passed"]},
+            tearing=None if self._follower is None else self._follower.restored(by_node),
         )  # fmt: skip
 
 

@@ -160,6 +160,11 @@ class Recorder:
         """
         comm, path = self.simulation.section.comm, self.path
         assert path is not None
+        if lost := self.readings.of_tearing():
+            raise InputError(
+                f"{path}: holds no derivatives of {lost[0]}, which hangs on the whole section in "
+                "all steps; run without --resume"
+            )
         read = on_root(comm, lambda: load_checkpoint(path, **self._physics))
         meta, by_node = comm.bcast(read)
         if meta["parameters"] != self._parameters():

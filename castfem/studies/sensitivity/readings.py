@@ -22,7 +22,7 @@ from castfem.base.types import Array
 from castfem.model.build.simulation import Simulation
 from castfem.physics.coupling.staggered import StrandState
 from castfem.runs.results.labels import STAIR
-from castfem.runs.results.needs import fault_of
+from castfem.runs.results.needs import CRITERIA, fault_of
 from castfem.runs.results.registry import columns_of, results_of
 from castfem.runs.results.sample import Sample
 from castfem.runs.results.thermal import Sampler
@@ -79,11 +79,17 @@ def _refusal(definition: QuantityDefinition) -> str:
             "it counts points of the surface; what touches and what sticks is held; compare runs "
             "(castfem sweep)"
         )
-    if "quality" in definition.needs:
+    if "quality" in definition.needs and not _hangs_on_tearing(definition):
         return (
-            "crack indexes and soft reduction are not differentiated; compare runs (castfem sweep)"
+            "crack indexes and soft reduction are not differentiated, criteria of hot tearing on "
+            "the way alone (way_won_front_max); compare runs (castfem sweep)"
         )
     return ""
+
+
+def _hangs_on_tearing(definition: QuantityDefinition) -> bool:
+    """Whether a result is what a criterion of hot tearing has come to on the way."""
+    return definition.of_way and not {*CRITERIA}.isdisjoint(definition.needs)
 
 
 class Readings:
@@ -98,6 +104,12 @@ class Readings:
         errors: bool = True,
     ) -> None:
         self._simulation, self._derivatives, self.asked = simulation, derivatives, asked
+        timed = [v.parameter.name for v in derivatives.variations if not v.above.same_times]
+        for name in self.of_tearing() if timed else ():
+            raise InputError(
+                f"--of {name}: with {timed[0]} the ends of the steps change, on which the first "
+                "skin hangs more than on it; compare runs (castfem sweep)"
+            )
         way = [one.name for one, _ in asked.values() if one.of_way]
         self._follows_heat = bool(way)
         self._follows_all = any(name not in _OF_TEMPERATURE for name in way)
@@ -211,6 +223,10 @@ class Readings:
         if found is None:
             return float("nan"), float("nan")
         return float(found[0][number]), float(found[1][number])
+
+    def of_tearing(self) -> list[str]:
+        """Results of hot tearing among those asked for; no checkpoint holds their derivatives."""
+        return [name for name, (one, _) in self.asked.items() if _hangs_on_tearing(one)]
 
     def memory(self) -> dict[str, Any]:
         """Notes of the steps so far, for a checkpoint."""

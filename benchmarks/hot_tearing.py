@@ -1,0 +1,171 @@
+"""Hot tearing: what grades bear, what cells make of it, and what two billets and a slab come to.
+
+Writes the tables and figures of docs/hot_tearing.md.  The strip is the alloy of the similarity
+solution, in which each place x deep takes x^2 times the same to come to a solid fraction.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+from scipy.optimize import brentq
+
+from benchmarks.finished_run import finished_run
+from benchmarks.report import ROOT, Output
+from castfem.base.constants import ZERO_CELSIUS
+from castfem.model import load_case
+from castfem.model.build.simulation import build
+from castfem.model.shipped_cases import find
+from castfem.physics.closed_forms.solidification import ThreeZones
+from castfem.physics.materials import load_steel
+from castfem.physics.materials.hot_tearing import won_critical_strain
+from castfem.post.plots.maps import draw_depths
+from castfem.post.plots.style import Abscissa, look
+from castfem.runs.loop import TimeLoop
+from castfem.runs.output.summary import Summary
+from castfem.runs.output.surface_maps import DEPTHS, SurfaceMaps
+from castfem.runs.results.thermal_quantities import temperature_at
+from castfem.studies.accuracy.sizes import DEFAULT
+from castfem.studies.optimisation.fidelity import at_level
+
+CARBON = (0.05, 0.1, 0.12, 0.17, 0.25, 0.42)
+"""Of the steels whose brittle range is told, wt%."""
+RATES = (1e-4, 1e-3, 1e-2)  # 1/s
+SIZES = (1.0, 0.5, 0.25)
+"""Of the cells of the strip, mm."""
+BETWEEN = (9.9e-3, 14.1e-3)  # m: depths at which the strip is read
+EXACT = ThreeZones(30.0, 7200.0, 700.0, 272e3, 1273.15, 1723.15, 1773.15, 1813.15)
+CASES = {
+    "billet125/taper_1": ("casting.length=700 mm", 'quality.rdg.shrinkage="4 percent"'),
+    "billet180/peritectic": (),
+    "slab1200/slab": ("casting.length=17.2 m",),
+}
+"""What is cast, and what is changed of it."""
+RUNS = (
+    ("billet125/taper_1", "coarse"), ("billet125/taper_1", DEFAULT),
+    ("billet180/peritectic", "coarse"), ("slab1200/slab", "coarse"),
+)  # fmt: skip
+"""Cases with the accuracy of their cells and windows."""
+CRITERIA = 'quality.hot_tearing=["won","clyne_davies","rdg"]'
+DRAWN = ("billet125/taper_1", "slab1200/slab")
+QUIET = ("output.figures=false", "output.fields=[]")
+RESULTS = ("won_front", "won", "clyne_davies_front", "rdg_front")
+
+
+def grades() -> list[dict[str, Any]]:
+    """The brittle range of steels by the built-in diagram, and what they bear there, per cent."""
+    rows = []
+    for carbon in CARBON:
+        steel = load_steel("plain_carbon", composition={"C": carbon})
+        begins, ends = (temperature_at(steel, fraction) for fraction in (0.9, 0.99))
+        told: dict[str, Any] = {f"critical {rate:g}": None for rate in RATES}
+        if begins > ends:  # where the peritectic reaction is not the end of freezing
+            critical = 100.0 * won_critical_strain(np.array(RATES), begins - ends)
+            told = dict(zip(told, critical, strict=True))
+        rows.append(
+            {"carbon": carbon, "begins": begins - ZERO_CELSIUS, "width": begins - ends, **told}
+        )
+    return rows
+
+
+def strip(size: float, quick: bool) -> dict[str, Any]:
+    """By how much the times of the strip are off, per cent, with cells of so many mm."""
+    keys = [f"mesh.surface_size={size} mm", f"mesh.core_size={size} mm", f"section.width={size} mm"]
+    keys += ["section.length=60 mm", f"casting.length={'0.05' if quick else '0.6'} m", *QUIET]
+    case = load_case(
+        find("verification/alloy_similarity"), [*keys, 'quality.hot_tearing=["clyne_davies"]']
+    )
+    simulation = build(case, MPI.COMM_SELF)
+    run = TimeLoop(simulation)
+    run.run()
+    x, y = simulation.section.vertex_space.tabulate_dof_coordinates()[:, :2].T
+    simulation.destroy()
+    assert run.run_state.sampler.quality is not None
+    tearing = run.run_state.sampler.quality.state.tearing
+    assert tearing is not None
+    low, high = (0.0, np.inf) if quick else BETWEEN
+    chosen = (np.abs(y) < 1e-9) & (x > low) & (x < high)
+
+    def over(fraction: float) -> float:
+        level = EXACT.liquidus - 50.0 * fraction
+
+        def off(eta: float) -> float:
+            return float(EXACT.temperature(np.array([2.0 * eta]), 1.0)[0]) - level
+
+        return 0.25 / float(brentq(off, 1e-4, 1e-1)) ** 2
+
+    feeds, begins, ends = (over(fraction) for fraction in (0.4, 0.9, 0.99))
+    time = np.mean(tearing.history.vulnerable[chosen] / (x[chosen] ** 2 * (ends - begins)))
+    ratio = np.mean(tearing.clyne_davies()[chosen]) * (begins - feeds) / (ends - begins)
+    # The range at the middle of these depths: as far as places that are at its ends at one time.
+    thickness = 1e3 * np.mean(BETWEEN) * (1.0 - (begins / ends) ** 0.5)
+    return {
+        "size": size, "in_range": thickness / size, "time": 100.0 * (time - 1.0),
+        "ratio": 100.0 * (ratio - 1.0),
+    }  # fmt: skip
+
+
+def cast(name: str, level: str, folder: Path, quick: bool) -> Summary:
+    """A case with all criteria."""
+    short = ("casting.length=50 mm",) if quick else ()
+    case = load_case(find(name), [*QUIET, CRITERIA, *CASES[name], *short])
+    return finished_run(at_level(case, level), folder).summary
+
+
+def told(name: str, level: str, summary: Summary) -> dict[str, Any]:
+    """Largest values and where they are."""
+    row: dict[str, Any] = {"case": name, "accuracy": level}
+    for result in RESULTS:
+        found = summary.quantities[f"way_{result}_max"]
+        row |= {result: found.shown, f"{result}_where": found.label.partition("on the way, ")[2]}
+    return row | {"share": summary.quantities["rdg_share"].shown}
+
+
+@look()
+def draw(output: Output, name: str, folder: Path, zones: Any) -> None:
+    """The maps over the depth of a run."""
+    maps = SurfaceMaps(folder, DEPTHS)
+    picture = draw_depths(maps, Abscissa(maps.time, maps.position, zones))
+    if picture is not None:
+        output.figure(f"hot_tearing_{name.partition('/')[0]}", picture)
+
+
+def main(output: Output, quick: bool) -> None:
+    """Grades, the strip, and the runs, those that have finished not again."""
+    output.csv("hot_tearing_grades", grades())
+    output.csv("hot_tearing_cells", [strip(s, quick) for s in (SIZES[:1] if quick else SIZES)])
+    base = (output.folder if quick else ROOT / "results") / "hot_tearing"
+    rows = []
+    for name, level in RUNS[: 1 if quick else None]:
+        folder = base / f"{name.replace('/', '_')}_{level}"
+        summary = cast(name, level, folder, quick)
+        rows.append(told(name, level, summary))
+        if name in DRAWN and level == "coarse":
+            draw(output, name, folder, summary.zones)
+        output.csv("hot_tearing", rows)
+    show(output)
+
+
+def show(output: Output) -> None:
+    """The tables, from the data."""
+    heads: dict[str, Any] = {
+        "carbon": ("C [wt%]", ".2f"), "begins": ("solid fraction 0.9 at [°C]", ".1f"),
+        "width": ("to 0.99 [K]", ".1f"),
+    }  # fmt: skip
+    heads |= {f"critical {r:g}": (f"critical strain at {r:g} 1/s [%]", ".2f") for r in RATES}
+    output.table("hot tearing grades", output.rows("hot_tearing_grades"), heads)
+    output.table("hot tearing cells", output.rows("hot_tearing_cells"), {
+        "size": ("cells [mm]", "g"), "in_range": ("of them in the range", ".1f"),
+        "time": ("time in the range [%]", "+.1f"), "ratio": ("its ratio to the relief [%]", "+.1f"),
+    })  # fmt: skip
+    output.table("hot tearing runs", output.rows("hot_tearing"), {
+        "case": "case", "accuracy": "accuracy",
+        "won_front": ("by strain, front [%]", ".3g"), "won_front_where": "where",
+        "won": ("at the surface [%]", ".3g"), "won_where": "where",
+        "clyne_davies_front": ("by time", ".2f"), "clyne_davies_front_where": "where",
+        "rdg_front": ("pressure drop [kPa]", ".3g"), "rdg_front_where": "where",
+    })  # fmt: skip

@@ -1,0 +1,248 @@
+"""Criteria of hot tearing: what the mushy zone bears while its last liquid freezes.
+
+All are laws of arrays in SI.  Three look at a material point on its way through the brittle range,
+solid fractions of 0.9 to 0.99, where crystals are bridged too little to bear a pull and too much
+for liquid to heal what it opens:
+
+* [Won2000] compares the strain across the range with a critical one, which falls with the rate of
+  strain and with the width of the range, that is with the composition.
+* [Clyne1981] compares the time in the range with the time before it, in which liquid still feeds.
+* [Rappaz1999] gives the pressure that drives the liquid through the mushy zone to feed shrinkage
+  and strain; a pore opens where that exceeds what the liquid has to give.
+
+The numbers stand here as they are remembered; docs/hot_tearing.md says what of it could be read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+
+from castfem.base.types import Array
+
+Fraction = Callable[[Array], Array]
+"""Solid fraction over temperature in K."""
+
+WON, WON_RATE, WON_RANGE = 0.02821, 0.3131, 0.8638  # of 1/s and K
+POINTS = 16  # of Gauss in each of the panels of an integral over the mushy zone
+PANELS = 64
+NO_STRAIN = 1e-12  # what rounding makes of none
+PARTS = 8  # in which what a step does is followed
+
+
+def won_critical_strain(rate: Array, width: float) -> Array:
+    """Strain across the brittle range from which on the steel tears [Won2000] (n,).
+
+    Args:
+        rate: Of strain in the range (n,), 1/s; infinite strain is borne at none.
+        width: Of the range, T(fs 0.9) - T(fs 0.99), K.
+    """
+    with np.errstate(divide="ignore"):
+        return np.asarray(WON / (np.asarray(rate, float) ** WON_RATE * width**WON_RANGE))
+
+
+def won_damage(strain: Array, time: Array, width: float) -> Array:
+    """Strain across the range over the critical one of its mean rate (n,).
+
+    Args:
+        strain: Across the range so far (n,), not negative.
+        time: Spent in it so far (n,), s.
+        width: See `won_critical_strain`.
+    """
+    rate = strain / np.where(time > 0.0, time, np.inf)
+    damage = strain / won_critical_strain(rate, width)
+    return np.where(strain > NO_STRAIN, damage, 0.0)
+
+
+def clyne_davies(vulnerable: Array, relief: Array) -> Array:
+    """Time in the brittle range over that from a solid fraction of 0.4 to it (n,) [Clyne1981].
+
+    0 where a point has not been seen through both.
+    """
+    return np.asarray(vulnerable / np.where(relief > 0.0, relief, np.inf))
+
+
+def secondary_arm_spacing(cooling_rate: Array, carbon: float) -> Array:
+    """Secondary dendrite arm spacing of carbon steel, m (n,) [Won2001].
+
+    Args:
+        cooling_rate: In the mushy zone (n,), K/s, above 0.
+        carbon: wt%, above 0.
+    """
+    if carbon <= 0.15:
+        return np.asarray(1e-6 * (169.1 - 720.9 * carbon) * cooling_rate**-0.4935)
+    return np.asarray(1e-6 * 143.9 * cooling_rate**-0.3616 * carbon ** (0.5501 - 1.996 * carbon))
+
+
+def feeding_integrals(fraction: Fraction, start: float, end: float) -> tuple[float, float]:
+    """What the mushy zone of a steel makes of a rate of strain, and of shrinkage [Rappaz1999].
+
+        A = int F fs^2 / (1 - fs)^3 dT,  F(T) = int_end^T fs dT',      B = int fs^2 / (1 - fs)^2 dT
+
+    Liquid at T has to feed all that is strained between T and the roots of the crystals: F.
+
+    Args:
+        fraction: Solid fraction.
+        start: Liquidus, K.
+        end: Temperature of the roots, where crystals have grown together, K.
+
+    Returns:
+        A, K2, and B, K.
+    """
+    # Panels grow from the roots on, where both integrands are steep.
+    edges = end + (start - end) * np.linspace(0.0, 1.0, PANELS + 1) ** 2
+    nodes, weights = np.polynomial.legendre.leggauss(POINTS)
+    half = 0.5 * np.diff(edges)
+    at = edges[:-1, None] + half[:, None] * (1.0 + nodes)
+    fs = np.clip(fraction(at.ravel()).reshape(at.shape), 0.0, 1.0 - 1e-12)
+    whole = (fs @ weights) * half
+    before = np.concatenate([[0.0], np.cumsum(whole)[:-1]])
+    inside = half[:, None] * (fs @ _cumulative(nodes).T)
+    strained = (before[:, None] + inside) * fs**2 / (1.0 - fs) ** 3
+    shrunk = fs**2 / (1.0 - fs) ** 2
+    return float(half @ (strained @ weights)), float(half @ (shrunk @ weights))
+
+
+def _cumulative(nodes: Array) -> Array:
+    """From values at Gauss points to their integrals from -1 to each point, (n, n)."""
+    legendre = np.polynomial.legendre
+    from_values = np.linalg.inv(legendre.legvander(nodes, len(nodes) - 1))
+    terms = np.eye(len(nodes))
+    integrals = np.stack([legendre.legval(nodes, legendre.legint(t, lbnd=-1.0)) for t in terms])
+    return np.asarray(integrals.T @ from_values)
+
+
+@dataclass(frozen=True, slots=True)
+class Feeding:
+    """The liquid between the crystals, and how it is fed."""
+
+    viscosity: float  #: of the liquid, Pa s
+    shrinkage: float  #: density of the solid over that of the liquid, less 1
+    integrals: tuple[float, float]  #: of `feeding_integrals`, K2 and K
+    spacing: Callable[[Array], Array]  #: secondary arm spacing over cooling rate, m
+
+    def pressure_drop(self, strain_rate: Array, gradient: Array, cooling_rate: Array) -> Array:
+        """Pressure drop between liquid and roots [Rappaz1999], Pa (n,).
+
+            dp = 180 mu/(G l2^2) [ (1 + beta) A eps'/G + beta v B ],      v = T'/G
+
+        by Darcy's law with a permeability of l2^2 (1 - fs)^3/(180 fs^2).
+
+        Args:
+            strain_rate: Across the growth, the sum of both directions (n,), 1/s.
+            gradient: Of the temperature, G (n,), K/m.
+            cooling_rate: T' (n,), K/s. Where one of both is not above 0, there is no drop.
+        """
+        grows = (gradient > 0.0) & (cooling_rate > 0.0)
+        g, cooling = np.where(grows, gradient, 1.0), np.where(grows, cooling_rate, 1.0)
+        strained, shrunk = self.integrals
+        fed = (1.0 + self.shrinkage) * strained * strain_rate / g
+        fed = fed + self.shrinkage * cooling / g * shrunk
+        drop = 180.0 * self.viscosity / (g * self.spacing(cooling) ** 2) * fed
+        return np.asarray(np.where(grows, drop, 0.0))
+
+
+def share_within(before: Array, after: Array, low: float, high: float) -> Array:
+    """Share of a step in which what goes evenly from one value to another lies within two (n,)."""
+    least, most = np.minimum(before, after), np.maximum(before, after)
+    inside = np.minimum(most, high) - np.maximum(least, low)
+    still = np.asarray((least > low) & (least < high), float)
+    span = most - least
+    moving = np.clip(inside / np.where(span > 0.0, span, 1.0), 0.0, 1.0)
+    return np.where(span > 0.0, moving, still)
+
+
+def cubic_between(
+    start: Array, end: Array, rates: tuple[Array, Array], duration: float
+) -> list[Array]:
+    """What goes from one value to another with given rates at both ends, at even instants (n,).
+
+    A cubic in time that does not leave the two values. Heat flows are continuous in time, so that
+    enthalpies have continuous rates, also where the temperature has a kink.
+    """
+    least, most, found = np.minimum(start, end), np.maximum(start, end), [start]
+    for s in np.linspace(0.0, 1.0, PARTS + 1)[1:-1]:
+        values = s**2 * (3.0 - 2.0 * s) * (end - start) + start
+        values += duration * s * (1.0 - s) * ((1.0 - s) * rates[0] - s * rates[1])
+        found.append(np.clip(values, least, most))
+    return [*found, end]
+
+
+def _none() -> Array:
+    return np.zeros(0)
+
+
+@dataclass(frozen=True, slots=True)
+class MushyHistory:
+    """What points have met on their way through the mushy zone; nothing writes into its arrays."""
+
+    #: time from a solid fraction of 0.4 to 0.9, s; without end where it was not seen from its start
+    relief: Array = field(default_factory=_none)
+    vulnerable: Array = field(default_factory=_none)  #: time in the brittle range, s
+    #: tension across the range less compression, along the isotherm of the section
+    around: Array = field(default_factory=_none)
+    axial: Array = field(default_factory=_none)  #: the same along the strand
+    steepness: Array = field(default_factory=_none)  #: integral of the gradient in it, K s/m
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """Of the arrays."""
+        return tuple(one.name for one in fields(cls))
+
+    @classmethod
+    def begun(cls, values: Array, feeds: float) -> MushyHistory:
+        """That of points of which nothing is known but what they are at (see `advanced`) (n,)."""
+        found = cls(*(np.zeros(len(values)) for _ in cls.names()))
+        return replace(found, relief=np.where(values < feeds, np.inf, 0.0))
+
+    def advanced(
+        self,
+        before: Array,
+        after: Array,
+        levels: tuple[float, float, float],
+        duration: float,
+        around: Array | float = 0.0,
+        axial: Array | float = 0.0,
+        gradient: Array | float = 0.0,
+    ) -> tuple[MushyHistory, Array]:
+        """The history after a step, and the share of it that lay in the brittle range (n,).
+
+        What a step brings comes evenly over it. A point that melts again begins anew.
+
+        Args:
+            before: Enthalpy or temperature before the step (n,).
+            after: Behind it.
+            levels: Those of solid fraction 0.4 and of both ends of the range, falling.
+            duration: Of the step, s.
+            around: Strain that it adds along the isotherm (n,).
+            axial: The same along the strand.
+            gradient: Of the temperature (n,), K/m.
+        """
+        feeds, begins, ends = levels
+        inside = share_within(before, after, ends, begins)
+        melts, anew = after >= begins, after >= feeds
+        relief = self.relief + duration * share_within(before, after, begins, feeds)
+        passed = replace(
+            self,
+            relief=np.where(anew, 0.0, relief),
+            vulnerable=np.where(melts, 0.0, self.vulnerable + duration * inside),
+            around=np.where(melts, 0.0, np.maximum(self.around + inside * around, 0.0)),
+            axial=np.where(melts, 0.0, np.maximum(self.axial + inside * axial, 0.0)),
+            steepness=np.where(melts, 0.0, self.steepness + duration * inside * gradient),
+        )
+        return passed, inside
+
+    @property
+    def strain(self) -> Array:
+        """The larger of both strains (n,): a tear runs along the growth, and opens across it."""
+        return np.maximum(self.around, self.axial)
+
+    def strain_rate(self) -> Array:
+        """Mean rate of both strains together in the brittle range (n,), 1/s."""
+        return (self.around + self.axial) / np.where(self.vulnerable > 0.0, self.vulnerable, np.inf)
+
+    def gradient(self) -> Array:
+        """Mean gradient in the brittle range (n,), K/m."""
+        return self.steepness / np.where(self.vulnerable > 0.0, self.vulnerable, np.inf)

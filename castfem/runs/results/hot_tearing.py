@@ -1,0 +1,187 @@
+"""Follows the places of the section through the mushy zone, for the criteria of hot tearing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.base.errors import InputError
+from castfem.base.types import Array, Flags
+from castfem.fem import dof_values
+from castfem.model.quality import FEEDING, Feeding
+from castfem.physics.materials import hot_tearing as laws
+from castfem.physics.materials.hot_tearing import MushyHistory
+from castfem.runs.results.thermal_quantities import temperature_at
+
+if TYPE_CHECKING:
+    from castfem.model.build.simulation import Simulation
+    from castfem.physics.coupling.staggered import StrandState
+    from castfem.physics.materials import Steel
+    from castfem.runs.results.mechanical import MechanicalSampler
+
+_NAME = "hot_tearing"  # before the names of arrays in a checkpoint
+
+
+@dataclass(frozen=True, slots=True)
+class Tearing:
+    """What the criteria say of the owned vertices after a step; nothing writes into its arrays."""
+
+    history: MushyHistory  #: what each vertex has met
+    width: float  #: of the brittle range, K
+    mushy: float  #: temperature over which the relief goes as well, K
+    feeding: laws.Feeding | None  #: of the criterion "rdg"; None without
+    enthalpy: Array  #: at the vertices, J/m3
+    rate: Array  #: of that at the end of the step, W/m3
+    strain: Array  #: at the deviator's points, Mandel (n, 4); none without mechanics
+    here: Flags  #: whether each vertex was in the brittle range within the step
+    passed: Flags  #: whether it has left it
+
+    def won(self) -> Array:
+        """Strain across the range so far over the critical one (n,)."""
+        history = self.history
+        return laws.won_damage(history.strain, history.vulnerable, self.width)
+
+    def clyne_davies(self) -> Array:
+        """Time in the range over that before it (n,); 0 before its end."""
+        found = laws.clyne_davies(self.history.vulnerable, self.history.relief)
+        return np.where(self.passed, found, 0.0)
+
+    def rdg(self) -> Array:
+        """Pressure drop by the means over the way, Pa (n,); 0 before the end of the range."""
+        assert self.feeding is not None
+        history = self.history
+        time = history.relief + history.vulnerable
+        cooling = self.mushy / np.where(time > 0.0, time, np.inf)
+        drop = self.feeding.pressure_drop(history.strain_rate(), history.gradient(), cooling)
+        return np.where(self.passed, drop, 0.0)
+
+
+class Follower:
+    """Follows the owned vertices of a simulation whose case names criteria (collective).
+
+    Args:
+        simulation: The simulation.
+        mechanics: Samples its strained slice; None without.
+    """
+
+    def __init__(self, simulation: Simulation, mechanics: MechanicalSampler | None) -> None:
+        quality = simulation.case.quality
+        assert quality is not None and quality.hot_tearing
+        self.simulation, self._mechanics = simulation, mechanics
+        strained = any(name != "clyne_davies" for name in quality.hot_tearing)
+        self._mechanics = mechanics if strained else None
+        steel = simulation.steel
+        fractions = (FEEDING, *quality.brittle)
+        kelvin = [temperature_at(steel, fraction) for fraction in fractions]
+        # Heat is drawn evenly over a step, whereas the temperature falls fast where there is little
+        # latent heat left.
+        enthalpy = simulation.problem.curve.enthalpy(np.array(kelvin))
+        self._begins = kelvin[1]  # temperature at which the brittle range begins, K
+        self._levels = float(enthalpy[0]), float(enthalpy[1]), float(enthalpy[2])
+        width = kelvin[1] - kelvin[2]
+        if not (width > 0.0 and self._levels[0] > self._levels[1]):
+            raise InputError(
+                f"quality.hot_tearing: {steel.name} goes through its brittle range at one "
+                "temperature; give another quality.brittle or steel, or leave the criteria out"
+            )
+        feeding = None
+        if "rdg" in quality.hot_tearing:
+            feeding = _feeding(quality.rdg or Feeding.model_validate({}), steel, kelvin[2])
+        none = np.zeros(simulation.section.owned)
+        self.start = Tearing(
+            MushyHistory(), width, kelvin[0] - kelvin[2], feeding, none, none, np.zeros((0, 4)),
+            none > 0.0, none > 0.0,
+        )  # fmt: skip
+
+    def note(self, old: Tearing, strand: StrandState, duration: float) -> Tearing:
+        """Take in one more step; one of no length where the run begins or goes on (collective)."""
+        thermal, strain, history = strand.thermal, old.strain, old.history
+        here = np.zeros(len(old.here), bool)
+        if len(history.relief) != len(here):
+            history = MushyHistory.begun(thermal.enthalpy, self._levels[0])
+        if self._mechanics is not None and strand.mechanical is not None:
+            strain = self._mechanics.strain(strand.mechanical)
+        if duration > 0.0:
+            taken: list[Array] = [np.zeros(len(here))] * 3
+            if self._mechanics is not None:
+                taken = self._strained(strain - old.strain, thermal.point.temperature)
+            part = duration / laws.PARTS
+            around, axial, gradient = taken[0] / laws.PARTS, taken[1] / laws.PARTS, taken[2]
+            ends = (old.rate, thermal.rate)
+            values = laws.cubic_between(old.enthalpy, thermal.enthalpy, ends, duration)
+            for before, after in pairwise(values):
+                history, inside = history.advanced(
+                    before, after, self._levels, part, around, axial, gradient
+                )
+                here |= inside > 0.0
+        return replace(
+            old, history=history, enthalpy=thermal.enthalpy, rate=thermal.rate, strain=strain,
+            here=here, passed=thermal.enthalpy <= self._levels[2],
+        )  # fmt: skip
+
+    def _strained(self, strain: Array, temperature: Array) -> list[Array]:
+        """Strain along the isotherm and along the strand, and gradient, at the vertices (n,).
+
+        Dendrites grow along the gradient, and tear apart across it. What is strained along it is
+        fed. In the liquid strain means nothing, for its mesh follows the shell: of the points
+        around a vertex those count that are in the brittle range or below, where there are any.
+        There is no thermal strain above the solidus; an elastic one is that of some MPa at most.
+        """
+        assert self._mechanics is not None
+        points = self._mechanics.strained.points
+        local = dof_values.with_ghosts(points.section.vertex_space, temperature)
+        slope = (points.gradient @ local).reshape(-1, 2)
+        steep = np.linalg.norm(slope, axis=1)
+        nx, ny = slope.T / np.where(steep > 0.0, steep, 1.0)
+        xx, yy, zz, xy = strain.T
+        around = ny**2 * xx + nx**2 * yy - 2.0**0.5 * nx * ny * xy
+        at = points.vertex[: len(strain)] @ local
+        frozen = (at <= self._begins).astype(float)
+        kinds = np.column_stack([around, zz, steep, np.ones(len(at))])
+        both = points.at_vertices(np.hstack([kinds, kinds * frozen[:, None]]))
+        share = both[:, -1:]
+        found = np.where(share > 0.0, both[:, 4:] / np.where(share > 0.0, share, 1.0), both[:, :4])
+        return list(found.T[:3])
+
+    @staticmethod
+    def arrays(state: Tearing) -> dict[str, Array]:
+        """What a checkpoint must hold at the owned vertices; the rest is of the slice itself."""
+        return {f"{_NAME}_{name}": getattr(state.history, name) for name in MushyHistory.names()}
+
+    def restored(self, by_node: Mapping[str, Array]) -> Tearing:
+        """The state of `arrays`, by node."""
+        nodes = self.simulation.section.node_of_owned
+        found = (
+            np.asarray(by_node[f"{_NAME}_{name}"], float)[nodes] for name in MushyHistory.names()
+        )
+        return replace(self.start, history=MushyHistory(*found))
+
+
+def _feeding(given: Feeding, steel: Steel, roots: float) -> laws.Feeding:
+    """The feeding of a steel whose crystals grow together at `roots`, K."""
+    shrinkage = given.shrinkage
+    if shrinkage is None:
+        shrinkage = float(steel.density(steel.solidus, "below")) / steel.liquid_density - 1.0
+        if not shrinkage > 0.0:
+            raise InputError(
+                f"quality.rdg.shrinkage: the density of {steel.name} does not rise as it freezes; "
+                'give the shrinkage, shrinkage = "4 percent"'
+            )
+    carbon, spacing = steel.composition.get("C", 0.0), given.arm_spacing
+    if spacing is None and not 0.0 < carbon < 1.0:
+        raise InputError(
+            f"quality.rdg.arm_spacing: {steel.name} states no carbon content (up to 1 %), from "
+            'which it is computed; give it, arm_spacing = "120 um"'
+        )
+
+    def spaced(cooling_rate: Array) -> Array:
+        if spacing is None:
+            return laws.secondary_arm_spacing(cooling_rate, carbon)
+        return np.full_like(cooling_rate, spacing)
+
+    integrals = laws.feeding_integrals(steel.solid_fraction, steel.liquidus, roots)
+    return laws.Feeding(given.viscosity, shrinkage, integrals, spaced)

@@ -1,0 +1,357 @@
+"""Criteria of hot tearing of a run: similarity solution, restart, ranks, derivatives."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from small_case import small, strip, write_small
+
+import castfem
+from castfem.base.errors import InputError, RunFailure
+from castfem.base.types import Array
+from castfem.model import Case
+from castfem.model.build.simulation import build
+from castfem.physics.closed_forms.solidification import ThreeZones
+from castfem.physics.materials.hot_tearing import MushyHistory
+from castfem.post.report.cracks import crack_places
+from castfem.runs import loop
+from castfem.runs.loop import TimeLoop
+from castfem.runs.output.folder import DEPTH_ROWS_NAME, DEPTHS_NAME
+from castfem.runs.output.history import read_history
+from castfem.runs.output.surface_maps import DEPTHS, SurfaceMaps
+from castfem.runs.results.hot_tearing import Tearing
+from castfem.runs.results.quality import QualitySampler
+
+CRITERIA = ["won", "clyne_davies", "rdg"]
+FEEDING = {"shrinkage": "4 percent", "arm_spacing": "100 um"}
+EXACT = ThreeZones(30.0, 7200.0, 700.0, 272e3, 1273.15, 1723.15, 1773.15, 1813.15)
+AXIAL, AROUND = 1e-4, 2e-4  # rates of strain that the strip is given, 1/s
+
+
+def over_time(rate: float) -> dict[str, object]:
+    """A strain that grows evenly, as the planes take it."""
+    return {"time": [0, 60], "time_unit": "s", "value": [0, 60 * rate], "unit": "1"}
+
+
+def stretched(size: float = 0.5, window: float = 0.2, **changes: Any) -> Case:
+    """The alloy of the similarity solution, stretched evenly along the strand and across it."""
+    given: dict[str, object] = {
+        "steel": {
+            "name": "alloy_similarity",
+            "overrides": {
+                "youngs_modulus": "10 GPa", "poisson_ratio": 0.3,
+                "thermal_expansion": {"value": "0 1/K"},
+            },
+        },
+        "casting.temperature": "1540 degC", "casting.length": "0.5 m",
+        "section": {"shape": "strip", "length": "50 mm", "width": f"{size} mm"},
+        "mesh": {"surface_size": f"{size} mm", "core_size": f"{size} mm"},
+        "cooling.0.surface": [{"law": "temperature", "on": ["surface"], "value": "1000 degC"}],
+        "thermal.time.step": "0.1 s",
+        "mechanics": {
+            "law": "weiner_boley", "ferrostatic": "off", "mush": "none",
+            "planes": {
+                "a0": over_time(AXIAL), "a1": "0 1/m", "a2": "0 1/m", "across": over_time(AROUND),
+            },
+            "held": [
+                {"on": ["side_low", "side_high"], "component": "y"},
+                {"on": ["surface"], "component": "x"},
+            ],
+        },
+        "coupling": {"interval": f"{window} s"},
+        "quality": {"hot_tearing": ["won", "clyne_davies"]},
+        "output": {"figures": False, "fields": []},
+    }  # fmt: skip
+    return strip(given | changes)
+
+
+def followed(case: Case) -> tuple[Array, Tearing]:
+    """Depths of the places of a strip 10 to 14 mm deep, m, and what they have met."""
+    simulation = build(case, MPI.COMM_SELF)
+    run = TimeLoop(simulation)
+    run.run()
+    assert run.run_state.sampler.quality is not None
+    found = run.run_state.sampler.quality.state.tearing
+    x, y = simulation.section.vertex_space.tabulate_dof_coordinates()[:, :2].T
+    simulation.destroy()
+    assert found is not None
+    chosen = np.flatnonzero((np.abs(y) < 1e-9) & (x > 9.9e-3) & (x < 14.1e-3))
+    arrays = {n: getattr(found.history, n)[chosen] for n in MushyHistory.names()}
+    return x[chosen], Tearing(
+        MushyHistory(**arrays), found.width, found.mushy, None, found.enthalpy[chosen],
+        found.rate[chosen], found.strain, found.here[chosen], found.passed[chosen],
+    )  # fmt: skip
+
+
+def exact_times() -> tuple[float, float, float]:
+    """When a place x deep comes to solid fractions of 0.4, 0.9 and 0.99: over x^2, s/m2."""
+
+    def over(fraction: float) -> float:
+        level = EXACT.liquidus - 50.0 * fraction
+
+        def off(eta: float) -> float:
+            return float(EXACT.temperature(np.array([2.0 * eta]), 1.0)[0]) - level
+
+        return 0.25 / brentq(off, 1e-4, 1e-1) ** 2
+
+    return over(0.4), over(0.9), over(0.99)
+
+
+def test_times_and_strains_are_those_of_the_similarity_solution() -> None:
+    """Each place takes x^2 times the same, so that the ratio of the times is one all over.
+
+    In the brittle range lie 0.15 mm there: with cells half as large the error is half as large.
+    The strain is the time in the range by the rate exactly, and so is the damage by hand.
+    """
+    feeds, begins, ends = exact_times()
+    ratio = (ends - begins) / (begins - feeds)
+    errors = []
+    for size in (0.5, 0.25):
+        x, found = followed(stretched(size))
+        time = found.history.vulnerable
+        assert found.passed.all()
+        assert found.history.around == pytest.approx(AROUND * time, rel=1e-9)
+        assert found.history.axial == pytest.approx(AXIAL * time, rel=1e-9)
+        critical = 0.02821 / (AROUND**0.3131 * found.width**0.8638)
+        assert found.width == pytest.approx(4.5, rel=1e-9)
+        assert found.won() == pytest.approx(AROUND * time / critical, rel=1e-9)
+        errors.append(
+            [np.mean(time / (x**2 * (ends - begins))) - 1.0,
+             np.mean(found.clyne_davies() / ratio) - 1.0]
+        )  # fmt: skip
+    coarse, fine = np.array(errors)
+    assert (fine > 0.0).all() and (fine < 0.65 * coarse).all() and (fine < 0.12).all()
+
+
+def test_where_windows_end_does_not_show() -> None:
+    """Of windows a third and two thirds as long as the way through the range, 0.3 to 0.7 s."""
+    found = [followed(stretched(1.0, window))[1] for window in (0.1, 0.2, 0.4)]
+    times = np.array([one.history.vulnerable for one in found])
+    assert times[1] == pytest.approx(times[0], rel=0.02)
+    assert times[2] == pytest.approx(times[0], rel=0.06)
+
+
+def billet(**changes: object) -> Case:
+    """A coarse billet whose shell begins to freeze, followed by all criteria."""
+    given: dict[str, object] = {
+        "mechanics": {}, "quality": {"hot_tearing": CRITERIA, "rdg": FEEDING},
+        "casting.length": "120 mm", "output": {"figures": False, "checkpoint_every": 4},
+        "coupling": {"interval": "0.1 s"},
+    }  # fmt: skip
+    return small(given | changes)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a run of the billet."""
+    folder = tmp_path_factory.mktemp("whole")
+    loop.run(billet(), folder, comm=MPI.COMM_SELF)
+    return folder
+
+
+def results(folder: Path) -> dict[str, dict[str, Any]]:
+    return json.loads((folder / "summary.json").read_text())["quantities"]  # type: ignore[no-any-return]
+
+
+def test_columns_maps_and_results_tell_the_same(whole: Path) -> None:
+    table, maps, found = read_history(whole / "history.csv"), SurfaceMaps(whole), results(whole)
+    for name, factor in (("won", 0.01), ("clyne_davies", 1.0), ("rdg", 1e3)):
+        surface, front = (table[f"{one}_max"].to_numpy() for one in (name, f"{name}_front"))
+        assert maps[name].max(axis=1) == pytest.approx(factor * surface, rel=1e-6)
+        assert found[f"way_{name}_max"]["value"] == pytest.approx(surface.max(), rel=1e-9)
+        assert found[f"way_{name}_front_max"]["value"] == pytest.approx(front.max(), rel=1e-9)
+        assert front.max() > 0.0
+        (row,) = np.flatnonzero(front == front.max())
+        label = found[f"way_{name}_front_max"]["label"]
+        assert f"{table['position'][row]:.2f} m" in label
+    share = found["rdg_share"]["value"]
+    assert share == pytest.approx(100.0 * found["way_rdg_front_max"]["value"] / 2.0)
+
+
+def test_maps_over_the_depth_begin_at_the_surface(whole: Path) -> None:
+    """The first place of each line is one of the surface's map; what is liquid has nothing yet."""
+    depths, surface = SurfaceMaps(whole, DEPTHS), SurfaceMaps(whole)
+    line = depths.heading.line
+    assert depths.names() == ("temperature", *CRITERIA) and "mid-face" in line.faces
+    for first in np.flatnonzero(line.way == 0.0):
+        vertex = surface.heading.line.at(*line.place[first])
+        for name in depths.names():
+            mine, theirs = depths[name][:, first], surface[name][:, vertex]
+            assert mine == pytest.approx(theirs, rel=2e-3, abs=1e-7), (name, first)
+    hot = depths["temperature"] > depths.heading.band[1] + 60.0
+    assert hot.any() and not depths["clyne_davies"][hot].any()
+    found = crack_places(whole, None)
+    assert found is not None
+    (told,) = [row for row in found.ranking if row[0] == "clyne_davies, inside"]
+    assert "mm deep" in told[3] and told[1] == f"{depths['clyne_davies'].max():.3g}"
+
+
+def test_a_kill_costs_nothing(tmp_path: Path, whole: Path) -> None:
+    note, seen = QualitySampler.note, [0]
+
+    def broken(self: QualitySampler, *given: object) -> object:
+        seen[0] += 1
+        if seen[0] == 15:
+            raise RunFailure("out of power")
+        return note(self, *given)  # type: ignore[arg-type]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(QualitySampler, "note", broken)
+        patch.setattr(loop, "_leave", lambda *given: None)
+        patch.setattr("castfem.runs.output.surface_maps.MapWriter.close", lambda self: None)
+        with pytest.raises(RunFailure, match="power"):
+            loop.run(billet(), tmp_path, comm=MPI.COMM_SELF)
+    assert (tmp_path / DEPTH_ROWS_NAME).is_file()
+    loop.run(billet(), tmp_path, comm=MPI.COMM_SELF, resume=True)
+    for name in (DEPTHS_NAME, "surface_maps.h5", "history.csv"):
+        assert (tmp_path / name).read_bytes() == (whole / name).read_bytes(), name
+    assert results(tmp_path) == results(whole)
+
+
+@pytest.mark.mpi
+def test_ranks_do_not_show(shared_folder: Path) -> None:
+    alone, many = shared_folder / f"{MPI.COMM_WORLD.rank}", shared_folder / "many"
+    loop.run(billet(), alone, comm=MPI.COMM_SELF)
+    loop.run(billet(), many, comm=MPI.COMM_WORLD)
+    MPI.COMM_WORLD.Barrier()
+    one, two = SurfaceMaps(alone, DEPTHS), SurfaceMaps(many, DEPTHS)
+    for name in one.names():
+        size = np.abs(one[name]).max()
+        assert two[name] == pytest.approx(one[name], rel=1e-5, abs=1e-6 * size), name
+
+
+def test_derivatives_are_those_of_difference_quotients(tmp_path: Path) -> None:
+    def chilled(coefficient: float) -> Case:
+        law = {"law": "convection", "on": ["surface"], "ambient": "25 degC"}
+        law["coefficient"] = f"{coefficient} W/(m^2 K)"  # type: ignore[assignment]
+        return stretched(
+            1.0,
+            **{
+                "cooling.0.surface": [law], "casting.length": "0.15 m",
+                "quality": {"hot_tearing": CRITERIA, "rdg": FEEDING},
+            },
+        )  # fmt: skip
+
+    key = "cooling.0.convection.coefficient"
+    names = ["way_won_front_max", "way_clyne_davies_front_max", "way_rdg_max", "rdg_share"]
+    found = castfem.sensitivities(chilled(1500.0), [key], ",".join(names))
+    ends = [
+        loop.run(chilled(h), tmp_path / f"{h}", comm=MPI.COMM_SELF).quantities
+        for h in (1499.9, 1500.1)
+    ]
+    for name in names:
+        quotient = 5.0 * (ends[1][name].value - ends[0][name].value)
+        assert quotient != 0.0
+        assert found.gradient[name][key] == pytest.approx(quotient, rel=1e-5), name
+    with pytest.raises(InputError, match=r"--of won_front_max: .*way_won_front_max"):
+        castfem.sensitivities(chilled(1500.0), [key], "won_front_max")
+    with pytest.raises(InputError, match=r"--of way_won_max: with casting.speed the ends of the"):
+        castfem.sensitivities(chilled(1500.0), ["casting.speed"], "way_won_max")
+
+
+DUCTILITY = {
+    "temperature": [1100, 1100, 1500, 1500], "temperature_unit": "degC",
+    "strain_rate": [1e-4, 1e-2, 1e-4, 1e-2], "strain_rate_unit": "1/s",
+    "critical_strain": [0.2, 0.2, 0.2, 0.2],
+}  # fmt: skip
+
+
+def test_ductility_is_used_up_by_tension_in_its_temperatures(tmp_path: Path) -> None:
+    """At 1000 degC nothing counts; where the table begins at 900, 0.003 of 0.2 are 1.5 %."""
+    wide = DUCTILITY | {"temperature": [900, 900, 1540.1, 1540.1]}
+    used = []
+    for number, table in enumerate((DUCTILITY, wide)):
+        case = stretched(1.0, 0.4, quality={"ductility": table})
+        folder = tmp_path / f"{number}"
+        used.append(loop.run(case, folder, comm=MPI.COMM_SELF).quantities)
+        assert not (folder / DEPTHS_NAME).exists()
+    strain = AXIAL * 30.0
+    assert used[1]["way_ductility_used_max"].value == pytest.approx(strain / 0.2, rel=1e-6)
+    assert used[0]["way_ductility_used_max"].value < 0.1 * strain / 0.2
+    area = {k: v for k, v in DUCTILITY.items() if k != "critical_strain"}
+    area["reduction_of_area"] = ["50 percent"] * 4
+    given = stretched(quality={"ductility": area}).quality
+    assert given is not None
+    assert np.ravel(given.ductility.strains) == pytest.approx([np.log(2.0)] * 4, rel=1e-12)
+    again = stretched(quality=stretched(quality={"ductility": area}).document()["quality"])
+    assert again.quality == given
+
+
+def test_time_alone_needs_no_mechanics(tmp_path: Path) -> None:
+    case = small({"quality": {"hot_tearing": ["clyne_davies"]}, "casting.length": "120 mm"})
+    found = loop.run(case, tmp_path, comm=MPI.COMM_SELF).quantities
+    assert 0.05 < found["way_clyne_davies_front_max"].value < 2.0
+    assert "way_won_front_max" not in found and "way_rdg_front_max" not in found
+
+
+def test_a_case_that_does_not_ask_imports_nothing_of_it(tmp_path: Path) -> None:
+    code = (
+        "import sys; from castfem.model import load_case; "
+        "from castfem.model.build.simulation import build; from castfem.runs.loop import TimeLoop; "
+        "from mpi4py import MPI; "
+        f"TimeLoop(build(load_case({str(write_small(tmp_path))!r}), MPI.COMM_SELF)).run(); "
+        "print([m for m in sys.modules if m.endswith(('.hot_tearing', '.ductility'))])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_a_case_that_does_not_ask_has_nothing_of_it(tmp_path: Path) -> None:
+    quantities = loop.run(small({"quality": {}}), tmp_path, comm=MPI.COMM_SELF).quantities
+    assert not {DEPTHS_NAME, DEPTH_ROWS_NAME} & {path.name for path in tmp_path.iterdir()}
+    assert "hot_tearing" not in (tmp_path / "case.toml").read_text()
+    words = ("won", "rdg", "clyne", "ductility")
+    assert not [name for name in quantities if any(word in name for word in words)]
+
+
+@pytest.mark.parametrize(
+    ("quality", "key", "told"),
+    [
+        ({"hot_tearing": ["won"]}, "quality.hot_tearing", "needs strain"),
+        ({"hot_tearing": ["wom"]}, "quality.hot_tearing", "won"),
+        ({"hot_tearing": ["clyne_davies"], "brittle": [0.9, 1.0]}, "quality.brittle", "0.99"),
+        ({"rdg": {}}, "quality.rdg", 'hot_tearing = ["rdg"]'),
+        ({"ductility": DUCTILITY}, "quality.ductility", "[mechanics]"),
+        (
+            {"ductility": DUCTILITY | {"strain_rate": [1e-4, 1e-4, 1e-4, 1e-2]}},
+            "quality.ductility", "row 2: this temperature and rate stand there twice",
+        ),
+        (
+            {"ductility": DUCTILITY | {"reduction_of_area": [0.4] * 4}},
+            "quality.ductility", "give one of",
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_told_by_its_key(quality: dict[str, object], key: str, told: str) -> None:
+    with pytest.raises(InputError) as error:
+        small({"quality": quality})
+    assert key in str(error.value) and told in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"steel.name": "neumann_steel"}, "quality.hot_tearing"),
+        ({"quality": {"hot_tearing": ["rdg"]}, "mechanics": {}}, "quality.rdg.shrinkage"),
+        (
+            {"quality": {"hot_tearing": ["rdg"], "rdg": {"shrinkage": "4 percent"}},
+             "mechanics": {}, "steel.composition": {}}, "",
+        ),
+    ],
+)  # fmt: skip
+def test_a_steel_that_lacks_something_is_refused(changes: dict[str, object], key: str) -> None:
+    case = small({"quality": {"hot_tearing": ["clyne_davies"]}} | changes)
+    if not key:  # carbon_042 states its carbon
+        build(case, MPI.COMM_SELF).destroy()
+        return
+    with pytest.raises(InputError, match=key):
+        TimeLoop(build(case, MPI.COMM_SELF))
