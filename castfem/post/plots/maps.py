@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _RED = "#c1272d"
+_WORDS = {"won": "damage (Won)", "clyne_davies": "time ratio", "rdg": "pressure drop"}
 _ROUNDED = {"1/s": 1e5}  # units in which an index is drawn larger
 
 
@@ -215,7 +216,7 @@ def index_values(maps: SurfaceMaps, one: SurfaceMap) -> Array:
 def index_label(one: SurfaceMap) -> str:
     """Name and unit of an index; rates of strain are told in 1e-5 1/s."""
     rounded = "1e-5 " if one.shown in _ROUNDED else ""
-    return f"{one.name} [{rounded}{plain_unit(one.shown)}]"
+    return f"{_WORDS.get(one.name, one.name)} [{rounded}{plain_unit(one.shown)}]"
 
 
 def _name_faces(panel: Axes, line: SurfaceLine) -> None:
