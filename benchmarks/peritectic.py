@@ -59,7 +59,7 @@ VARIED: dict[str, tuple[str, ...]] = {
 RUNS = {
     ("pascon", "kozlowski_zhu"): ("coarse", "default"),
     ("assessed", "kozlowski_zhu"): (*VARIED,),
-    ("assessed", "kozlowski_zhu_mixed"): tuple(k for k in VARIED if k != "windows 0.05 s"),
+    ("assessed", "kozlowski_zhu_mixed"): ("coarse", "default", "cells 1 mm", "cells 0.5 mm"),
 }
 """Diagrams and laws with which it is run, each with the numerics."""
 CORNER = {
