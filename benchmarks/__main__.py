@@ -50,6 +50,7 @@ STUDIES = {
     "diagrams": ("diagrams", "materials.md"),
     "peritectic": ("peritectic", "materials.md"),
     "phases": ("phases", "materials.md"),
+    "grades": ("grades", "my_steel.md"),
 }
 """Name -> module and page with its tables, in the order in which they run.
 

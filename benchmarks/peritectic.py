@@ -3,7 +3,8 @@
 Writes tables of docs/materials.md, laws.md and coupling.md, and a figure. The free contraction of
 steels, told apart in what cools and what turns from delta ferrite to austenite; the taper that
 follows three of them, as they shrink freely in the mould of `billet180/peritectic`; that case by
-diagram and by law; and the flow stress of steel with both phases.
+diagram and by law; its corner by cells and superheat, to see what it needs to converge; and the
+flow stress of steel with both phases.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ from castfem.model import Case, load_case
 from castfem.model.shipped_cases import find
 from castfem.physics.constitutive.curves import Austenite, DeltaFerrite
 from castfem.physics.materials import Steel, load_steel
+from castfem.runs.output.fields import Fields
+from castfem.studies.accuracy.estimate import estimate
 from castfem.studies.accuracy.sizes import DEFAULT
 from castfem.studies.optimisation.fidelity import at_level, idealised
 
@@ -49,15 +52,36 @@ VARIED: dict[str, tuple[str, ...]] = {
     "default": (),
     "cells 1 mm": cells("1"),
     "cells 0.5 mm": cells("0.5"),
+    "0.35 mm deep": ("mesh.surface_size=0.35 mm",),
     "windows 0.05 s": ("coupling.interval=0.05 s",),
 }
 """Numerics with which the case is run: `--accuracy`, or keys."""
 RUNS = {
     ("pascon", "kozlowski_zhu"): ("coarse", "default"),
     ("assessed", "kozlowski_zhu"): (*VARIED,),
-    ("assessed", "kozlowski_zhu_mixed"): ("coarse", "default", "cells 1 mm"),
+    ("assessed", "kozlowski_zhu_mixed"): ("coarse", "default", "cells 1 mm", "cells 0.5 mm"),
 }
 """Diagrams and laws with which it is run, each with the numerics."""
+CORNER = {
+    "cells 1 mm": cells("1"),
+    "cells 0.7 mm": cells("0.7"),
+    "cells 0.5 mm": cells("0.5"),
+    "cells 0.35 mm": cells("0.35"),
+    "cells 0.7 mm, 0.35 mm deep": (*cells("0.7"), "mesh.surface_size=0.35 mm"),
+    "superheat 27 K": (*cells("0.7"), "casting.superheat=27 K"),
+    "superheat 29 K": (*cells("0.7"), "casting.superheat=29 K"),
+}
+"""With which the corner is followed; the superheats with cells of 0.7 mm."""
+CORNERS = {
+    ("assessed", "kozlowski_zhu"): (*CORNER,),
+    ("assessed", "kozlowski_zhu_mixed"): tuple(k for k in CORNER if k != "cells 0.35 mm"),
+    ("pascon", "kozlowski_zhu"): ("cells 1 mm", "cells 0.7 mm", "cells 0.5 mm"),
+}
+"""Which of them with which diagram and law."""
+FOLLOWED = (0.04, 0.2)
+"""Where it is looked at, m: after the first skin has shrunk, and when the shell grows again."""
+BESIDE = 0.007
+"""A place beside the corner, m along the surface."""
 RESULTS = {
     "shell_corner": ("shell, corner [mm]", ".2f"),
     "gap_corner": ("gap, corner [mm]", ".3f"),
@@ -168,6 +192,54 @@ def cast(output: Output, quick: bool) -> list[dict[str, Any]]:
     return rows
 
 
+def stated(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """The error of the corner's shell that `castfem error` estimates from three of the meshes."""
+    shell = {row["varied"]: row["shell_corner"] for row in rows if row["diagram"] == "assessed"
+             and row["law"] == "kozlowski_zhu"}  # fmt: skip
+    sizes = {"cells 1 mm": 1.0 / 0.7, "default": 1.0, "cells 0.5 mm": 0.5 / 0.7}
+    if not sizes.keys() <= shell.keys():
+        return [{"mesh": "default", "shell_corner": None, "error": None}]
+    error = estimate({size: shell[kind] for kind, size in sizes.items()}).error
+    return [{"mesh": "default", "shell_corner": shell["default"], "error": error}]
+
+
+def corner(output: Output, quick: bool) -> list[dict[str, Any]]:
+    """Gap at the corner and beside it, and heat, by diagram, law and what is varied."""
+    rows = []
+    asked = [(*which, kind) for which, kinds in CORNERS.items() for kind in kinds]
+    for diagram, law, kind in asked[: 1 if quick else None]:
+        changes = [*QUIET, f"steel.diagram={diagram}", f"mechanics.law={law}", *CORNER[kind]]
+        changes += [f"casting.length={FOLLOWED[not quick]} m", "output.every=0.5 s"]
+        case = load_case(find(CASE), [*changes, 'output.fields=["gap"]'])
+        name = f"corner_{diagram}_{law}_{kind.replace(' ', '_').replace(',', '')}"
+        run = folder(output, quick) / name
+        history = finished_run(case, run).history
+        for place in FOLLOWED[: 1 if quick else None]:
+            at = {name: float(np.interp(place, history["position"], history[name]))
+                  for name in ("heat_removed", "shell_corner")}  # fmt: skip
+            rows.append({
+                "diagram": diagram, "law": law, "varied": kind, "position": 1e3 * place,
+                **gaps(run, place, case.section.corner_radius), "heat": 1e-6 * at["heat_removed"],
+                "shell_corner": at["shell_corner"],
+            })  # fmt: skip
+    return rows
+
+
+def gaps(run: Path, place: float, radius: float) -> dict[str, float]:
+    """Depth of the outermost cells at mid-face, gap at the corner and beside it, mm."""
+    with Fields(run) as fields:
+        index = int(np.argmin(np.abs(np.asarray(fields.positions) - place)))
+        gap, points = fields.values("gap", index), np.asarray(fields.points)[:, :2]
+    depths = np.sort(5e-4 * WIDTH - points[np.abs(points[:, 1]) < 1e-9, 0])
+    x, y = (points - (5e-4 * WIDTH - radius)).T
+    arc = radius * (np.pi / 4 - np.arctan2(np.maximum(y, 0.0), x))
+    along = np.where(y < 0.0, radius * np.pi / 4 - y, arc)
+    face = np.flatnonzero(np.isfinite(gap) & (x >= y - 1e-9))  # from the corner to the x axis
+    order = face[np.argsort(along[face])]
+    found = 1e3 * np.interp((0.0, BESIDE), along[order], gap[order])
+    return {"depth": 1e3 * depths[2], "gap_corner": found[0], "gap_beside": found[1]}
+
+
 def tapers(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Mean tapers that follow each steel along the parts of the mould, per cent per metre."""
     found = []
@@ -247,6 +319,8 @@ def main(output: Output, quick: bool) -> None:
     output.csv("peritectic_taper", tapers(output.rows("peritectic_width")))
     draw(output)
     output.csv("peritectic_laws", cast(output, quick))
+    output.csv("peritectic_error", stated(output.rows("peritectic_laws")))
+    output.csv("peritectic_corner", corner(output, quick))
     show(output)
 
 
@@ -272,3 +346,10 @@ def show(output: Output) -> None:
     columns = {"diagram": "`diagram`", "law": "`law`", "varied": "numerics", **RESULTS}
     coupling = Output(output.folder, "coupling.md")
     coupling.table("peritectic laws", output.rows("peritectic_laws"), columns)
+    coupling.table("peritectic corner", output.rows("peritectic_corner"), {
+        "diagram": "`diagram`", "law": "`law`", "varied": "cells or superheat",
+        "depth": ("cells, deep [mm]", ".2f"), "position": ("at [mm]", ".0f"),
+        "gap_corner": ("gap, corner [mm]", ".2f"),
+        "gap_beside": ("gap 7 mm beside it [mm]", ".2f"), "heat": ("heat removed [MJ/m]", ".2f"),
+        "shell_corner": ("shell, corner [mm]", ".2f"),
+    })  # fmt: skip

@@ -1,4 +1,4 @@
-"""Tables of small studies: the coupled billet's cost and error, the grid of the corner, a sweep."""
+"""Tables of small studies: the coupled billet, the grid of the corner, a sweep, steels."""
 
 from __future__ import annotations
 
@@ -8,7 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import billet_cost, billet_error, billet_trade, sweep_cost
+from benchmarks import (
+    billet_cost,
+    billet_error,
+    billet_trade,
+    grades,
+    peritectic,
+    sweep_cost,
+)
 from benchmarks.billet_grid import (
     COARSE,
     CORNER,
@@ -212,3 +219,30 @@ def test_shares_are_those_of_the_whole(tmp_path: Path) -> None:
 
 def test_tapers_are_as_many_as_runs() -> None:
     assert len(set(sweep_cost.tapers(32))) == 32
+
+
+def test_the_corner_s_meshes_that_go_up_and_down_have_three_times_their_difference() -> None:
+    """Of the case and the finer one, which is more than half of that to the coarser one."""
+    shells = {"cells 1 mm": 17.0, "default": 13.0, "cells 0.5 mm": 15.0}
+    rows = [
+        {"diagram": diagram, "law": "kozlowski_zhu", "varied": kind, "shell_corner": shell}
+        for diagram, change in (("pascon", 1.0), ("assessed", 0.0))
+        for kind, shell in ((kind, shell + change) for kind, shell in shells.items())
+    ]
+    (found,) = peritectic.stated(rows)
+    assert (found["shell_corner"], found["error"]) == (13.0, pytest.approx(3.0 * 2.0))
+    assert peritectic.stated(rows[:3])[0]["error"] is None
+
+
+def test_the_largest_difference_of_a_diagram_is_told_by_database_and_manganese() -> None:
+    def row(database: str, manganese: float, off: float) -> dict[str, object]:
+        limits = {key: 1500.0 for key in (*grades.LIMITS, "solid")}
+        theirs = {f"{key}_database": value + off for key, value in limits.items()}
+        whole = {"database": database, "Mn": manganese, "Si": 0.1, "liquidus_regression": 1490.0}
+        return {**whole, **limits, **theirs}
+
+    found = grades.largest([row("a", 0.0, 1.0), row("a", 0.0, -3.0), row("a", 1.0, 0.5)])
+    assert [(one["Mn"], one["steels"], one["solidus"], one["solid"]) for one in found] == [
+        (0.0, 2, 3.0, 3.0), (1.0, 1, 0.5, 0.5),
+    ]  # fmt: skip
+    assert [one["liquidus_regression"] for one in found] == [11.0, 10.5]

@@ -25,7 +25,11 @@ from castfem.model.shipped_cases import find
 pytestmark = pytest.mark.slow
 
 DOCS = Path(__file__).parents[2] / "docs"
-PAGES = ["getting_started.md", *sorted(f"how_to/{p.name}" for p in DOCS.glob("how_to/*.md"))]
+PAGES = [
+    "getting_started.md",
+    "my_steel.md",
+    *sorted(f"how_to/{p.name}" for p in DOCS.glob("how_to/*.md")),
+]
 BLOCK = re.compile(r"((?:^[^\n`]*\n|^[^\n]*`[^\n]*\n)?)\n```(\w*)\n(.*?)^```$", re.M | re.S)
 AS_WRITTEN = os.environ.get("MANUAL") == "as_written"
 # By page and a word of the command: keys that make its runs short. Their output is not compared.
@@ -39,6 +43,13 @@ COARSE = {
     "output.every": "1 h",
 }
 SHORT = {"casting.length": "24 mm", "output.every": "1 h"}
+COUPLED = SHORT | {
+    "mesh.surface_size": "4 mm",
+    "mesh.corner_size": "4 mm",
+    "mesh.face_size": "12 mm",
+    "mesh.core_size": "15 mm",
+    "coupling.interval": "0.2 s",
+}
 QUICK = {
     ("getting_started.md", "billet125/taper_1"): SHORT,
     ("how_to/asymmetric_cooling.md", "run"): COARSE,
@@ -53,14 +64,8 @@ QUICK = {
         "thermal.time.adaptive.tolerance": "20 K",
     },
     ("how_to/spray_water.md", "sweep"): COARSE,
-    ("how_to/taper.md", "sweep"): SHORT
-    | {
-        "mesh.surface_size": "4 mm",
-        "mesh.corner_size": "4 mm",
-        "mesh.face_size": "12 mm",
-        "mesh.core_size": "15 mm",
-        "coupling.interval": "0.2 s",
-    },
+    ("how_to/taper.md", "sweep"): COUPLED,
+    **{("my_steel.md", word): COUPLED for word in ("run", "sweep", "sensitivity")},
 }
 # Differences of runs, which versions of the libraries move a little.
 ROUGHLY = ("how_to/error.md",)
@@ -94,7 +99,7 @@ def shortened(page: str, words: list[str]) -> tuple[list[str], bool]:
     """A command with other values of keys where it runs a case, and whether its numbers change."""
     if not AS_WRITTEN and words[1] == "compare":
         return [*words, "--no-figures"], False
-    if AS_WRITTEN or words[1] not in ("run", "sweep", "error", "calibrate"):
+    if AS_WRITTEN or words[1] not in ("run", "sweep", "error", "calibrate", "sensitivity"):
         return words, False
     changes = {k: v for (where, word), keys in QUICK.items() if where == page and word in words
                for k, v in keys.items()}  # fmt: skip
@@ -150,7 +155,7 @@ def test_rows_of_errors_that_are_roughly_the_same() -> None:
 
 
 def test_every_how_to_is_a_page() -> None:
-    assert len(PAGES) == 13
+    assert len(PAGES) == 14
     assert {page for page, _ in QUICK} <= set(PAGES)
 
 

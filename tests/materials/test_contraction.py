@@ -8,7 +8,9 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from castfem.physics.materials import Steel, load_steel
+from castfem.physics.materials.alloying import alloyed
 from castfem.physics.materials.describe import describe_steel
+from castfem.physics.materials.iron_carbon import DiagramName
 
 ZERO = 273.15
 COLD = 1200.0  # degC, down to which the steels contract
@@ -154,3 +156,23 @@ def test_material_tells_what_the_phases_contract_by() -> None:
     told = dict(describe_steel(steel(0.12)))["contraction"]
     assert told == "0.846 % from solidus to 1200 °C, 0.176 % of it by δ to γ"
     assert "contraction" not in dict(describe_steel(steel(0.25)))
+
+
+@pytest.mark.parametrize(
+    ("diagram", "end", "below"), [("assessed", 14.5, 12), ("pascon", 35.2, 32)]
+)
+def test_a_tenth_of_delta_is_left_where_docs_coupling_says(
+    diagram: DiagramName, end: float, below: int
+) -> None:
+    """The flow law of `billet180/peritectic` jumps there, so far below the solidus (K)."""
+    billet = alloyed({"C": 0.12, "Mn": 0.5, "Si": 0.25}, diagram)
+
+    def left(drop: float) -> float:
+        return float(billet.phases(billet.solidus - drop, "below").delta) - 0.1
+
+    jump = float(brentq(left, 1.0, 40.0))
+    assert billet.gamma_end is not None
+    assert billet.solidus - billet.gamma_end == pytest.approx(end, abs=0.1)
+    assert jump == pytest.approx(below, abs=0.6)
+    if diagram == "assessed":
+        assert billet.solidus - jump - ZERO == pytest.approx(1477, abs=0.5)
