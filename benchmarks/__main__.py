@@ -38,6 +38,7 @@ STUDIES = {
     "slab_bending": ("slab_bending", "slab_bending.md"),
     "slab_error": ("slab_error", "slab_error.md"),
     "slab_cells": ("slab_cells", "slab_error.md"),
+    "slab_meniscus": ("slab_meniscus", "slab_heat.md"),
     "slab_sprays": ("slab_sprays", "slab_heat.md"),
     "whole_caster": ("whole_caster", "caster.md"),
     "caster_follow": ("caster_follow", "caster.md"),

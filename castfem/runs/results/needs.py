@@ -63,6 +63,10 @@ def _bulges(simulation: Simulation) -> bool:
     return mechanics is not None and mechanics.bulging is not None and mechanics.bulging.bears
 
 
+def _bears_edges(simulation: Simulation) -> bool:
+    return sum(hasattr(one, "foundation") for one in _slice(simulation).interactions) > 1
+
+
 _ROLLED = ("mechanics", "machine")
 NEEDS: Mapping[str, Need] = {
     "mechanics": Need(("mechanics",)),
@@ -81,6 +85,7 @@ NEEDS: Mapping[str, Need] = {
         lambda simulation: any(one.has_friction for one in _slice(simulation).interactions),
     ),
     "bulging": Need(_ROLLED, _bulges),
+    "edge_rolls": Need(_ROLLED, _bears_edges),
     "machine": Need(("machine",)),
     "quality": Need(("quality",)),
     "bending": Need(_ROLLED, lambda simulation: simulation.case.bends),
