@@ -146,6 +146,18 @@ def test_it_resumes_byte_for_byte_through_the_end_of_the_mould(tmp_path: Path) -
         assert history_of(case, tmp_path / "a") == history_of(case, tmp_path / f"{stop}", stop)
 
 
+def test_a_whole_slab_has_rolls_at_both_narrow_faces(own: Whole) -> None:
+    whole = Whole(edged(section__symmetry="whole", casting__length=f"{EDGES[0]} m"))
+    try:
+        assert whole.kept.samples[-1].position == pytest.approx(EDGES[0])
+        for ours, theirs in zip(own.kept.samples, whole.kept.samples, strict=False):
+            assert theirs.position == pytest.approx(ours.position)
+            half, (one, other) = beds_of(ours)[1].force[0], beds_of(theirs)[1].force
+            assert [one, other] == pytest.approx([half, half], rel=1e-4, abs=0.5)
+    finally:
+        whole.simulation.destroy()
+
+
 @pytest.mark.mpi
 def test_several_ranks_find_what_one_finds(own: Whole) -> None:
     several = Whole(edged(), MPI.COMM_WORLD)

@@ -95,7 +95,7 @@ def build_roll_supports(
     if edges is None or not edges.places[0] < edges.places[-1]:  # or one, where the mould ends
         return (wide,)
     left = _left_by(wall, ends, (0.5 * width, 0.0))
-    faces = {g: Face(g, left) for g in _faces(section, "narrow_face")}
+    faces = {g: Face(_probe(g, probes), left) for g in _faces(section, "narrow_face")}
     strip = ElasticStrip(law.elasticity, bool(table.shear))
     return wide, _of_narrow_faces(edges, partial(pitches, lambda middle: strip, NODES), faces, wide)
 
@@ -157,6 +157,8 @@ def _left_by(wall: Contact | None, end: float | None, middle: tuple[float, float
 
 
 def _probe(group: str, probes: LineProbes) -> str:
+    if group.startswith("narrow_face"):
+        return "narrow_face_left" if group.endswith("_left") else "narrow_face"
     if group.endswith("_extrados"):
         return "mid_face_extrados"
     return "mid_face_intrados" if "mid_face_intrados" in probes.lines else "mid_face"
