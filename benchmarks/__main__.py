@@ -39,6 +39,7 @@ STUDIES = {
     "hot_tearing": ("hot_tearing", "hot_tearing.md"),
     "slab_error": ("slab_error", "slab_error.md"),
     "slab_cells": ("slab_cells", "slab_error.md"),
+    "slab_meniscus": ("slab_meniscus", "slab_heat.md"),
     "slab_sprays": ("slab_sprays", "slab_heat.md"),
     "whole_caster": ("whole_caster", "caster.md"),
     "caster_follow": ("caster_follow", "caster.md"),

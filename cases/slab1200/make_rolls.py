@@ -1,4 +1,6 @@
-"""Makes rolls.csv and resistance.csv, the caster of the slab cases: `python make_rolls.py`.
+"""Makes rolls.csv, edge_rolls.csv and resistance.csv, the caster of the slab cases.
+
+Run `python make_rolls.py`. edge_rolls.csv has the rolls of rolls.csv and rolls at the narrow faces.
 
 The caster of the thesis (chapter VI) is confidential. This one is ours, and has every fact the
 thesis tells of its own (VI.1 to VI.4); where it tells none, the simplest that fits stands here.
@@ -9,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 HERE = Path(__file__).parent
@@ -24,6 +27,7 @@ TONNE = 9.80665e3  # N
 LAST_APERTURE = 0.2231
 REDUCTION, STEP, STEP_EVERY = 1e-4, 5e-4, 8
 DRIVEN = (8, 14, 20, 26, 32, 38, 44, 50, 55, 60, 67, 74, 80, 87)
+EDGES, EDGE_DIAMETER = 7, 0.1  # pairs at the narrow faces, half-way from #1 on; m
 CAPACITY, LEFT_AT_50, AT_55 = 175.0, 7.38, 20.0  # t: of all drives, left at #50, of #55
 Rows = list[tuple[float, ...]]
 
@@ -138,6 +142,11 @@ def main() -> None:
         "position [mm], diameter [mm], aperture [mm], radius_extrados [mm], driven, capacity [kN]"
     )
     write("rolls.csv", head, rows)
+    edges = [
+        f"{0.5e3 * (above + below):.3f}, {1e3 * EDGE_DIAMETER:.0f}, , , , , narrow"
+        for above, below in pairwise(places[: EDGES + 1])
+    ]
+    write("edge_rolls.csv", f"{head}, side", [f"{row}, wide" for row in rows] + edges)
     write("resistance.csv", "position [mm], value [kN]", resistance)
 
 

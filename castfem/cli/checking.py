@@ -262,6 +262,10 @@ def describe(name: str, case: Case, steel: Steel, mesh: SectionMesh) -> str:
     if case.machine is not None and (rolls := case.machine.pairs()) is not None:
         first, last = rolls.pairs[0].position, rolls.pairs[-1].position
         lines.append(f"  {len(rolls.pairs)} pairs of rolls, {first:g} to {last:g} m")
+        if rolls.edges is not None:
+            first, last = (rolls.edges.pairs[i].position for i in (0, -1))
+            of_edges = f"  {len(rolls.edges.pairs)} pairs of rolls at the narrow faces, "
+            lines.append(f"{of_edges}{first:g} to {last:g} m")
     for span in case.zones():
         laws = ", ".join(law.tag for _, law in span.laws) or "insulated"
         laws = "from roll to roll" if span.roll_to_roll else laws

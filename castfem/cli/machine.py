@@ -139,6 +139,10 @@ def machine_rows(rolls: Rolls, thickness: float) -> list[tuple[str, str]]:
     if drives and all(pair.capacity is not None for pair in drives):
         driven += f" with {1e-3 * sum(pair.capacity or 0.0 for pair in drives):.5g} kN in all"
     rows = [("pairs of rolls", f"{len(pairs)}{driven}")]
+    if rolls.edges is not None:
+        edges = rolls.edges.pairs
+        text = f"{len(edges)} pairs, {edges[0].position:.4g} to {edges[-1].position:.4g} m"
+        rows.append(("at the narrow faces", text))
     for phase in phases(rolls):
         first, last = pairs[phase.first], pairs[phase.last]
         text = f"{first.position:.4g} to {last.position:.4g} m, rolls {phase.first + 1} to "
@@ -286,6 +290,8 @@ def _other(ours: Rolls, theirs: Rolls | None) -> str:
     """In what the machine of a run is another one, in words; empty of the same."""
     if theirs is None:
         return "it has no rolls"
+    if theirs.edges != ours.edges:
+        return "it has other rolls at the narrow faces"
     counts = len(theirs.pairs), len(ours.pairs)
     if counts[0] != counts[1]:
         return f"it has {counts[0]} pairs of rolls, the case {counts[1]}"

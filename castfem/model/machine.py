@@ -56,7 +56,7 @@ class RollTable(Notation):
 
         ways = schema_of_columns(
             COLUMNS,
-            [f"{name}_unit" for name in COLUMNS if name != "driven"],
+            [f"{name}_unit" for name in COLUMNS if name not in ("driven", "side")],
             needed=[name for name in KINDS if name in ("position", "diameter")],
             cells=("number", "string", "boolean"),
         )
@@ -153,6 +153,10 @@ def _holds(case: Case, table: Machine) -> Faults:
     found = list(faults(rolls, thickness, ends))
     for text in _together(rolls, found):
         yield _key(table), text
+    width = case.section.outline()[0]
+    if rolls.edges is not None and width is not None:
+        edges = list(faults(rolls.edges, width, ends, "narrow face"))
+        yield from ((_key(table), text) for text in _together(rolls.edges, edges))
     if table.defect and not found:
         yield from at_an_end(case, table, rolls)
         yield from _impossible_defects(rolls, table.defect, thickness)
@@ -207,6 +211,18 @@ def machine_warnings(case: Case, table: Machine) -> Faults:
         named = " and ".join(dict.fromkeys(str(one).rstrip(",") for one in of_rolls))
         for text in _doubtful(rolls, thickness):
             yield "defect", f"with {named}: {text.partition('; ')[0]}"
+
+
+@caution("machine")
+def _bear_nothing(case: Case, table: Machine) -> Faults:
+    """Yield rolls at the narrow faces of a strand whose faces no rolls bear, or that has none."""
+    rolls = table.normal()
+    bulging = None if case.mechanics is None else case.mechanics.bulging
+    if rolls is None or rolls.edges is None or case.mechanics is None:
+        return
+    if bulging is None or not bulging.bears:
+        fix = 'mechanics.bulging = "creep" has faces that rolls bear'
+        yield _key(table), f"the rolls at the narrow faces bear nothing; {fix}"
 
 
 @caution("machine")

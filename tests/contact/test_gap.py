@@ -22,6 +22,7 @@ from castfem.physics.mechanics.planes import PlainPlanes
 from castfem.physics.mechanics.supports import SurfacePressure
 from castfem.physics.mechanics.surface_gap import SurfaceGap
 from castfem.physics.mould import Mould, RectangleCavity, Taper, same
+from castfem.physics.thermal.flux_laws import Contact as ContactLaw
 from contact.setups import LineWall
 
 METHODS = ("penalty", "nitsche")
@@ -139,6 +140,7 @@ def round_billet_that_shrinks(size: float) -> tuple[Array, Array, Array]:
         mesh, elastic(), expansion(ALPHA), start=1500.0, given={"interactions": (contact,)}
     )
     gaps = SurfaceGap(setup.problem.contact)
+    assert not len(gaps.corners)  # no vertex of an arc faces two walls
     places = setup.vertices[gaps.dofs]
     assert len(places) == len(np.unique(mesh.facets[np.isin(mesh.facet_group, [
         i for i, g in enumerate(mesh.groups) if g in outer])]))  # fmt: skip
@@ -212,6 +214,40 @@ def test_sharp_corner_between_two_walls() -> None:
     assert gap[right & ~top] == pytest.approx(off[0], rel=1e-9)
     assert gap[top & ~right] == pytest.approx(off[1], rel=1e-9)
     assert gap[right & top] == pytest.approx((off[0] + 2.0 * off[1]) / 3.0, rel=1e-9)
+
+
+def test_heat_crosses_both_gaps_of_a_sharp_corner() -> None:
+    """Each over its part of the surface, whichever way the section lies; an arc has one gap."""
+    mould = Mould(RectangleCavity(0.4, 0.2, 0.0), 0.6, same(Taper.single(0.0, 0.6)))
+    off = np.array([2e-3, 0.0])
+    setup = SliceSetup(
+        mapped(2, 2, box(0.2, 0.1)),
+        elastic(),
+        given={"interactions": (Contact(mould, ("right", "top")),)},
+    )
+    gaps, space = SurfaceGap(setup.problem.contact), setup.problem.space
+    field = fem.Function(space)
+    field.interpolate(lambda x: -np.broadcast_to(off[:, None], (2, x.shape[1])))
+    moved = replace(setup.state, displacement=field.x.array, generalized_strains=np.zeros(4))
+    crossed = gaps.crossed(moved)
+    (corner,) = gaps.corners
+    assert setup.vertices[corner] == pytest.approx([0.2, 0.1])
+    assert gaps.count == len(crossed) == setup.problem.section.owned + 1
+    to_top, to_right = crossed[corner], crossed[gaps.second[corner]]
+    assert (to_top, to_right) == (pytest.approx(0.0, abs=1e-12), pytest.approx(2e-3, rel=1e-9))
+    assert gaps.first[corner] == pytest.approx(2.0 / 3.0)  # facets of 100 and of 50 mm
+    assert gaps.shares(np.ones(gaps.count - 1)).sum() == pytest.approx(gaps.count - 1)
+    h, k, excess = 1200.0, 0.15, 1000.0
+    law = ContactLaw(h, 400.0, k, follows=True)
+    both = np.array([[to_top], [to_right]])
+    flux, slope = law.across(both, gaps.first[[corner]]).flux(np.array([400.0 + excess]), 0.0)
+    exact = 2.0 / 3.0 * h + 1.0 / 3.0 / (1.0 / h + 2e-3 / k)
+    assert flux == pytest.approx(exact * excess, rel=1e-9)
+    assert slope == pytest.approx(exact, rel=1e-9)
+    # What would cross their mean is a fifth of that.
+    mean = gaps.at(moved)[np.searchsorted(gaps.dofs, corner)]
+    assert mean == pytest.approx(2e-3 / 3.0, rel=1e-9)
+    assert law.across(np.array([mean])).flux(np.array([1400.0]), 0.0)[0] < 0.25 * flux
 
 
 def test_no_wall_below_the_mould() -> None:

@@ -82,6 +82,47 @@ def test_a_case_with_rolls_reads_back(tmp_path: Path) -> None:
     assert other.physics_hash() != sound.physics_hash()
 
 
+EDGED = (*(f"{row}, " for row in ROWS), "1.0, 100, , , , , narrow", "1.3, 100, 1190, , , , narrow")
+
+
+def test_rows_with_a_side_are_rolls_at_the_narrow_faces(tmp_path: Path) -> None:
+    """They have no part in the line of the strand, are numbered apart, and are read again."""
+    plain, sound = case(tmp_path), case(tmp_path, EDGED, f"{HEADER}, side")
+    rolls = rolls_of(sound)
+    assert rolls.pairs == rolls_of(plain).pairs and rolls_of(plain).edges is None
+    assert rolls.edges is not None
+    assert [(p.position, p.diameter) for p in rolls.edges.pairs] == [(1.0, 0.1), (1.3, 0.1)]
+    assert [rolls.edges.aperture(i, 1.2) for i in (0, 1)] == [1.2, 1.19]
+    assert rolls.place(3).endswith("line 6, roll 4")
+    assert rolls.edges.place(1).endswith("line 8, edge roll 2")
+    (tmp_path / "again.toml").write_text(sound.resolved_toml())
+    again = load_case(tmp_path / "again.toml")
+    assert again == sound and again.physics_hash() == sound.physics_hash() != plain.physics_hash()
+    lost = sound.with_({"machine.defect": [{"kind": "lost", "roll": 2}]})
+    assert rolls_of(lost).edges == rolls.edges
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ("1.0, 100, , , , , left", r"line 7, row 5: side \(left\): wide, as without it, or narrow"),
+        ("1.0, 100, , 8, , , narrow", r"row 5: radius_extrados \(8\): of a roll at the"),
+        ("1.0, 100, , , yes, , narrow", r"row 5: driven \(yes\): of a roll at the narrow face"),
+        ("0.7, 100, , , , , narrow", r"line 7, edge roll 1: position \(0\.7 m\) lies within"),
+        ("1.0, , , , , , narrow", r"line 7, edge roll 1: diameter \(\): is empty"),
+    ],
+)  # fmt: skip
+def test_edge_rolls_that_cannot_be(tmp_path: Path, row: str, said: str) -> None:
+    with pytest.raises(InputError, match=said) as caught:
+        case(tmp_path, (*EDGED[:4], row), f"{HEADER}, side")
+    assert len(caught.value.problems) == 1
+
+
+def test_edge_rolls_alone_are_no_machine(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no rolls of the wide faces"):
+        case(tmp_path, EDGED[4:], f"{HEADER}, side")
+
+
 def test_segments_expand() -> None:
     what = load_case(SLAB, ["machine.segment=[]", SEGMENTS])
     rolls = rolls_of(what)

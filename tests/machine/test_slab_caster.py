@@ -58,7 +58,7 @@ def test_the_files_are_those_of_the_script(tmp_path: Path) -> None:
     spec.loader.exec_module(script)
     script.HERE = tmp_path
     script.main()
-    for name in ("rolls.csv", "resistance.csv"):
+    for name in ("rolls.csv", "edge_rolls.csv", "resistance.csv"):
         assert (tmp_path / name).read_text() == (FOLDER / name).read_text()
 
 

@@ -11,34 +11,23 @@ import numpy as np
 
 from castfem.base.constants import same_or_before
 from castfem.base.errors import RunFailure
-from castfem.base.tables import as_function
 from castfem.base.types import Array
 from castfem.fem.probes import LineProbes, Profile
 from castfem.fem.root import shared_out
-from castfem.model.build.shell_prediction import Core, ShellPrediction, core_of, front_of
-from castfem.model.bulging import Bulging
-from castfem.physics.contact.roll_support import POINTS, Bed, RollSupport
-from castfem.physics.contact.settings import ALWAYS
+from castfem.model.build.shell_prediction import Core, ShellPrediction
+from castfem.physics.contact.roll_support import Bed
 from castfem.physics.machine.bulging import (
     Bulge,
     BulgingModel,
     CreepingStrip,
-    ElasticStrip,
     Shell,
     Span,
-    ThesisPlate,
 )
 from castfem.physics.machine.bulging.result import along
 
 if TYPE_CHECKING:
-    from castfem.fem.section import Section
-    from castfem.model import Case
-    from castfem.physics.constitutive.base import Law
-    from castfem.physics.contact.settings import Contact
     from castfem.physics.machine import Machine
     from castfem.physics.machine.bulging.uneven import UnevenRolls
-    from castfem.physics.materials import Steel
-    from castfem.physics.mechanics.definition import Ferrostatic
 
 Memory = Mapping[str, Array]
 WIDTHLESS = (
@@ -268,66 +257,6 @@ class PitchByPitch:
         return bulge, added
 
 
-def build_roll_support(
-    case: Case,
-    table: Bulging,
-    machine: Machine,
-    steel: Steel,
-    section: Section,
-    probes: LineProbes,
-    law: Law,
-    liquid: Ferrostatic | None,
-    wall: Contact | None,
-) -> RollSupport:
-    """The support of the wide faces by the rolls of a sound case, below the mould it has."""
-    from castfem.model.machine import thickness_of
-
-    rolls = case.machine.pairs() if case.machine is not None else None
-    height = thickness_of(case.section)
-    assert rolls is not None and height is not None, "the case was checked"
-    places = np.array([rolls.pairs[i].position for i in rolls.there])
-    apertures = np.array([rolls.aperture(i, height) for i in rolls.there])
-    wide = [g for g in section.outer_groups if g.startswith("wide_face")]
-    end = None if wall is None else case.mould_exit()
-    faces = {g: Face(_probe(g, probes), _left_by(wall, end, 0.5 * height)) for g in wide}
-    others = tuple(g for g in section.outer_groups if g not in faces and wall is None)
-    width = float(case.section.width)  # type: ignore[attr-defined]
-    model, nodes = _model(table, law, width)
-    uneven, lines = None, None
-    if any(pair.lost or pair.offset for pair in rolls.pairs):
-        from castfem.model.build.shell_prediction import build_uneven_rolls
-
-        uneven, lines = build_uneven_rolls(case, table, rolls, law, nodes)
-    above = int(end is not None and not same_or_before(float(places[0]), end))
-    if above:
-        places = np.append(float(end or 0.0), places)
-        apertures = np.append(apertures[0], apertures)
-        lines = None if lines is None else np.append(0.0, lines)
-    foundation = PitchByPitch(
-        model, nodes, machine, places, 0.5 * (apertures - apertures[0]), faces, others, probes,
-        front_of(steel, table.solid_fraction), core_of(liquid), ShellPrediction(steel),
-        0.5 * width if table.axial_strain else None, uneven, lines, above,
-    )  # fmt: skip
-    return RollSupport(
-        on=(*faces, *others),
-        foundation=foundation,
-        position=machine.position,
-        between=ALWAYS if end is None else (end, ALWAYS[1]),
-        knots=tuple(float(place) for place in places),
-        pull=wall is None if table.pull is None else table.pull,
-        points=POINTS if wall is None else wall.points,
-        loose=others,
-    )
-
-
-def _left_by(wall: Contact | None, end: float | None, half: float) -> float:
-    """Where a mould has the middle of a wide face at its end, m outwards."""
-    if wall is None or end is None:
-        return 0.0
-    middle, outward = np.array([[0.0, half]]), np.array([[0.0, 1.0]])
-    return float(wall.wall.gap_function(middle, outward, end).gap[0])
-
-
 def _furthest(bulge: Bulge) -> tuple[float, float]:
     """Largest deflection outwards, and the largest to either side, m."""
     top, _, low = bulge.extremes()
@@ -348,26 +277,3 @@ def _breaks_out(first: float, last: float, bulge: Bulge, most: float, creeps: bo
 def _outward(group: str) -> float:
     """1 of a face to the centre of curvature, -1 of the other."""
     return -1.0 if group.endswith("_extrados") else 1.0
-
-
-def _probe(group: str, probes: LineProbes) -> str:
-    if group.endswith("_extrados"):
-        return "mid_face_extrados"
-    return "mid_face_intrados" if "mid_face_intrados" in probes.lines else "mid_face"
-
-
-def _model(table: Bulging, law: Law, width: float) -> tuple[Callable[[float], BulgingModel], int]:
-    """The model by the position of a pitch, and the nodes of its bulges."""
-    from castfem.physics.machine.bulging.plate import NODES
-
-    if table.model == "creep":
-        strip = CreepingStrip(law, shear=bool(table.shear))
-        return lambda middle: strip, strip.steps // 2 + 1
-    if table.model == "elastic":
-        elastic = ElasticStrip(law.elasticity, bool(table.shear))
-        return lambda middle: elastic, NODES
-    if table.largest is None:
-        plate = ThesisPlate(law.elasticity, width)
-        return lambda middle: plate, NODES
-    largest = as_function(table.largest)
-    return lambda middle: ThesisPlate(law.elasticity, width, largest(middle)), NODES

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from castfem.model.build.secondary import SecondaryCooling
     from castfem.physics.machine import Machine
     from castfem.physics.materials import Steel
+    from castfem.physics.mechanics.surface_gap import SurfaceGap
 
 
 Row = tuple[list[int], flux_laws.SurfaceLaw]
@@ -48,6 +49,7 @@ class Zones:
         self.starts = [machine.time_at(span.start) for span in self.spans]
         self._end = machine.time_at(self.spans[-1].end)
         self._surface = surface
+        self.sides: SurfaceGap | None = None  #: tells which vertices have two gaps; with a mould
         self._case = case
         wall = wall_over_time(case, machine)
         self._around = Surroundings(
@@ -94,12 +96,22 @@ class Zones:
         return times + (list(wall.kinks) if isinstance(wall, OverTime) else [])
 
     def set_gap(self, gap: Array) -> None:
-        """Let heat cross these gaps from now on, at the owned vertices (owned,), m."""
+        """Let heat cross these gaps from now on, as `SurfaceGap.crossed` gives them, m."""
         for cooling in self._coolings:
             cooling.laws = [
-                (patch, law.across(gap[patch.dofs]) if isinstance(law, flux_laws.Contact) else law)
+                (
+                    patch,
+                    self._across(law, gap, patch) if isinstance(law, flux_laws.Contact) else law,
+                )
                 for patch, law in cooling.laws
             ]
+
+    def _across(self, law: flux_laws.Contact, gap: Array, patch: Patch) -> flux_laws.Contact:
+        """A law across the gaps of a patch, of which corners have two."""
+        if self.sides is None or not len(self.sides.corners):
+            return law.across(gap[patch.dofs])
+        both = np.stack([gap[patch.dofs], gap[self.sides.second[patch.dofs]]])
+        return law.across(both, self.sides.first[patch.dofs])
 
     def follow_shape(self) -> None:
         """Cool the surface as it is now (collective)."""
@@ -109,14 +121,14 @@ class Zones:
         """Heat flux at the owned vertices (owned,), W/m2, if these were the gaps that change it.
 
         Args:
-            gap: (owned,), m.
+            gap: As for `set_gap`, m.
             temperature: (owned,), K.
             time: Within the zone that counts, s.
         """
         flux = np.zeros_like(temperature)
         for patch, law in self._coolings[self.index(time)].laws:
             if isinstance(law, flux_laws.Contact) and law.follows:
-                across = law.across(gap[patch.dofs])
+                across = self._across(law, gap, patch)
                 flux[patch.dofs] += across.flux(temperature[patch.dofs], time)[0]
         return flux
 

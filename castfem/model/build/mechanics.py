@@ -106,12 +106,12 @@ def make_slice(
     held = any(one.holds_liquid for one in interactions)
     ferrostatic = _ferrostatic(table, machine, steel, "free" if held else "held")
     if table.bulging is not None and table.bulging.bears:
-        from castfem.model.build.bulging import build_roll_support
+        from castfem.model.build.roll_supports import build_roll_supports
 
-        rolls = build_roll_support(
+        rolls = build_roll_supports(
             case, table.bulging, machine, steel, section, probes, law, ferrostatic, wall
         )
-        interactions = (*interactions, rolls)
+        interactions = (*interactions, *rolls)
     return Slice(
         law=law,
         thermal_strain=steel.thermal_strain,

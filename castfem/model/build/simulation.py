@@ -249,6 +249,7 @@ def _coupling(
         from castfem.physics.mechanics.surface_gap import SurfaceGap
 
         gap = SurfaceGap(wall)
+        zones.sides = gap
     return StaggeredCoupling(
         steps, MechanicalSteps(mechanics, given.mechanical_step), given.dissipation, zones, gap,
         duration, given.passes, given.settled, given.order,

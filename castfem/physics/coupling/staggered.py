@@ -119,10 +119,10 @@ class CooledSurface(Protocol):
         """Length of the surface that belongs to each owned vertex (owned,), m."""
 
     def set_gap(self, gap: Array) -> None:
-        """From now on heat crosses this gap at the owned vertices (owned,), m."""
+        """From now on heat crosses these gaps, as `SurfaceGap.crossed` gives them, m."""
 
     def flux_across(self, gap: Array, temperature: Array, time: float) -> Array:
-        """Flux at the owned vertices (owned,), W/m2, through this gap at these temperatures, K."""
+        """Flux at the owned vertices (owned,), W/m2, through these gaps at temperatures, K."""
 
     def follow_shape(self) -> None:
         """Cool the surface where it is now."""
@@ -141,7 +141,7 @@ class CouplingObserver:
         """The gap is taken as the mean of a committed state and one that went on moving."""
 
     def iterates(self, gap: Array | None) -> None:
-        """An iteration begins, with this gap at the owned vertices, m."""
+        """An iteration begins, with these gaps, m."""
 
     def iterated(self, old: StrandState, new: StrandState) -> None:
         """An iteration has converged."""
@@ -217,7 +217,9 @@ class StaggeredCoupling:
         gap = begun
         if begun is not None and repeats and self.max_iterations > 1:
             gap = self._expected_gap(strained, begun, end)
-        relaxation = Relaxation(self.mechanics.comm, self.surface.perimeter_share())
+        perimeter = self.surface.perimeter_share()
+        perimeter = perimeter if self.gap is None else self.gap.shares(perimeter)
+        relaxation = Relaxation(self.mechanics.comm, perimeter)
         taken = self._iterate(old, end, gap)
         while taken.converged and repeats:
             assert begun is not None and gap is not None and taken.state.mechanical is not None
@@ -241,13 +243,13 @@ class StaggeredCoupling:
         return taken if taken.converged else replace(taken, state=given)
 
     def _expected_gap(self, old: MechanicalState, begun: Array, end: float) -> Array:
-        """Mean gap of a window if the slice goes on moving as before (owned,), m (collective).
+        """Mean gaps of a window if the slice goes on moving as before (gaps,), m (collective).
 
         That of its begin where the slice moved otherwise in the step before the last.
 
         Args:
             old: At the begin of the window.
-            begun: Its gap (owned,), m.
+            begun: Its gaps (gaps,), m.
             end: Of the window, s.
         """
         if not old.unsteadiness < LIMITS.steady:
@@ -305,10 +307,7 @@ class StaggeredCoupling:
         return np.maximum(found, LIMITS.coldest)
 
     def gap_of(self, state: MechanicalState) -> Array | None:
-        """Gap to the wall at the owned vertices (owned,), m, 0 off the surface; None without one.
-
-        (Collective.)
-        """
+        """The gaps that heat crosses (gaps,), m; None without a wall (collective)."""
         return None if self.gap is None else self.gap.crossed(state)
 
     def _misjudged(self, begun: float, state: StrandState, taken: Array, found: Array) -> float:

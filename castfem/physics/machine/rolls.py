@@ -23,7 +23,8 @@ KINDS: dict[str, Kind] = {
     "capacity": Kind("N", "kN", least=0.0, label="force", sample="120 kN"),
 }
 RADII = tuple(f"radius_{face}" for face in FACES)
-COLUMNS = ("position", "diameter", "aperture", *RADII, "driven", "capacity")
+COLUMNS = ("position", "diameter", "aperture", *RADII, "driven", "capacity", "side")
+_OF_EDGE = ("position", "diameter", "aperture")  # columns that a pair at the narrow faces has
 _HEADER = "position [m], diameter [mm], aperture [mm], radius_extrados [m], driven, capacity [kN]"
 _YES, _NO = ("yes", "true", "1"), ("no", "false", "0", "")
 
@@ -54,12 +55,13 @@ class Pair:
 
 @dataclass(frozen=True, slots=True)
 class Rolls:
-    """All pairs of rolls in casting order."""
+    """All pairs of rolls in casting order, those of the wide faces and those at the narrow ones."""
 
     pairs: tuple[Pair, ...]  #: from the mould on
     face: Face = "extrados"  #: of which the radii are, and along which positions are measured
     #: where each pair was written, for messages
     places: tuple[str, ...] = field(default=(), compare=False)
+    edges: Rolls | None = None  #: the pairs that bear the narrow faces; None without any
 
     def place(self, index: int) -> str:
         """Where a pair was written, for messages."""
@@ -116,7 +118,7 @@ def read_rolls(given: Mapping[str, Any]) -> Rolls:
             raise ValueError(f"unknown key '{key}'{nearest(key, columns)}")
     units = {name: str(given.get(f"{name}_unit", "")) for name in columns}
     count = len(next(iter(columns.values()), ()))
-    return _from_columns(columns, units, tuple(f"roll {i + 1}" for i in range(count)))
+    return _from_columns(columns, units, ("",) * count)
 
 
 def _from_file(path: Path) -> Rolls:
@@ -138,7 +140,7 @@ def _from_file(path: Path) -> Rolls:
         raise ValueError(f"'{path}' line {file.line}: column '{twice}' stands there twice")
     columns = {name: [row.cells[i] for row in file.rows] for i, name in enumerate(names)}
     units = {heading.name: heading.unit for heading in file.headings}
-    places = tuple(f"'{path}' line {row.line}, roll {i}" for i, row in enumerate(file.rows, 1))
+    places = tuple(f"'{path}' line {row.line}, " for row in file.rows)
     try:
         return _from_columns(columns, units, places)
     except _ColumnError as error:
@@ -152,17 +154,41 @@ class _ColumnError(ValueError):
 def _from_columns(
     columns: Mapping[str, Sequence[Any]], units: Mapping[str, str], places: tuple[str, ...]
 ) -> Rolls:
-    """Return the rolls; `units` are those of bare numbers."""
+    """Return the rolls; `units` are those of bare numbers, `places` begin where a row is."""
     radius = _known(columns)
-    pairs = []
+    found: dict[bool, tuple[list[Pair], list[str]]] = {False: ([], []), True: ([], [])}
     for i, place in enumerate(places):
         cells = {name: (cells[i], units.get(name, "")) for name, cells in columns.items() if cells}
         try:
+            edge = _at_edge(cells)
+        except ValueError as error:
+            raise ValueError(f"{place}row {i + 1}: {error}") from None
+        pairs, named = found[edge]
+        named.append(f"{place}{'edge ' if edge else ''}roll {len(pairs) + 1}")
+        try:
             pairs.append(_pair(cells, radius))
         except ValueError as error:
-            raise ValueError(f"{place}: {error}") from None
+            raise ValueError(f"{named[-1]}: {error}") from None
     face: Face = "extrados" if radius is None else FACES[RADII.index(radius)]
-    return Rolls(tuple(pairs), face, places)
+    (wide, wide_places), (narrow, narrow_places) = found[False], found[True]
+    if not wide:
+        raise ValueError("no rolls of the wide faces; those at the narrow faces stand beside them")
+    edges = Rolls(tuple(narrow), places=tuple(narrow_places)) if narrow else None
+    return Rolls(tuple(wide), face, tuple(wide_places), edges)
+
+
+def _at_edge(cells: Mapping[str, tuple[Any, str]]) -> bool:
+    """Whether a row is a pair at the narrow faces, which has no more than where it stands."""
+    side = str(cells["side"][0]).strip() if "side" in cells else ""
+    if side not in ("", "wide", "narrow"):
+        raise ValueError(f"side ({side}): wide, as without it, or narrow")
+    if side != "narrow":
+        return False
+    for name, (cell, _) in cells.items():
+        of_others = name not in (*_OF_EDGE, "side") and str(cell).strip().lower()
+        if of_others and of_others not in (*_NO, STRAIGHT, "inf", "-"):
+            raise ValueError(f"{name} ({cell}): of a roll at the narrow face; leave the cell empty")
+    return True
 
 
 def _known(columns: Mapping[str, Sequence[Any]]) -> str | None:
@@ -242,7 +268,8 @@ def columns_of(rolls: Rolls) -> dict[str, Any]:
 
     A roll where the strand is bent the other way has no radius that could be written: none is.
     """
-    pairs, radius = rolls.pairs, KINDS["radius"]
+    narrow = () if rolls.edges is None else rolls.edges.pairs
+    pairs, radius = (*rolls.pairs, *narrow), KINDS["radius"]
     found: dict[str, Any] = {
         name: [KINDS[name].write(getattr(pair, name)) for pair in pairs]
         for name in ("position", "diameter")
@@ -256,6 +283,8 @@ def columns_of(rolls: Rolls) -> dict[str, Any]:
     ]
     if any(pair.driven for pair in pairs):
         found["driven"] = [pair.driven for pair in pairs]
+    if narrow:
+        found["side"] = ["wide"] * len(rolls.pairs) + ["narrow"] * len(narrow)
     return found
 
 
@@ -295,13 +324,16 @@ class Fault:
     text: str  #: for messages
 
 
-def faults(rolls: Rolls, thickness: float, mould_end: float | None) -> Iterator[Fault]:
+def faults(
+    rolls: Rolls, thickness: float, mould_end: float | None, at: str = "intrados"
+) -> Iterator[Fault]:
     """Yield each pair that cannot be there, and why.
 
     Args:
         rolls: The pairs.
-        thickness: Of the section, m.
+        thickness: Of the section between them, m.
         mould_end: From the meniscus, m; None without a mould.
+        at: The face at which they are nearest to each other.
     """
     first = rolls.pairs[0].position
     if mould_end is not None and first < mould_end:
@@ -311,7 +343,7 @@ def faults(rolls: Rolls, thickness: float, mould_end: float | None) -> Iterator[
     for i in range(len(rolls.pairs)):
         yield from _too_tight(rolls, i, thickness)
         if i > 0:
-            yield from _after(rolls, i, thickness)
+            yield from _after(rolls, i, thickness, at)
 
 
 def _too_tight(rolls: Rolls, index: int, thickness: float) -> Iterator[Fault]:
@@ -328,7 +360,7 @@ def _too_tight(rolls: Rolls, index: int, thickness: float) -> Iterator[Fault]:
         )
 
 
-def _after(rolls: Rolls, index: int, thickness: float) -> Iterator[Fault]:
+def _after(rolls: Rolls, index: int, thickness: float, at: str) -> Iterator[Fault]:
     """Yield what does not fit the pair before."""
     before, pair = rolls.pairs[index - 1], rolls.pairs[index]
     pitch = pair.position - before.position
@@ -346,7 +378,7 @@ def _after(rolls: Rolls, index: int, thickness: float) -> Iterator[Fault]:
             index,
             "overlap",
             f"diameter ({1e3 * pair.diameter:g} mm) overlaps the roll before by "
-            f"{-1e3 * clear:.3g} mm at the intrados, {1e3 * pitch:.4g} mm below it; make the rolls "
+            f"{-1e3 * clear:.3g} mm at the {at}, {1e3 * pitch:.4g} mm below it; make the rolls "
             "thinner or the pitch longer",
         )
     now, then = (rolls.aperture(k, thickness) for k in (index, index - 1))

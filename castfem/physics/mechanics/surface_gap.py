@@ -5,6 +5,9 @@ order: a wave that is out at both ends of a facet and in between is zero at its 
 feels it.  All along a face that is liquid nothing else resists that wave either, so that the shell
 may freeze in it.  The gap is therefore that of the points, where the wall is met, and at a vertex
 what the line through those of a facet says of its end.
+
+A vertex at a sharp corner faces two walls, which may be millimetres apart: heat crosses each of the
+two gaps over its part of the surface, which is not what crosses their mean.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ from castfem.fem import dof_values, reductions
 from castfem.physics.contact.wall_contact import WallContact
 from castfem.physics.mechanics.state import MechanicalState
 
+SHARP = 0.5  # cosine of the angle between the facets of a corner that faces two walls, at most
 OFF = 1e-9  # a vertex' hat function at points of facets that are not its own: rounding
 
 
@@ -28,6 +32,12 @@ class SurfaceGap:
 
     Attributes:
         dofs: Owned vertices on the groups in contact (n,).
+        corners: Owned vertices that face two walls (k,).
+        count: Of the gaps that heat crosses: one at each owned vertex, and beyond them the second
+            one of each of the corners.
+        places: Which of these are at the surface in contact (n + k,). second: Of each owned vertex
+            which one is its second, itself but at the corners (owned,). first: Share of the surface
+            of each owned vertex that has its first one (owned,).
     """
 
     def __init__(self, contact: WallContact) -> None:
@@ -38,6 +48,21 @@ class SurfaceGap:
         shortest = OFF * reductions.largest(section.comm, self._length)
         self.dofs = np.flatnonzero(self._length > shortest)
         self._ends = _ends(contact)
+        weight, normal = contact.facets.weight, contact.facets.normal
+        along_y = (np.abs(normal[:, 0]) > np.abs(normal[:, 1])).astype(float)
+        self._of_sides = 1.0 - along_y, along_y
+        lengths = [self._gathered(weight * side) for side in self._of_sides]
+        facing = [[self._gathered(weight * side * n) for n in normal.T] for side in self._of_sides]
+        cosine = np.sum(np.prod(facing, axis=0), axis=0)
+        there = np.minimum(*lengths) > shortest
+        self.corners = np.flatnonzero(there & (cosine < SHARP * lengths[0] * lengths[1]))
+        self._lengths = [length[self.corners] for length in lengths]
+        self.count = section.owned + len(self.corners)
+        self.places = np.concatenate([self.dofs, np.arange(section.owned, self.count)])
+        self.second = np.arange(section.owned)
+        self.second[self.corners] = np.arange(section.owned, self.count)
+        self.first = np.ones(section.owned)
+        self.first[self.corners] = self._lengths[0] / np.sum(self._lengths, axis=0)
 
     def _gathered(self, density: Array) -> Array:
         """Sum of values at facet points by the vertices' hat functions (owned,)."""
@@ -73,17 +98,46 @@ class SurfaceGap:
         at_ends = dof_values.summed(self._space, self._ends @ values)
         return at_ends[self.dofs] / self._length[self.dofs]
 
+    def sides(self, values: Array) -> Array:
+        """The same as `spread`, at a corner of each of its two sides: at `places` (n + k,)."""
+        found, ends = self.spread(values), list[Array]()
+        for side, length in zip(self._of_sides, self._lengths, strict=True):
+            at_ends = dof_values.summed(self._space, self._ends @ (side * values))
+            ends.append(at_ends[self.corners] / length)
+        found[np.searchsorted(self.dofs, self.corners)] = ends[0]
+        return np.concatenate([found, ends[1]])
+
+    def across(self, gap: Array) -> Array:
+        """Gaps that heat crosses of the distances at the points (points,), at `places`, m.
+
+        (Collective.)
+        """
+        none = np.isinf(gap)
+        found, without = self.sides(np.where(none, 0.0, gap)), none.astype(float)
+        off = np.concatenate([self.mean(without) > OFF, np.zeros(len(self.corners), bool)])
+        corners = [np.searchsorted(self.dofs, self.corners), slice(len(self.dofs), None)]
+        for at, side, length in zip(corners, self._of_sides, self._lengths, strict=True):
+            met = self._gathered(self._contact.facets.weight * side * without)[self.corners]
+            off[at] = met > OFF * length
+        return np.where(off, np.inf, found)
+
     def crossed(self, state: MechanicalState) -> Array:
-        """The gap that heat crosses, at all owned vertices (owned,), m (collective).
+        """The gaps that heat crosses (count,), m (collective).
 
         0 where the strand touches the wall, and off the groups in contact.
 
         Args:
             state: Has the displacement and the time.
         """
-        found = np.zeros(self._contact.section.owned)
-        found[self.dofs] = np.maximum(self.at(state), 0.0)
+        found, position = np.zeros(self.count), self._contact.contact.position(state.time)
+        gap = self._contact.gap(position, state.displacement, state.generalized_strains)
+        found[self.places] = np.maximum(self.across(gap), 0.0)
         return found
+
+    def shares(self, perimeter: Array) -> Array:
+        """Perimeter of each of these gaps (count,), of that of the owned vertices (owned,), m."""
+        rest = (1.0 - self.first[self.corners]) * perimeter[self.corners]
+        return np.concatenate([self.first * perimeter, rest])
 
 
 def _ends(contact: WallContact) -> sparse.csr_matrix:

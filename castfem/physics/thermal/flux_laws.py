@@ -92,7 +92,8 @@ class Contact(SurfaceLaw):
         coefficient: h_c at d = 0, W/m2K, or a curve of it.
         wall: Temperature of the mould's wall, K; a number or a function of time.
         gap_conductivity: k_g, W/mK.
-        gap: d, m; a number or one per surface node.
+        gap: d, m; a number or one per surface node, or two (2, nodes) of nodes that face two walls.
+        first: Of two gaps, the share of the surface of each node that has the first one (nodes,).
         follows: Whether the gap is that of the mechanics, another in each coupling window.
         beside: What else crosses the gap.
     """
@@ -101,12 +102,13 @@ class Contact(SurfaceLaw):
     wall: float | Callable[[float], float]
     gap_conductivity: float
     gap: float | Array = 0.0
+    first: float | Array = 1.0
     follows: bool = False
     beside: tuple[Convection | Radiation, ...] = ()
 
-    def across(self, gap: Array) -> Contact:
-        """The law that holds across the gap (n,), m, of the mechanics, if it follows that."""
-        return replace(self, gap=gap) if self.follows else self
+    def across(self, gap: Array, first: float | Array = 1.0) -> Contact:
+        """The law that holds across the gap, m, of the mechanics, if it follows that."""
+        return replace(self, gap=gap, first=first) if self.follows else self
 
     def heat_transfer(self, coefficient: float | Array) -> Array:
         """Overall coefficient h(d) of (301), W/m2K, with a coefficient of contact."""
@@ -118,6 +120,11 @@ class Contact(SurfaceLaw):
 
     def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
         """See `SurfaceLaw.flux`."""
+        if np.ndim(self.gap) == 2:
+            sides = [replace(self, gap=one).flux(temperature, time) for one in np.asarray(self.gap)]
+            (one, slope), (other, its_slope) = sides
+            rest = 1.0 - np.asarray(self.first)
+            return self.first * one + rest * other, self.first * slope + rest * its_slope
         if not isinstance(self.coefficient, float | int):
             return self._of_curve(self.coefficient, temperature, time)
         h = np.array(np.broadcast_to(self.heat_transfer(self.coefficient), temperature.shape))

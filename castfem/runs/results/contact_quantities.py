@@ -163,11 +163,21 @@ def _mean_speed(sample: Sample) -> float:
 
 
 def _rolls(sample: Sample) -> RollSupportState:
+    return _roll_supports(sample)[0]
+
+
+def _roll_supports(sample: Sample) -> list[RollSupportState]:
+    """That of the wide faces, and that of the narrow ones if these have rolls."""
     from castfem.physics.contact.roll_support import RollSupportState
 
     mechanical = sample.state.mechanical
     assert mechanical is not None, "of a quantity that needs mechanics"
-    return next(one for one in mechanical.interactions if isinstance(one, RollSupportState))
+    return [one for one in mechanical.interactions if isinstance(one, RollSupportState)]
+
+
+def _edge_force(sample: Sample) -> float:
+    """Largest force of the rolls at a narrow face, N per m of strand."""
+    return float(_roll_supports(sample)[1].force.max())
 
 
 def _bulge(sample: Sample, side: str) -> float:
@@ -203,3 +213,9 @@ quantity(
     "idealised mould and of the last of the one that there is; near rolls that are lost or "
     "off it is the force of the strip over them.",
 )(lambda sample: float(_rolls(sample).memory["force"].max(initial=0.0)))  # fmt: skip
+quantity(
+    "edge_roll_force", "kN/m", "force of the rolls at a narrow face, a metre of strand",
+    needs=("edge_rolls",),
+    says="By which a narrow face presses on its rolls, per metre of strand; 0 where it has shrunk "
+    "off them, and where there are none.",
+)(_edge_force)  # fmt: skip

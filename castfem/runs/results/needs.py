@@ -65,6 +65,10 @@ def _bulges(simulation: Simulation) -> bool:
     return mechanics is not None and mechanics.bulging is not None and mechanics.bulging.bears
 
 
+def _bears_edges(simulation: Simulation) -> bool:
+    return sum(hasattr(one, "foundation") for one in _slice(simulation).interactions) > 1
+
+
 def _quality(simulation: Simulation) -> Quality:
     assert simulation.case.quality is not None, "of a case with [quality]"
     return simulation.case.quality
@@ -94,6 +98,7 @@ NEEDS: Mapping[str, Need] = {
         lambda simulation: any(one.has_friction for one in _slice(simulation).interactions),
     ),
     "bulging": Need(_ROLLED, _bulges),
+    "edge_rolls": Need(_ROLLED, _bears_edges),
     "machine": Need(("machine",)),
     "quality": Need(("quality",)),
     **{name: Need(("quality",), partial(_is_followed, name)) for name in CRITERIA},

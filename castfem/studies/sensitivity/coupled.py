@@ -43,8 +43,10 @@ class CoupledDerivatives(CouplingObserver):
         nothing: Array = np.zeros((count, owned))
         self._warming: list[Array] = []  # of the committed temperatures
         # Derivatives of the gap of the window, of the mean one it led to, of that at its begin.
-        self._gap = self._mean = self._begun = nothing
-        self._ended: tuple[Sequence[Slopes], Array] = (), nothing
+        gap = self._coupling.gap
+        gaps: Array = np.zeros((count, owned if gap is None else gap.count))
+        self._gap = self._mean = self._begun = gaps
+        self._ended: tuple[Sequence[Slopes], Array] = (), gaps
         # Of what a window hands to the next: heat of viscoplastic work (J/m3, without entries where
         # it is left out), and volume that is filled, over the undeformed one.
         self.warmed = self._warms = np.zeros((count, owned if self._coupling.dissipation else 0))

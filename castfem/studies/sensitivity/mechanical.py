@@ -150,7 +150,7 @@ class MechanicalDerivatives:
         return made
 
     def gaps(self, gap: SurfaceGap, slopes: Sequence[Slopes], state: MechanicalState) -> Array:
-        """Derivatives of the gap that heat crosses by each parameter (k, owned), m (collective).
+        """Derivatives of the gaps that heat crosses by each parameter (k, gaps), m (collective).
 
         Args:
             gap: Measures it.
@@ -184,12 +184,12 @@ class MechanicalDerivatives:
         return self._crossed(gap, place.gap, changes)
 
     def _crossed(self, gap: SurfaceGap, here: Array, changes: Array) -> Array:
-        """From changes of the gap at the points (k, n) to those of what heat crosses (k, owned)."""
-        now = gap.of_points(here)
+        """From changes of the gap at the points (k, n) to those of what heat crosses (k, gaps)."""
+        now = gap.across(here)
         open_ = (now > 0.0) & np.isfinite(now)
-        found = np.zeros((len(changes), self._simulation.section.owned))
+        found = np.zeros((len(changes), gap.count))
         for number in range(len(changes)):
-            found[number, gap.dofs] = np.where(open_, gap.spread(changes[number]), 0.0)
+            found[number, gap.places] = np.where(open_, gap.sides(changes[number]), 0.0)
         return found
 
     def look(self, state: MechanicalState) -> None:

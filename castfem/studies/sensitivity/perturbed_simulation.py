@@ -189,6 +189,7 @@ def _varied(simulation: Simulation, parameter: Parameter, by: float) -> Varied:
     machine = build_machine(case)
     start = starting_temperature(case, steel)
     zones = Zones(case, machine, steel, simulation.zones.surface)
+    zones.sides = simulation.zones.sides
     held = simulation.problem.curve
     same = steel is simulation.steel or parameter.of_mechanics
     # Its ends and its zero are those of the run: what lies beyond its temperatures has no part in
