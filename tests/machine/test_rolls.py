@@ -123,6 +123,14 @@ def test_edge_rolls_alone_are_no_machine(tmp_path: Path) -> None:
         case(tmp_path, EDGED[4:], f"{HEADER}, side")
 
 
+def test_edge_rolls_that_bear_nothing_are_told() -> None:
+    """Faces that follow the apertures have no rolls that bear them."""
+    given = [f"machine.rolls={SLAB.parent / 'edge_rolls.csv'}"]
+    told = "machine.rolls: the rolls at the narrow faces bear nothing"
+    assert any(told in t for t in read_case(SLAB.parent / "coarse.toml", given).warnings)
+    assert not any(told in t for t in read_case(SLAB.parent / "slab.toml", given).warnings)
+
+
 def test_segments_expand() -> None:
     what = load_case(SLAB, ["machine.segment=[]", SEGMENTS])
     rolls = rolls_of(what)
