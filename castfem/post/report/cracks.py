@@ -11,6 +11,7 @@ import numpy as np
 
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.shown_quantity import from_si
+from castfem.base.shown_units import plain_unit
 from castfem.base.types import Array
 from castfem.physics.machine.stations import Stations
 from castfem.runs.output.summary import Summary
@@ -30,7 +31,8 @@ class CrackLimits:
     along: float = 0.5  #: distance of places that are one where no rolls are known, m
     ranks: int = 4  #: worst places of an index
     warmed: float = 5.0  #: least rise of temperature that is a reheat, K
-    small: float = 1e-2  #: value from which on a number is printed without its power of ten
+    share: float = 1e-3  #: least of what is told in per cent, %
+    small: float = 1e-2  #: rate from which on a number is printed without its power of ten, 1/s
 
 
 LIMITS = CrackLimits()
@@ -165,11 +167,14 @@ class CrackReport:
 
 def _ranked(one: SurfaceMap, places: Sequence[tuple[float, str]]) -> Iterator[Ranked]:
     """Rows of a ranking from the values (SI) of an index and where they are, the worst first."""
+    if one.shown == "percent" and places and from_si(places[0][0], one.shown) < LIMITS.share:
+        return
     for rank, (value, where) in enumerate(places):
         less = f"{100.0 * (value / places[0][0] - 1.0):.0f} %" if rank else "worst"
         size = from_si(value, one.shown)
-        number = f"{size:.3g}" if abs(size) >= LIMITS.small else small_rate(size, ".3g")
-        shown = number if one.shown == "-" else f"{number} {one.shown}"
+        is_rate = one.shown == "1/s" and abs(size) < LIMITS.small
+        number = small_rate(size, ".3g") if is_rate else f"{size:.3g}"
+        shown = f"{number} {plain_unit(one.shown)}".removesuffix(" -")
         yield one.name if not rank else "", shown, less, where
 
 
