@@ -43,6 +43,7 @@ STUDIES = {
     "slab_sprays": ("slab_sprays", "slab_heat.md"),
     "whole_caster": ("whole_caster", "caster.md"),
     "caster_follow": ("caster_follow", "caster.md"),
+    "caster_error": ("caster_error", "caster.md"),
     "stated_error": ("stated_error", "accuracy.md"),
     "throughput": ("sweep_cost", "scripting.md"),
     "sensitivity": ("sensitivity", "sensitivity.md"),

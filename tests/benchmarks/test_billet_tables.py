@@ -12,6 +12,7 @@ from benchmarks import (
     billet_cost,
     billet_error,
     billet_trade,
+    caster_error,
     grades,
     peritectic,
     sweep_cost,
@@ -246,3 +247,10 @@ def test_the_largest_difference_of_a_diagram_is_told_by_database_and_manganese()
         (0.0, 2, 3.0, 3.0), (1.0, 1, 0.5, 0.5),
     ]  # fmt: skip
     assert [one["liquidus_regression"] for one in found] == [11.0, 10.5]
+
+
+def test_curves_of_a_caster_are_compared_where_both_are_known() -> None:
+    fine = np.arange(5.0), np.array([np.nan, 1.0, 4.0, 3.0, 9.0])
+    coarse = np.array([1.0, 3.0, 4.0]), np.array([1.0, 3.0, np.nan])
+    assert caster_error.apart(fine, coarse) == pytest.approx(2.0)
+    assert np.isnan(caster_error.apart(fine, (fine[0], np.full(5, np.nan))))
