@@ -21,6 +21,7 @@ from castfem.base.types import Array
 from castfem.model import Case
 from castfem.model.build.simulation import build
 from castfem.physics.closed_forms.solidification import ThreeZones
+from castfem.physics.materials import load_steel
 from castfem.physics.materials.hot_tearing import MushyHistory
 from castfem.post.report.cracks import crack_places
 from castfem.runs import loop
@@ -30,6 +31,7 @@ from castfem.runs.output.history import read_history
 from castfem.runs.output.surface_maps import DEPTHS, SurfaceMaps
 from castfem.runs.results.hot_tearing import Tearing
 from castfem.runs.results.quality import QualitySampler
+from castfem.runs.results.thermal_quantities import temperature_at
 
 CRITERIA = ["won", "clyne_davies", "rdg"]
 FEEDING = {"shrinkage": "4 percent", "arm_spacing": "100 um"}
@@ -130,6 +132,48 @@ def test_times_and_strains_are_those_of_the_similarity_solution() -> None:
         )  # fmt: skip
     coarse, fine = np.array(errors)
     assert (fine > 0.0).all() and (fine < 0.65 * coarse).all() and (fine < 0.12).all()
+
+
+@pytest.mark.parametrize(("carbon", "within"), [(0.12, 0.99), (0.2, 0.9)])
+def test_freezing_at_one_temperature_goes_by_the_heat(carbon: float, within: float) -> None:
+    """Steel below and above 0.17 % C: the peritectic reaction ends its freezing, or is in it."""
+    from castfem.runs.results.hot_tearing import enthalpy_at
+
+    steel = load_steel("plain_carbon", composition={"C": carbon})
+    curve = steel.thermal_curve(1600.0, 1850.0)
+    reaction = temperature_at(steel, within)
+    liquid, solid = (float(steel.solid_fraction(reaction + by)) for by in (1e-5, -1e-5))
+    hot, cold = (float(curve.enthalpy(reaction + by)) for by in (1e-5, -1e-5))
+    assert liquid < within < solid and hot - cold > 1e6
+    expected = hot - (within - liquid) / (solid - liquid) * (hot - cold)
+    assert enthalpy_at(curve, steel, within) == pytest.approx(expected, abs=1e-4 * (hot - cold))
+    level = float(curve.enthalpy(temperature_at(steel, 0.4)))
+    assert enthalpy_at(curve, steel, 0.4) == level > hot
+
+
+def test_a_place_has_passed_when_the_reaction_has_all_but_ended() -> None:
+    """A thin sheet in the midst of the peritectic reaction, with which its freezing ends."""
+    sheet = strip({
+        "steel": {"name": "plain_carbon", "composition": {"C": 0.12}},
+        "section": {"shape": "strip", "length": "0.2 mm", "width": "0.1 mm"},
+        "mesh": {"surface_size": "0.1 mm", "core_size": "0.1 mm"},
+        "casting.temperature": "1540 degC", "casting.length": "326 mm",
+        "cooling.0.surface": [{"law": "flux", "on": ["surface"], "value": "20 kW/m^2"}],
+        "thermal.time.step": "0.1 s", "quality": {"hot_tearing": ["clyne_davies"]},
+    })  # fmt: skip
+    simulation = build(sheet, MPI.COMM_SELF)
+    run, steel = TimeLoop(simulation), simulation.steel
+    reaction = temperature_at(steel, 0.99)
+    hot, cold = (float(simulation.problem.curve.enthalpy(reaction + by)) for by in (1e-5, -1e-5))
+    run.run()
+    simulation.destroy()
+    quality = run.run_state.sampler.quality
+    assert quality is not None and quality.state.tearing is not None
+    tearing, liquid = quality.state.tearing, float(steel.solid_fraction(reaction + 1e-5))
+    solid = liquid + (hot - tearing.enthalpy) / (hot - cold) * (1.0 - liquid)
+    freezing = (solid > liquid + 1e-3) & (solid < 0.989)
+    assert freezing.any() and tearing.here[freezing].all() and not tearing.passed[freezing].any()
+    assert (tearing.history.vulnerable[freezing] > 0.0).all()
 
 
 def test_where_windows_end_does_not_show() -> None:

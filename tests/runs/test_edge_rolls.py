@@ -140,6 +140,20 @@ def test_they_hold_a_face_that_would_be_pushed_out(own: Whole) -> None:
     assert min(forces) > -0.02 * max(forces)
 
 
+def test_an_idealised_mould_and_rolls_do_not_bear_a_face_together() -> None:
+    """Without [mould] the faces are held to the first roll of the wide ones, here at 0.38 m."""
+    start = {"start": {"at": "mould_exit"}, "superheat": "20 K", "speed": "0.6 m/min"}
+    whole = Whole(edged(mould=None, casting=start | {"length": "0.42 m"}))
+    whole.simulation.destroy()
+    met = set()
+    for sample in whole.kept.samples[1:]:
+        (narrow,) = beds_of(sample)[1].beds.values()
+        held = next(bed for name, bed in beds_of(sample)[0].beds.items() if "narrow" in name)
+        assert (held.stiffness > 0.0) != (narrow.stiffness > 0.0)
+        met.add(narrow.stiffness > 0.0)
+    assert met == {True, False}
+
+
 def test_it_resumes_byte_for_byte_through_the_end_of_the_mould(tmp_path: Path) -> None:
     case = edged(casting__length="0.46 m")
     for stop in (4, 6):

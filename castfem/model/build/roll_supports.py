@@ -92,12 +92,15 @@ def build_roll_supports(
         loose=others,
     )  # fmt: skip
     edges = None if rolls.edges is None else _Line.of(rolls.edges, width, case.mould_exit())
-    if edges is None or not edges.places[0] < edges.places[-1]:  # or one, where the mould ends
+    # Without a mould of its own the support of the wide faces holds the others to its first roll.
+    first = wide.knots[0] if others else -np.inf
+    if edges is None or not max(first, edges.places[0]) < edges.places[-1]:
         return (wide,)
     left = _left_by(wall, ends, (0.5 * width, 0.0))
     faces = {g: Face(_probe(g, probes), left) for g in _faces(section, "narrow_face")}
     strip = ElasticStrip(law.elasticity, bool(table.shear))
-    return wide, _of_narrow_faces(edges, partial(pitches, lambda middle: strip, NODES), faces, wide)
+    elastic = partial(pitches, lambda middle: strip, NODES)
+    return wide, _of_narrow_faces(edges, elastic, faces, wide, first)
 
 
 def _of_narrow_faces(
@@ -105,8 +108,9 @@ def _of_narrow_faces(
     pitches: Callable[..., PitchByPitch],
     faces: dict[str, Face],
     wide: RollSupport,
+    first: float,
 ) -> RollSupport:
-    """The support of the narrow faces, from the end of the mould to their last roll.
+    """The support of the narrow faces, from the end of the mould, or `first`, to their last roll.
 
     Their corners hold them, too, and they are no wider than a pitch: a strip that creeps by itself
     would bulge, and dip below its rolls, by much more than they do. `pitches` have elastic ones.
@@ -117,7 +121,7 @@ def _of_narrow_faces(
             rolls=line.places, offsets=line.offsets, above=line.above, faces=faces, others=()
         ),
         position=wide.position,
-        between=(float(line.places[0]), float(line.places[-1])),
+        between=(max(first, float(line.places[0])), float(line.places[-1])),
         knots=tuple(float(place) for place in line.places),
         pull=False,  # a slab shrinks off them by millimetres
         points=wide.points,

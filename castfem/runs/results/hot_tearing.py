@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from castfem.model.build.simulation import Simulation
     from castfem.physics.coupling.staggered import StrandState
     from castfem.physics.materials import Steel
+    from castfem.physics.materials.curve import ThermalCurve
     from castfem.runs.results.mechanical import MechanicalSampler
 
+NEAR = 1e-6  # K: within which a temperature is that of a reaction
 _NAME = "hot_tearing"  # before the names of arrays in a checkpoint
 
 
@@ -79,9 +81,10 @@ class Follower:
         kelvin = [temperature_at(steel, fraction) for fraction in fractions]
         # Heat is drawn evenly over a step, whereas the temperature falls fast where there is little
         # latent heat left.
-        enthalpy = simulation.problem.curve.enthalpy(np.array(kelvin))
+        curve = simulation.problem.curve
+        feeds, begins, ends = (enthalpy_at(curve, steel, fraction) for fraction in fractions)
         self._begins = kelvin[1]  # temperature at which the brittle range begins, K
-        self._levels = float(enthalpy[0]), float(enthalpy[1]), float(enthalpy[2])
+        self._levels = feeds, begins, ends
         width = kelvin[1] - kelvin[2]
         if not (width > 0.0 and self._levels[0] > self._levels[1]):
             raise InputError(
@@ -159,6 +162,21 @@ class Follower:
             np.asarray(by_node[f"{_NAME}_{name}"], float)[nodes] for name in MushyHistory.names()
         )
         return replace(self.start, history=MushyHistory(*found))
+
+
+def enthalpy_at(curve: ThermalCurve, steel: Steel, fraction: float) -> float:
+    """Enthalpy at which so much of a steel is solid, J/m3.
+
+    What freezes at one temperature, as by the peritectic reaction, freezes evenly with the heat.
+    """
+    kelvin = temperature_at(steel, fraction)
+    for knot in steel.breakpoints(kelvin - NEAR, kelvin + NEAR):
+        liquid = float(steel.solid_fraction(knot, "above"))
+        solid = float(steel.solid_fraction(knot, "below"))
+        if liquid < fraction < solid:
+            hot, cold = float(curve.enthalpy(knot, "right")), float(curve.enthalpy(knot, "left"))
+            return hot - (fraction - liquid) / (solid - liquid) * (hot - cold)
+    return float(curve.enthalpy(kelvin))
 
 
 def _feeding(given: Feeding, steel: Steel, roots: float) -> laws.Feeding:
