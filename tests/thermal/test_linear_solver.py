@@ -8,7 +8,6 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-
 from small_case import small
 
 from castfem import meshes
