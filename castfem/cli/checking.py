@@ -125,6 +125,11 @@ def _lacking(case: Case, steel: Steel | None) -> Iterator[Problem]:
         return
     if case.mechanics is not None and (lack := no_expansion(steel)):
         yield Problem(("steel", "name"), lack)
+    if case.quality is not None and case.quality.hot_tearing:
+        from castfem.runs.results.hot_tearing import lacks
+
+        if (missing := lacks(case.quality, steel)) is not None:
+            yield Problem(("quality", *missing[0].split(".")), missing[1])
     tables: list[tuple[tuple[str | int, ...], Radiation | Secondary]] = [
         (("cooling", i, "surface", j), law)
         for i, zone in enumerate(case.cooling)

@@ -214,11 +214,16 @@ def machine_warnings(case: Case, table: Machine) -> Faults:
 
 
 @caution("machine")
-def _bear_nothing(case: Case, table: Machine) -> Faults:
-    """Yield rolls at the narrow faces of a strand whose faces no rolls bear, or that has none."""
+def _edge_rolls(case: Case, table: Machine) -> Faults:
+    """Yield rolls at the narrow faces that do not fit the width, or that bear nothing."""
     rolls = table.normal()
     bulging = None if case.mechanics is None else case.mechanics.bulging
-    if rolls is None or rolls.edges is None or case.mechanics is None:
+    if rolls is None or rolls.edges is None:
+        return
+    width = case.section.outline()[0]
+    if width is not None:
+        yield from ((_key(table), text) for text in _far(rolls.edges, width, "wide"))
+    if case.mechanics is None:
         return
     if bulging is None or not bulging.bears:
         fix = 'mechanics.bulging = "creep" has faces that rolls bear'
@@ -259,9 +264,14 @@ def _doubtful(rolls: Rolls, thickness: float) -> Iterator[str]:
     if strain > 0.05:
         strained = f"strains the faces of the strand by {100.0 * strain:.3g} %"
         yield f"{rolls.place(rolls.pairs.index(tightest))}: R = {tightest.radius:g} m {strained}"
+    yield from _far(rolls, thickness, "thick")
+
+
+def _far(rolls: Rolls, size: float, how: str) -> Iterator[str]:
+    """Yield the first aperture that is more than a tenth off the section's size between rolls."""
     for i in range(len(rolls.pairs)):
-        aperture = rolls.aperture(i, thickness)
-        if abs(aperture / thickness - 1.0) > 0.1:
-            of = f"of a section {1e3 * thickness:g} mm thick"
+        aperture = rolls.aperture(i, size)
+        if abs(aperture / size - 1.0) > 0.1:
+            of = f"of a section {1e3 * size:g} mm {how}"
             yield f"{rolls.place(i)}: aperture ({1e3 * aperture:g} mm) {of}"
             return

@@ -131,6 +131,22 @@ def test_edge_rolls_that_bear_nothing_are_told() -> None:
     assert not any(told in t for t in read_case(SLAB.parent / "slab.toml", given).warnings)
 
 
+@pytest.mark.parametrize(("aperture", "far"), [("1185", False), ("1400", True), ("5000", True)])
+def test_edge_rolls_that_do_not_fit_the_width_are_told(
+    tmp_path: Path, aperture: str, far: bool
+) -> None:
+    """The slab is 1200 mm wide."""
+    (tmp_path / "edged.csv").write_text(
+        (SLAB.parent / "edge_rolls.csv").read_text().replace(
+            "952.500, 100, ,", f"952.500, 100, {aperture},"
+        )
+    )  # fmt: skip
+    rolls = f"machine.rolls={tmp_path}/edged.csv"
+    warnings = read_case(SLAB.parent / "slab.toml", [rolls]).warnings
+    told = f"edge roll 1: aperture ({aperture} mm) of a section 1200 mm wide"
+    assert any(told in t for t in warnings) == far
+
+
 def test_segments_expand() -> None:
     what = load_case(SLAB, ["machine.segment=[]", SEGMENTS])
     rolls = rolls_of(what)

@@ -18,6 +18,7 @@ from small_case import small, strip, write_small
 import castfem
 from castfem.base.errors import InputError, RunFailure
 from castfem.base.types import Array
+from castfem.cli.checking import check_case
 from castfem.model import Case
 from castfem.model.build.simulation import build
 from castfem.physics.closed_forms.solidification import ThreeZones
@@ -392,10 +393,16 @@ def test_what_is_wrong_is_told_by_its_key(quality: dict[str, object], key: str, 
         ),
     ],
 )  # fmt: skip
-def test_a_steel_that_lacks_something_is_refused(changes: dict[str, object], key: str) -> None:
+def test_a_steel_that_lacks_something_is_refused(
+    tmp_path: Path, changes: dict[str, object], key: str
+) -> None:
     case = small({"quality": {"hot_tearing": ["clyne_davies"]}} | changes)
     if not key:  # carbon_042 states its carbon
         build(case, MPI.COMM_SELF).destroy()
         return
     with pytest.raises(InputError, match=key):
         TimeLoop(build(case, MPI.COMM_SELF))
+    path = tmp_path / "lacking.toml"
+    path.write_text(case.resolved_toml())
+    with pytest.raises(InputError, match=f"lacking.toml: {key}: "):  # before anything is run
+        check_case("lacking", path, ())

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
+from small_case import small
 
 from castfem import meshes
+from castfem.model.build.simulation import build
 from castfem.physics.thermal import flux_laws
 from castfem.physics.thermal.problem import FACTORED, ITERATED, OF_STEP, TIGHT, ThermalProblem
 from thermal.setups import ThermalSetup, constant_steel
@@ -51,6 +55,18 @@ def test_what_a_step_cannot_feel_is_not_solved_for() -> None:
     assert eased.problem.iterations <= tight.problem.iterations
     assert linear_iterations(eased.problem) < 0.7 * linear_iterations(tight.problem)
     assert eased.worst_balance < 1e-12
+
+
+def test_steps_that_may_err_by_anything_are_solved_all_the_same() -> None:
+    """2e-4 of a million kelvin would take the first guess of each step for its solution."""
+    case = small({"thermal.time": {"adaptive": {"tolerance": "1e6 K"}}})
+    simulation = build(case, MPI.COMM_SELF)
+    tolerance = simulation.problem.tolerance
+    simulation.destroy()
+    tight, loose = cooled(0.25), cooled(0.25, tolerance=tolerance)
+    one, other = (s.state.point.temperature for s in (tight, loose))
+    assert np.abs(one - other).max() < 2e-2
+    assert loose.problem.iterations > 0.4 * tight.problem.iterations
 
 
 def test_a_reduction_that_the_user_gives_is_taken() -> None:

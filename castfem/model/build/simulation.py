@@ -31,7 +31,7 @@ from castfem.physics.machine.machine import STANDING
 from castfem.physics.materials.curve import ThermalCurve
 from castfem.physics.thermal.boundary import Surface
 from castfem.physics.thermal.deformed_section import Shape
-from castfem.physics.thermal.problem import OF_STEP, TIGHT, ThermalProblem
+from castfem.physics.thermal.problem import TIGHT, ThermalProblem, tolerance_of_steps
 from castfem.physics.thermal.stepper import ThermalStepper
 
 if TYPE_CHECKING:
@@ -141,7 +141,8 @@ def build(
         )
         probes.conducts = curve
         stepping = case.thermal.time
-        tolerance = OF_STEP * stepping.adaptive.tolerance if stepping.adaptive else TIGHT
+        allowed = stepping.adaptive
+        tolerance = tolerance_of_steps(allowed.tolerance) if allowed else TIGHT
         problem = ThermalProblem(
             section, curve, case.thermal.solver, tolerance, watch=watch, shape=shape
         )

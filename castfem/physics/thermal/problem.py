@@ -59,6 +59,13 @@ TIGHT = 1e-7
 """K: tolerance of a vertex where nothing says how accurate a step in time is."""
 OF_STEP = 2e-4
 """Of the error that a step in time may have: tolerance of a vertex, below which nothing is won."""
+LOOSEST = 1e-2
+"""K: likewise of steps that may err by as much as they like. A first guess is no solution."""
+
+
+def tolerance_of_steps(error: float) -> float:
+    """Tolerance of a vertex (K) for adaptive steps that may each have an error (K)."""
+    return min(OF_STEP * error, LOOSEST)
 
 
 @dataclass(frozen=True, slots=True)

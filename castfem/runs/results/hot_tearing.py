@@ -19,6 +19,7 @@ from castfem.runs.results.thermal_quantities import temperature_at
 
 if TYPE_CHECKING:
     from castfem.model.build.simulation import Simulation
+    from castfem.model.quality import Quality
     from castfem.physics.coupling.staggered import StrandState
     from castfem.physics.materials import Steel
     from castfem.physics.materials.curve import ThermalCurve
@@ -86,11 +87,8 @@ class Follower:
         self._begins = kelvin[1]  # temperature at which the brittle range begins, K
         self._levels = feeds, begins, ends
         width = kelvin[1] - kelvin[2]
-        if not (width > 0.0 and self._levels[0] > self._levels[1]):
-            raise InputError(
-                f"quality.hot_tearing: {steel.name} goes through its brittle range at one "
-                "temperature; give another quality.brittle or steel, or leave the criteria out"
-            )
+        if (lack := lacks(quality, steel)) is not None:
+            raise InputError(f"quality.{lack[0]}: {lack[1]}")
         feeding = None
         if "rdg" in quality.hot_tearing:
             feeding = _feeding(quality.rdg or Feeding.model_validate({}), steel, kelvin[2])
@@ -179,22 +177,39 @@ def enthalpy_at(curve: ThermalCurve, steel: Steel, fraction: float) -> float:
     return float(curve.enthalpy(kelvin))
 
 
-def _feeding(given: Feeding, steel: Steel, roots: float) -> laws.Feeding:
-    """The feeding of a steel whose crystals grow together at `roots`, K."""
-    shrinkage = given.shrinkage
-    if shrinkage is None:
-        shrinkage = float(steel.density(steel.solidus, "below")) / steel.liquid_density - 1.0
-        if not shrinkage > 0.0:
-            raise InputError(
-                f"quality.rdg.shrinkage: the density of {steel.name} does not rise as it freezes; "
-                'give the shrinkage, shrinkage = "4 percent"'
-            )
-    carbon, spacing = steel.composition.get("C", 0.0), given.arm_spacing
-    if spacing is None and not 0.0 < carbon < 1.0:
-        raise InputError(
-            f"quality.rdg.arm_spacing: {steel.name} states no carbon content (up to 1 %), from "
+def lacks(quality: Quality, steel: Steel) -> tuple[str, str] | None:
+    """What criteria need of a steel that it does not have: key of [quality], and words."""
+    fractions = (FEEDING, *quality.brittle)
+    feeds, begins, ends = (temperature_at(steel, fraction) for fraction in fractions)
+    if not feeds > begins > ends:
+        return "hot_tearing", (
+            f"{steel.name} goes through its brittle range at one "
+            "temperature; give another quality.brittle or steel, or leave the criteria out"
+        )
+    if "rdg" not in (quality.hot_tearing or ()):
+        return None
+    given = quality.rdg or Feeding.model_validate({})
+    if given.shrinkage is None and not _shrinkage(steel) > 0.0:
+        return "rdg.shrinkage", (
+            f"the density of {steel.name} does not rise as it freezes; "
+            'give the shrinkage, shrinkage = "4 percent"'
+        )
+    if given.arm_spacing is None and not 0.0 < steel.composition.get("C", 0.0) < 1.0:
+        return "rdg.arm_spacing", (
+            f"{steel.name} states no carbon content (up to 1 %), from "
             'which it is computed; give it, arm_spacing = "120 um"'
         )
+    return None
+
+
+def _shrinkage(steel: Steel) -> float:
+    return float(steel.density(steel.solidus, "below")) / steel.liquid_density - 1.0
+
+
+def _feeding(given: Feeding, steel: Steel, roots: float) -> laws.Feeding:
+    """The feeding of a steel that lacks nothing, whose crystals grow together at `roots`, K."""
+    shrinkage = _shrinkage(steel) if given.shrinkage is None else given.shrinkage
+    carbon, spacing = steel.composition.get("C", 0.0), given.arm_spacing
 
     def spaced(cooling_rate: Array) -> Array:
         if spacing is None:
