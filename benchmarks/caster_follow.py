@@ -1,8 +1,8 @@
 """How long a caster that follows its plant takes for a row that comes 10 s after the one before.
 
-A slab with mean coefficients of cooling, `--accuracy coarse`, changes its speed at each row. Times
-are of one core: by the clock, and of the processor, in which other work on the machine counts
-little.
+A slab with mean coefficients of cooling and one from roll to roll, `--accuracy coarse`, change
+their speed at each row. Times are of one core: by the clock, and of the processor, in which other
+work on the machine counts little.
 
     python -m benchmarks caster_follow
 """
@@ -25,8 +25,10 @@ from castfem.runs.caster.plant_file import PlantFile
 from castfem.runs.caster.run import run_caster
 from castfem.studies.accuracy.sizes import assignments
 
-CASE, SLICES, ROWS, APART = "slab1200/thermal", 100, 12, 10.0
-"""The case, slices inside, rows that are followed, and s between two of them."""
+CASES = {"mean coefficients": "slab1200/thermal", "roll to roll": "slab1200/sprays"}
+"""The cases by how they are cooled."""
+SLICES, ROWS, APART = 100, 12, 10.0
+"""Slices inside, rows that are followed, and s between two of them."""
 
 
 class Fed(PlantFile):
@@ -48,9 +50,9 @@ class Fed(PlantFile):
         return super().take()
 
 
-def case_of(slices: int, rows: int, quick: bool) -> Case:
-    """The case as a caster of so many slices at once, to the last row."""
-    path = shipped_cases.find(CASE)
+def case_of(name: str, slices: int, rows: int, quick: bool) -> Case:
+    """A case as a caster of so many slices at once, to the last row."""
+    path = shipped_cases.find(name)
     case = load_case(path, [*assignments(load_case(path), "coarse")])
     length = 1.0 if quick else case.casting.length
     plant = {"time": ["0 s", "1e6 s"], "speed": ["1.2 m/min"] * 2}
@@ -61,9 +63,9 @@ def case_of(slices: int, rows: int, quick: bool) -> Case:
     return changed(case, {"caster": table, "casting.length": f"{length} m"})
 
 
-def measured(slices: int, rows: int, quick: bool) -> dict[str, Any]:
+def measured(cooling: str, slices: int, rows: int, quick: bool) -> dict[str, Any]:
     """Follow some rows; what each has taken, the first two left out, which begin the strand."""
-    case = case_of(slices, rows, quick)
+    case = case_of(CASES[cooling], slices, rows, quick)
     with tempfile.TemporaryDirectory() as home:
         source = Fed(Path(home, "plant.csv"), rows)
         while len(source) < 2:
@@ -72,7 +74,8 @@ def measured(slices: int, rows: int, quick: bool) -> dict[str, Any]:
         source.spent.append((time.perf_counter(), time.process_time()))
     each = np.diff(np.array(source.spent), axis=0)[3:]
     return {
-        "slices": slices, "rows": len(each), "clock [s]": float(np.median(each[:, 0])),
+        "cooling": cooling, "slices": slices, "rows": len(each),
+        "clock [s]": float(np.median(each[:, 0])),
         "processor [s]": float(np.median(each[:, 1])),
         "longest, processor [s]": float(each[:, 1].max()),
     }  # fmt: skip
@@ -81,7 +84,8 @@ def measured(slices: int, rows: int, quick: bool) -> dict[str, Any]:
 def show(output: Output) -> None:
     """Make the table anew."""
     columns = {
-        "slices": "slices", "rows": "rows", "clock [s]": ("a row, s by the clock", ".2g"),
+        "cooling": "cooling", "slices": "slices", "rows": "rows",
+        "clock [s]": ("a row, s by the clock", ".2g"),
         "processor [s]": ("of the processor", ".2g"),
         "longest, processor [s]": ("the longest", ".2g"),
     }  # fmt: skip
@@ -92,5 +96,5 @@ def show(output: Output) -> None:
 def main(output: Output, quick: bool) -> None:
     """Measure, and write data and table."""
     slices, rows = (3, 6) if quick else (SLICES, ROWS)
-    output.csv("caster_follow", [measured(slices, rows, quick)])
+    output.csv("caster_follow", [measured(c, slices, rows, quick) for c in CASES])
     show(output)

@@ -1,4 +1,4 @@
-"""The pages of a run and of a caster in a real browser: slider, pointer, print, valid HTML."""
+"""The report page in a real browser: slider, pointer, print; no error, valid HTML, a small file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import html5lib
 import pytest
-from rolled_case import rolled
 
 from castfem.cli import execute
 from castfem.post.html.page import LARGEST
@@ -18,7 +17,6 @@ from castfem.runs.output.folder import OutputFolder
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
-
 
 BILLET = ("billet125/taper_1", "--accuracy", "coarse", "--set", "casting.length=120 mm")
 SHORT = ("--set", "casting.length=2 m", "--set", "output.every=10 s")
@@ -174,47 +172,3 @@ def test_a_page_at_work_is_read_again_until_the_run_has_ended(
     page.wait_for_timeout(2500)
     assert page.evaluate("window.mine") is True  # it has not been read again
     context.close()
-
-
-PLANT = {
-    "time": ["0 s", "10 s", "11 s", "40 s"],
-    "speed": ["1.5 m/min", "1.5 m/min", "0.9 m/min", "0.9 m/min"],
-    "event": ["", "slower", "", ""],
-}
-
-
-@pytest.fixture(scope="session")
-def caster_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A page of a small slab."""
-    home = tmp_path_factory.mktemp("caster")
-    case = rolled(caster={"plant": PLANT, "spacing": "0.2 m", "every": "5 s"})
-    (home / "case.toml").write_text(case.resolved_toml())
-    folder = home / "out"
-    assert execute(["caster", str(home / "case.toml"), "-q", "-o", str(folder)]) == 0
-    assert execute(["report", str(folder)]) == 0
-    return folder / "report.html"
-
-
-def test_it_is_valid_html(caster_file: Path) -> None:
-    html5lib.HTMLParser(strict=True).parse(caster_file.read_bytes())
-
-
-def test_the_slider_moves_curves_and_strand(page: Page) -> None:
-    known = json.loads(str(page.locator("#strand").text_content()))
-    slider = page.locator("#clock")
-    curve = page.locator("figure.chart path").first
-    pieces = page.locator("#side polygon")
-    curves, colours = [], []
-    for i in range(len(known["instants"])):
-        slider.fill(str(i))
-        assert page.locator("#head").inner_text() == known["heads"][i]
-        curves.append(curve.get_attribute("d"))
-        colours.append(pieces.evaluate_all("all => all.map(p => p.getAttribute('fill')).join()"))
-    assert len(set(curves)) == len(curves) and len(set(colours)) == len(colours)
-    assert "slower" in known["heads"][2]
-    before = colours[-1]
-    page.locator("#shown").select_option(index=page.locator("#shown option").count() - 2)
-    now = pieces.evaluate_all("all => all.map(p => p.getAttribute('fill')).join()")
-    assert now != before
-    wide = page.evaluate("document.documentElement.scrollWidth - innerWidth")
-    assert wide <= 0, "the page is wider than its window"
