@@ -313,11 +313,9 @@ def taken(lock: FileLock) -> bool:
             if lock.timeout == 0:
                 raise
             time.sleep(0.05)
-        except NotImplementedError:
-            # reason: filelock before version 4 raises this where the file system has no locks; from
-            # version 4 on the answer of flock() itself comes through, below
+        except NotImplementedError:  # filelock before version 4: the file system has no locks
             return False
-        except OSError as error:
+        except OSError as error:  # from version 4 on the answer of flock() itself
             if error.errno in _NONE:
                 return False
             error.filename = error.filename or lock.lock_file

@@ -241,8 +241,8 @@ class ThermalProblem:
         """Close the heat balance of the whole section over the solved stage, to rounding.
 
         What Newton's method left open is spread over the vertices in proportion to their change.
-        Near a steady state, where next to nothing changes while much heat flows through, it is
-        taken from the heat that leaves.
+        Near a steady state, where next to nothing changes while much heat flows through, there is
+        nothing to spread it over, and it is left.
         """
         state, base, tau = self._state, self._base, self._tau
         change = solution - base
@@ -259,8 +259,6 @@ class ThermalProblem:
             open_, size = reductions.totals(self.section.comm, [open_, size])
         if abs(open_) < LIMITS.spread * self._left_open * size:
             change -= open_ / size * free
-        elif result.converged:
-            out -= float(open_) / tau / self.section.comm.size
         rate = np.asarray(change / tau)
         return Stage(base + change, rate, state.point, out, generated, result, tau, self._time)
 

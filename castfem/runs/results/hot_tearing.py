@@ -74,10 +74,11 @@ class Follower:
     def __init__(self, simulation: Simulation, mechanics: MechanicalSampler | None) -> None:
         quality = simulation.case.quality
         assert quality is not None and quality.hot_tearing
-        self.simulation, self._mechanics = simulation, mechanics
+        self.simulation, steel = simulation, simulation.steel
+        if (lack := lacks(quality, steel)) is not None:
+            raise InputError(f"quality.{lack[0]}: {lack[1]}")
         strained = any(name != "clyne_davies" for name in quality.hot_tearing)
         self._mechanics = mechanics if strained else None
-        steel = simulation.steel
         fractions = (FEEDING, *quality.brittle)
         kelvin = [temperature_at(steel, fraction) for fraction in fractions]
         # Heat is drawn evenly over a step, whereas the temperature falls fast where there is little
@@ -87,8 +88,6 @@ class Follower:
         self._begins = kelvin[1]  # temperature at which the brittle range begins, K
         self._levels = feeds, begins, ends
         width = kelvin[1] - kelvin[2]
-        if (lack := lacks(quality, steel)) is not None:
-            raise InputError(f"quality.{lack[0]}: {lack[1]}")
         feeding = None
         if "rdg" in quality.hot_tearing:
             feeding = _feeding(quality.rdg or Feeding.model_validate({}), steel, kelvin[2])

@@ -66,7 +66,12 @@ def _bulges(simulation: Simulation) -> bool:
 
 
 def _bears_edges(simulation: Simulation) -> bool:
-    return sum(hasattr(one, "foundation") for one in _slice(simulation).interactions) > 1
+    """Whether rolls bear the narrow faces besides the wide ones."""
+    if not _bulges(simulation):
+        return False
+    from castfem.physics.contact.roll_support import RollSupport
+
+    return sum(isinstance(one, RollSupport) for one in _slice(simulation).interactions) > 1
 
 
 def _quality(simulation: Simulation) -> Quality:
