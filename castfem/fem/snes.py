@@ -6,6 +6,7 @@ The problem owns its vectors; SNES works on vectors of its own (the line search 
 from __future__ import annotations
 
 import ctypes
+import math
 import re
 import weakref
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -296,8 +297,8 @@ class SnesSolver:
         self._history.append(sizes)
         if self._given_up:
             return int(reasons.DIVERGED_LINE_SEARCH)
-        worst = float(np.max(list(sizes.values())))  # of which a NaN comes out, unlike of max()
-        if not np.isfinite(worst):
+        worst = max(sizes.values())
+        if not all(math.isfinite(size) for size in sizes.values()):
             return int(reasons.DIVERGED_FNORM_NAN)
         if worst <= 1.0:
             return int(reasons.CONVERGED_FNORM_ABS)

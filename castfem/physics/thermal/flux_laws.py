@@ -221,29 +221,37 @@ class Radiation(SurfaceLaw):
 
     def factor(self, temperature: Array) -> Array:
         """Gamma of (33), W/m2K4, at surface temperatures (n,)."""
-        strand = self.emissivity(temperature) if callable(self.emissivity) else self.emissivity
+        return self._factor(temperature)[0]
+
+    def _factor(self, temperature: Array) -> tuple[Array, Array]:
+        """Gamma of (33) at surface temperatures (n,), and its derivative (n,), W/m2K5.
+
+        With c = 0.75 a d + 1/eps_wall - 1 it is m^2 sigma eps / (1 + c eps), eps of the strand.
+        """
+        strand, rise = self.emissivity, 0.0
+        if callable(strand):
+            strand, rise = with_slope(strand, temperature)
         wall = self.wall_emissivity
         if callable(wall):  # the wall is as warm as the surroundings it stands for
             wall = float(wall(np.array([self.ambient]))[0])
-        # An emissivity of 0 resists without end: nothing is radiated.
-        with np.errstate(divide="ignore"):
-            resistance = 1.0 / np.asarray(strand, float) + 1.0 / np.asarray(wall, float) - 1.0
+        if wall == 0.0:  # resists without end: nothing is radiated
+            return np.zeros_like(temperature), np.zeros_like(temperature)
+        between = 1.0 / wall - 1.0
         if self.absorption and self.gap is not None:
-            gap = np.maximum(self.gap, 0.0)
-            resistance = resistance + 0.75 * self.absorption * gap
-        gamma = np.asarray(self.refractive_index**2 * STEFAN_BOLTZMANN / resistance)
-        same = gamma.shape == temperature.shape
-        return gamma if same else np.broadcast_to(gamma, temperature.shape)
+            between = between + 0.75 * self.absorption * np.maximum(self.gap, 0.0)
+        less = 1.0 + between * strand
+        per_emissivity = self.refractive_index**2 * STEFAN_BOLTZMANN / less
+        gamma = np.asarray(per_emissivity * strand)
+        if gamma.shape != temperature.shape:
+            gamma = np.broadcast_to(gamma, temperature.shape)
+        return gamma, np.asarray(per_emissivity * rise / less)
 
     def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
         """See `SurfaceLaw.flux`."""
         # Odd below absolute zero, where an iterate may stray: the flux stays monotone.
         cube = np.abs(temperature) ** 3
         excess = temperature * cube - self.ambient**4
-        if not callable(self.emissivity):
-            gamma = self.factor(temperature)
-            return gamma * excess, gamma * 4.0 * cube
-        gamma, rise = with_slope(self.factor, temperature)
+        gamma, rise = self._factor(temperature)
         return gamma * excess, gamma * 4.0 * cube + rise * excess
 
     def least_rise(self, temperatures: Array, time: float) -> float:

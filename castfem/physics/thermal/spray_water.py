@@ -10,6 +10,7 @@ import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from typing import Protocol
 
 import numpy as np
 
@@ -18,8 +19,15 @@ from castfem.physics.thermal.flux_laws import SurfaceLaw
 from castfem.physics.thermal.mould_flux import with_slope
 from castfem.physics.thermal.sprays import Correlation
 
-Coefficient = Callable[[Array, Array], Array]
-"""h, W/m2K (n,), of water flows, kg/(m2 s) (n,), and surface temperatures, K (n,)."""
+
+class Coefficient(Protocol):
+    """A model of nozzle: h of the water that falls on a surface."""
+
+    def __call__(self, water: Array, surface: Array) -> Array:
+        """H, W/m2K (n,), of water flows, kg/(m2 s) (n,), and surface temperatures, K (n,)."""
+
+    def with_slope(self, water: Array, surface: Array) -> tuple[Array, Array]:
+        """The same, and its derivative with the temperature (n,), W/m2K2."""
 
 
 @dataclass(frozen=True)
@@ -52,13 +60,20 @@ class CoefficientTable:
 
     def __call__(self, water: Array, surface: Array) -> Array:
         """See `Coefficient`."""
+        return self.with_slope(water, surface)[0]
+
+    def with_slope(self, water: Array, surface: Array) -> tuple[Array, Array]:
+        """See `Coefficient`; at a row the slope is that above it."""
         temperatures, flows, grid = self._arrays
         i, right = _place(temperatures, surface)
         j, up = _place(flows, water)
         corner, beside = grid[i, j], grid[i + 1, j]
         low = corner + up * (grid[i, j + 1] - corner)
         high = beside + up * (grid[i + 1, j + 1] - beside)
-        return np.asarray(low + right * (high - low))
+        rise = high - low
+        width = temperatures[i + 1] - temperatures[i]
+        within = (surface >= temperatures[0]) & (surface < temperatures[-1])
+        return low + right * rise, rise / width * within
 
 
 def _place(knots: Array, at: Array) -> tuple[Indices, Array]:
@@ -86,6 +101,10 @@ class OfCorrelation:
         flow = np.maximum(water, least)
         h = correlation.coefficient(flow, self.water_temperature, self.machine_factor, surface)
         return np.asarray(h * np.minimum(water / least, 1.0) if least > 0.0 else h)
+
+    def with_slope(self, water: Array, surface: Array) -> tuple[Array, Array]:
+        """See `Coefficient`."""
+        return with_slope(lambda temperature: self(water, temperature), surface)
 
 
 def water_across(places: Array, nozzles: Sequence[float], width: float, edge: float) -> Array:
@@ -148,17 +167,18 @@ class SprayWater(SurfaceLaw):
 
 def _heat_transfer(
     coefficients: Sequence[Coefficient], flows: Sequence[Array], surface: Array
-) -> Array:
-    """H at the water of each row, kg/(m2 s), and surface temperatures, K, W/m2K."""
+) -> tuple[Array, Array]:
+    """H at the water of each row, kg/(m2 s), and surface temperatures, K, and its derivative."""
     total = sum(flows[1:], start=flows[0])
     first = coefficients[0]
     if all(one == first for one in coefficients[1:]):
-        return first(total, surface)
-    found = np.zeros_like(surface)
+        return first.with_slope(total, surface)
+    found, rise = np.zeros((2, *surface.shape))
     for flow, coefficient in zip(flows, coefficients, strict=True):
         weight = np.divide(flow, total, out=np.zeros_like(total), where=total > 0.0)
-        found += weight * coefficient(total, surface)
-    return found
+        h, slope = coefficient.with_slope(total, surface)
+        found, rise = found + weight * h, rise + weight * slope
+    return found, rise
 
 
 def _flux(
@@ -168,7 +188,7 @@ def _flux(
     temperature: Array,
 ) -> tuple[Array, Array]:
     """Heat flux at the water of each row, and its derivative, see `SurfaceLaw.flux`."""
-    h, slope = with_slope(lambda t: _heat_transfer(coefficients, flows, t), temperature)
+    h, slope = _heat_transfer(coefficients, flows, temperature)
     excess = temperature - water_temperature
     return h * excess, h + slope * excess
 

@@ -118,6 +118,8 @@ class ThermalStepper:
         self.comm = problem.section.comm
         self._branch = Branch(problem)
         self._slack = max(RANGE.rounding, RANGE.solver * problem.tolerance)
+        # Curve and bounds of temperature, K, and the enthalpies that they mean, J/m3.
+        self._within = (problem.curve, (np.nan, np.nan)), (np.nan, np.nan)
 
     def initial(self, temperature: float) -> ThermalState:
         """The slice at one temperature (K) at the meniscus."""
@@ -286,13 +288,17 @@ class ThermalStepper:
     def _enthalpies(self, bounds: tuple[float, float]) -> tuple[float, float]:
         """The enthalpies that temperatures within the bounds, K, may have, J/m3."""
         curve = self.problem.curve
-        low, high = np.clip(bounds, curve.knots[0], curve.knots[-1])
-        return float(curve.enthalpy(low, "left")), float(curve.enthalpy(high))
+        if self._within[0] != (curve, bounds):  # they stay as they are for many steps
+            low, high = np.clip(bounds, curve.knots[0], curve.knots[-1])
+            found = float(curve.enthalpy(low, "left")), float(curve.enthalpy(high))
+            self._within = (curve, bounds), found
+        return self._within[1]
 
     @staticmethod
     def _guess(old: Array, rate: Array, tau: float, within: tuple[float, float]) -> Array:
         """Enthalpy extrapolated by its rate, within a range: where Newton's method starts."""
-        return np.clip(old + tau * rate, *within)
+        lowest, highest = within
+        return np.minimum(np.maximum(old + tau * rate, lowest), highest)
 
     def _commit(
         self, old: ThermalState, stages: list[Stage], time: float, next_rate: Array | None
