@@ -16,8 +16,6 @@ from typing import Any, Protocol, TypeVar
 
 from petsc4py import PETSc
 
-import numpy as np
-
 from castfem.base.errors import InputError
 from castfem.base.log import logger
 from castfem.base.stopwatch import Stopwatch

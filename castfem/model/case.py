@@ -184,7 +184,9 @@ class Case(TableModel):
         """Return when states of the fields are written short of the end, since the meniscus, s."""
         every, clock = self.output_every, self.output_clock
         first, last = math.floor(clock / every), int((clock + self.casting.duration) / every)
-        return [i * every - clock for i in range(first + 1, last + 1)]
+        times = [i * every - clock for i in range(first + 1, last + 1)]
+        # Slices that start at different times by a clock have the same digits at the same age.
+        return [round(time, 9) for time in times] if self.output.by_clock else times
 
     @property
     def output_fields(self) -> tuple[FieldName, ...]:

@@ -45,7 +45,8 @@ _COLUMNS = Columns(
     "time [min], speed [m/min], superheat [K], mould_heat [-], top [L/min], event",
     optional=("superheat", "mould_heat"), words=(EVENT,), others=_FLOW,
 )  # fmt: skip
-_DIGITS = 6  # of a start in seconds: what is written of it is what is computed
+DIGITS = 6
+"""Of a start in seconds: what is written of it is what is computed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,12 +60,18 @@ class Plant:
     def table(self, name: str) -> Table:
         """A column over the clock, without rows in the midst of a time in which it is constant.
 
-        A step of each slice ends at each row.
+        A step of each slice ends at each row.  A column that never changes is left with one.
         """
         values = self.values[name]
-        last = len(values) - 1
-        kept = [i for i in range(last + 1) if i in (0, last) or len({*values[i - 1 : i + 2]}) > 1]
+        around = (values[0], *values, values[-1])  # before the first row it is as there
+        kept = [i for i in range(len(values)) if len({*around[i : i + 3]}) > 1] or [0]
         return Table("time", tuple(self.times[i] for i in kept), tuple(values[i] for i in kept))
+
+    def told(self, name: str) -> Any:
+        """A column as the key of a case has it: one value, if it never changes."""
+        table = self.table(name)
+        one = len(table.values) == 1
+        return _KINDS.get(name, _FLOW).write(table.values[0]) if one else table
 
     @property
     def water(self) -> list[str]:
@@ -234,7 +241,7 @@ def starts_of(case: Case) -> list[float]:
         found = [began, *(start for start in found if start > began)]
     if until == last and cast.length(until) > cast.length(found[-1]) * (1.0 + ROUNDING):
         found.append(until)
-    return [round(start, _DIGITS) for start in found]
+    return [round(start, DIGITS) for start in found]
 
 
 def ends_with_tail(case: Case) -> bool:
@@ -262,10 +269,10 @@ def by_plant(case: Case) -> Case:
     plant = caster.plant
     changes: dict[str, Any] = {"output.every": f"{caster.every!r} s", "output.by_clock": True}
     for name in (name for name in ("speed", "superheat") if name in plant.values):
-        changes[f"casting.{name}"] = plant.table(name)
+        changes[f"casting.{name}"] = plant.told(name)
     if "mould_heat" in plant.values:
-        changes |= {f"{key}.factor": plant.table("mould_heat") for key in _mould_laws(case)}
-    changes |= {f"{_sprays(case)[name]}.flow": plant.table(name) for name in plant.water}
+        changes |= {f"{key}.factor": plant.told("mould_heat") for key in _mould_laws(case)}
+    changes |= {f"{_sprays(case)[name]}.flow": plant.told(name) for name in plant.water}
     changes["title"] = case.title
     found = changed(case, changes, "caster.plant")
     return found.model_copy(update={"caster": None, "reference": (), "optimise": None})

@@ -16,11 +16,14 @@ from small_caster import STOP, STRAINED, caster
 
 import castfem
 from castfem.model import Case
-from castfem.model.caster import slice_of
+from castfem.model.caster import Plant, slice_of
 from castfem.runs import restart
+from castfem.runs.caster import alike
+from castfem.runs.caster.alike import Alike
 from castfem.runs.caster.files import read_table
 from castfem.runs.caster.run import run_caster
 from castfem.runs.caster.strand import Strand
+from castfem.runs.loop import TimeLoop
 from castfem.runs.output.checkpoint import load_checkpoint
 from castfem.runs.output.history import read_columns
 from castfem.runs.output.run_record import RunRecord
@@ -50,7 +53,7 @@ def _advanced(case: Case) -> Any:
             rows.setdefault(one.number, []).append(Columns(simulation).row(sample))
             if one.has_left:
                 ends[one.number] = restart.arrays(one.run_state)
-        strand.release()
+        strand.release(clock)
         assert len(strand.inside) <= 8  # of 14: memory is that of those inside
     return strand, rows, ends
 
@@ -117,9 +120,50 @@ def test_steady_casting_is_one_slice_at_every_instant() -> None:
             row = Columns(one.loop.simulation).row(one.advance(clock))
             known = by_position.setdefault(round(row["position"], 9), row["heat_removed"])
             assert row["heat_removed"] == pytest.approx(known, rel=2e-4)
-        strand.release()
+        strand.release(clock)
     strand.destroy()
     assert len(by_position) > 8
+
+
+LOOKED_AT = {
+    "caster.spacing": "0.5 s",
+    "caster.moments": ["1 s", "3 s", "8 s"],
+    "caster.pyrometer": [{"name": "hot", "at": "55 mm", "on": "mid_face"}],
+}
+
+
+def test_slices_that_meet_the_same_are_computed_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All files are byte for byte those of slices that are all computed."""
+    taken: list[int] = []
+    step = TimeLoop.advance
+    monkeypatch.setattr(TimeLoop, "advance", lambda loop: (taken.append(1), step(loop))[1])
+    counts = []
+    for folder, most in (("shared", alike.MOST), ("alone", 0.0)):
+        monkeypatch.setattr(Alike.__init__, "__defaults__", (most,))
+        before = len(taken)
+        run_caster(caster(LOOKED_AT), tmp_path / folder)
+        counts.append(len(taken) - before)
+    names = [*FILES, "pyrometers.csv", *(f"moments/strand_{t}s.vtu" for t in (1, 3, 8))]
+    for name in names:
+        whole = (tmp_path / "alone" / name).read_bytes()
+        assert (tmp_path / "shared" / name).read_bytes() == whole, name
+    assert len((tmp_path / "shared" / "pyrometers.csv").read_text().splitlines()) > 10
+    assert 2 * counts[0] < counts[1]
+
+
+def test_what_slices_meet() -> None:
+    """Of a speed that is constant, falls from 4 s, and is constant again from 5 s on."""
+    times, speeds = (0.0, 4.0, 5.0, 9.0), (0.06, 0.06, 0.02, 0.02)
+    plant = Plant(times, {"speed": speeds, "superheat": (40.0, 40.0, 40.0, 30.0)}, ("",) * 4)
+    starts = np.array([-2.5, -1.0, 0.25, 4.5, 5.0, 5.5, 20.0, 21.0])
+    keys, until = alike.met(plant, starts, 0.5)
+    assert until.tolist() == [4.0, 4.0, 4.0, 4.5, np.inf, np.inf, np.inf, np.inf]
+    assert keys[0] == keys[1] and keys[6] == keys[7]
+    assert keys[2] != keys[1]  # it is looked at at other ages
+    assert keys[4] != keys[5] and keys[5] != keys[6]  # they are poured with another superheat
+    assert len(set(keys)) == 6
 
 
 FILES = "caster.csv", "strand.csv", "slices.csv"

@@ -19,7 +19,7 @@ from castfem.base.errors import InputError
 from castfem.base.progress import Progress
 from castfem.cli import execute
 from castfem.model.build.simulation import build_mesh
-from castfem.model.caster import cast_of
+from castfem.model.caster import by_plant, cast_of
 from castfem.runs.caster.demand import demand
 from castfem.runs.caster.files import read_table
 from castfem.runs.caster.run import run_caster
@@ -257,7 +257,8 @@ def test_a_history_in_a_file(tmp_path: Path) -> None:
     assert read.plant.values["speed"] == pytest.approx((0.06, 0.06))
     assert read.plant.events == ("", "new, ladle")
     even = caster(plant={"speed": ["3 m/min"] * 4}).caster
-    assert even is not None and even.plant.table("speed").arguments == (0.0, 9.0)
+    assert even is not None and even.plant.table("speed").arguments == (0.0,)
+    assert by_plant(caster(plant={"speed": ["3 m/min"] * 4})).casting.speed == 0.05
     case = caster({"caster.plant": columns})
     again = castfem.load(_written(case, tmp_path))
     assert again.caster == case.caster  # without the file

@@ -128,6 +128,10 @@ class StepControl:
         """The first milestone after `time`, or the end."""
         return self._stops[min(bisect_right(self._stops, time + self._tiny), len(self._stops) - 1)]
 
+    def stops_until(self, time: float) -> tuple[float, ...]:
+        """The milestones up to `time` (s)."""
+        return tuple(self._stops[: bisect_right(self._stops, time + self._tiny)])
+
     def at_milestone(self, time: float) -> bool:
         """Whether a milestone, or the beginning, is at `time` (s)."""
         before = bisect_right(self._stops, time + self._tiny) - 1

@@ -19,7 +19,7 @@ import numpy as np
 from castfem.base.types import Array, Indices
 
 Side = Literal["left", "right"]
-CELLS = 4  # of the grid on which pieces are looked up, for each piece
+CELLS = 8  # of the grid on which pieces are looked up, for each piece
 
 
 @dataclass(frozen=True, slots=True)

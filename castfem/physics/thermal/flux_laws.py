@@ -228,15 +228,14 @@ class Radiation(SurfaceLaw):
 
         With c = 0.75 a d + 1/eps_wall - 1 it is m^2 sigma eps / (1 + c eps), eps of the strand.
         """
-        strand, rise = self.emissivity, 0.0
-        if callable(strand):
-            strand, rise = with_slope(strand, temperature)
+        given: float | Array | Callable[[Array], Array] = self.emissivity
+        strand, rise = with_slope(given, temperature) if callable(given) else (given, 0.0)
         wall = self.wall_emissivity
         if callable(wall):  # the wall is as warm as the surroundings it stands for
             wall = float(wall(np.array([self.ambient]))[0])
         if wall == 0.0:  # resists without end: nothing is radiated
             return np.zeros_like(temperature), np.zeros_like(temperature)
-        between = 1.0 / wall - 1.0
+        between: float | Array = 1.0 / wall - 1.0
         if self.absorption and self.gap is not None:
             between = between + 0.75 * self.absorption * np.maximum(self.gap, 0.0)
         less = 1.0 + between * strand

@@ -53,6 +53,10 @@ class Passing:
         thermal = run.state.thermal
         return thermal.time, thermal.point.temperature[self._vertices]
 
+    def go_on(self, run: RunState) -> None:
+        """Go on from where a slice is now, which was not watched on its way there."""
+        self._before = self._seen(run)
+
     def note(self, run: RunState) -> None:
         """Take in a committed step."""
         (before, old), (now, new) = self._before, self._seen(run)

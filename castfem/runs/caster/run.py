@@ -172,8 +172,7 @@ class CasterRun:
     def _take(self, one: Slice, now: float, interrupt: Interrupt) -> tuple[int, float]:
         """Take a slice to an instant; its number, and the time that has passed for it, s."""
         before = one.age
-        sample = one.advance(now, interrupt)
-        self._looks[one.number] = one.look(self._columns.row(sample))
+        self._looks[one.number] = self.strand.take(one, now, self._columns.row, interrupt)
         return one.number, one.age - before
 
     def _tell(
@@ -200,7 +199,7 @@ class CasterRun:
         on_root(self._comm, lambda: self._write(now, _merged(found)))
         self._gone += self._comm.allreduce(sum(one.has_left for one in self._looks.values()))
         self._looks = {}
-        self.strand.release()
+        self.strand.release(now)
 
     def _write(self, now: float, looks: dict[int, Look]) -> None:
         """Write the strand at an instant (rank 0)."""

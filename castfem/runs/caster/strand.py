@@ -9,13 +9,14 @@ which are those of its own run: its case writes states at the instants of the cl
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Sequence
+from collections.abc import Callable, Container, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 from weakref import WeakValueDictionary
 
 from mpi4py import MPI
 
-from castfem.base.constants import EXACT
+from castfem.base.constants import EXACT, ROUNDING
 from castfem.base.errors import RunFailure
 from castfem.base.types import Array
 from castfem.model.build.simulation import CurveEnds, Simulation, build, build_beside
@@ -28,6 +29,7 @@ from castfem.model.caster import (
     starts_of,
 )
 from castfem.runs import restart
+from castfem.runs.caster.alike import Alike, Seen
 from castfem.runs.caster.look import Look
 from castfem.runs.caster.plant_file import recent
 from castfem.runs.caster.pyrometers import Passing
@@ -40,6 +42,9 @@ if TYPE_CHECKING:
     from castfem.runs.interrupt import Interrupt
     from castfem.runs.results.run_state import RunState
     from castfem.runs.results.sample import Sample
+
+RowOf = Callable[["Sample"], dict[str, float]]
+"""Makes a row of a history."""
 
 
 class Slice:
@@ -57,18 +62,23 @@ class Slice:
         self.loop = TimeLoop(simulation, unsampled=self._passes)
         self._until = 0.0
         self.passing: Passing | None = None
+        self._taken_over: Seen | None = None  # of another slice, where its own loop is behind
         # Crack indexes and extremes of the mechanics grow with each step.
         self._each = simulation.case.quality is not None or simulation.mechanics is not None
 
     @property
     def run_state(self) -> RunState:
         """Where its run stands."""
+        if (seen := self._taken_over) is not None:
+            assert seen.state is not None
+            self.restore(*seen.state)
         return self.loop.run_state
 
     @property
     def age(self) -> float:
         """Time since it left the meniscus, s."""
-        return self.run_state.state.time
+        seen = self._taken_over
+        return self.loop.run_state.state.time if seen is None else seen.age
 
     @property
     def lasts(self) -> float:
@@ -82,13 +92,15 @@ class Slice:
 
     def go_on_in(self, simulation: Simulation) -> None:
         """Go on from the same state in another simulation, whose plant has gone on."""
-        state = self.state()
+        state = None if self._taken_over is not None else self.state()
         self.loop = TimeLoop(simulation, unsampled=self._passes)
         if state is not None:
             self.restore(*state)
 
     def state(self) -> tuple[dict[str, Any], dict[str, Array]] | None:
         """Return what its run goes on from, as a checkpoint has it; None at the meniscus."""
+        if self._taken_over is not None:
+            return self._taken_over.state
         run = self.run_state
         if run.sample is None:
             return None
@@ -98,16 +110,22 @@ class Slice:
 
     def restore(self, described: dict[str, Any], arrays: dict[str, Array]) -> None:
         """Go on from what `state` has returned."""
-        simulation = self.loop.simulation
+        self._taken_over = None
+        simulation, run = self.loop.simulation, self.loop.run_state
         simulation.probes.conducts = simulation.problem.curve
-        restart.restore(self.run_state, described, arrays)
+        restart.restore(run, described, arrays)
+        if self.passing is not None:
+            self.passing.go_on(run)
 
-    def advance(self, clock: float, interrupt: Interrupt | None = None) -> Sample:
+    def advance(
+        self, clock: float, interrupt: Interrupt | None = None, age: float | None = None
+    ) -> Sample:
         """Go on to an instant of the clock, s, or to where it leaves the machine.
 
         Args:
             clock: The instant.
             interrupt: Asked after each step whether to stop there.
+            age: The same instant since it left the meniscus, s, if it is known to the last digit.
 
         Raises:
             RunFailure: At the smallest step.
@@ -116,7 +134,7 @@ class Slice:
         simulation.probes.conducts = simulation.problem.curve
         if run.zone >= 0:
             simulation.problem.set_cooling(simulation.zones.cooling(run.zone))
-        self._until = min(clock - self.start, self.lasts)
+        self._until = min(clock - self.start if age is None else age, self.lasts)
         self.loop.interrupt = interrupt
         try:
             return self.loop.run(self._until)
@@ -124,19 +142,71 @@ class Slice:
             start = f"the slice that left the meniscus at {self.start:g} s"
             raise RunFailure(f"{start}: {error}") from None
 
-    def look(self, row: dict[str, float]) -> Look:
-        """Return what is seen of it, with a row of its history."""
+    def seen(self, row: dict[str, float]) -> Seen:
+        """Return what is seen of it now, with a row of its history."""
         run, simulation = self.run_state, self.loop.simulation
         solid = run.sampler.metallurgical_length
-        whole = self.length * simulation.section.multiplicity
-        return Look(
-            self.number, self.start, self.length, self.age, self.lasts, run.position,
+        return Seen(
+            self.age, run.position,
             solid=math.nan if solid is None else solid,
             closed=math.nan if solid is None else simulation.machine.time_at(solid),
-            removed=whole * run.state.thermal.removed,
-            gained=whole * run.sampler.heat_gained(run.state.thermal), row=row,
+            removed=run.state.thermal.removed, gained=run.sampler.heat_gained(run.state.thermal),
+            row=row,
+        )  # fmt: skip
+
+    def look(self, seen: Seen) -> Look:
+        """Return how it takes part in the strand at an instant, from what is seen of it."""
+        whole = self.length * self.loop.simulation.section.multiplicity
+        return Look(
+            self.number, self.start, self.length, seen.age, self.lasts, seen.position,
+            seen.solid, seen.closed, whole * seen.removed, whole * seen.gained, seen.row,
             passed=self.take_passed(),
         )  # fmt: skip
+
+    def take_over(self, seen: Seen) -> None:
+        """Be where another slice was that had met the same."""
+        self._taken_over = seen
+        if self.passing is not None:
+            self.passing.passed += [list(one) for one in seen.passed]
+
+    def go_to(self, clock: float, alike: Alike, row_of: RowOf, interrupt: Interrupt | None) -> Look:
+        """Go on to an instant of the clock, s, and say what is seen there.
+
+        Args:
+            clock: The instant.
+            alike: States of others, which are taken over where they have met the same.
+            row_of: Makes a row of its history of a sample.
+            interrupt: See `advance`.
+
+        Raises:
+            RunFailure: At the smallest step.
+        """
+        if not alike.meets_the_same(self.number, clock):
+            return self.look(self.seen(row_of(self.advance(clock, interrupt))))
+        last = min(round(clock - self.start, 9), self.lasts)
+        for age in self._ages(last):
+            self._to_age(age, alike, row_of, interrupt)
+        return self.look(self._to_age(last, alike, row_of, interrupt))
+
+    def _to_age(self, age: float, alike: Alike, row_of: RowOf, interrupt: Interrupt | None) -> Seen:
+        """Be where another was at an age, s, or go on to it and keep for others what is seen."""
+        stops = self.loop.simulation.control.stops_until(age)
+        found = alike.find(self.number, age, stops)
+        if found is not None:
+            self.take_over(found)
+            return found
+        so_far = 0 if self.passing is None else len(self.passing.passed)
+        seen = self.seen(row_of(self.advance(age + self.start, interrupt, age)))
+        passed = [] if self.passing is None else self.passing.passed[so_far:]
+        seen = replace(seen, age=age, stops=stops, state=self.state(), passed=list(passed))
+        alike.keep(self.number, seen)
+        return seen
+
+    def _ages(self, last: float) -> list[float]:
+        """Instants of its own time at which it is looked at on the way to one, s."""
+        times = self.loop.simulation.case.output_times()
+        between = ROUNDING * self.lasts
+        return [age for age in times if self.age + between < age < last - between]
 
     def watch(self, places: Sequence[Pyrometer], passed: Sequence[Sequence[float]] = ()) -> None:
         """Note the surface as it passes some places from now on; `passed` is not written yet."""
@@ -183,6 +253,7 @@ class Strand:
         self._rank, self._ranks, self._begun = rank, ranks, 0
         self._warned: set[tuple[int, bool]] = set()
         self._places = case.caster.pyrometer
+        self._alike = Alike()
         self.grow(case)
         self._first = build(slice_of(self.base, self.starts[0]), MPI.COMM_SELF)
         self._problems: WeakValueDictionary[CurveEnds, ThermalProblem] = WeakValueDictionary()
@@ -202,10 +273,14 @@ class Strand:
             one.go_on_in(new)
             one.length = self.length_of(one.number)  # the next may have been unknown
             self._warn_once(one)
+        # With mechanics what a run does hangs on what it is still to meet: the mean speed.
+        if base.mechanics is None:
+            inside = [one.number for one in self.inside]
+            self._alike.grow(case.caster, self.starts, [*inside, *self._to_come])
 
     def _warn_once(self, one: Slice) -> None:
         """Let sprays of all slices tell once that they are beyond their table."""
-        sprays = one.run_state.sampler.sprays
+        sprays = one.loop.run_state.sampler.sprays
         if sprays is not None:
             sprays.warned = self._warned
 
@@ -257,8 +332,15 @@ class Strand:
             self.enter(self._to_come[0])
         return [one for one in self.inside if one.number not in passed]
 
-    def release(self) -> None:
-        """Let go of the slices that have left the machine."""
+    def take(
+        self, one: Slice, clock: float, row_of: RowOf, interrupt: Interrupt | None = None
+    ) -> Look:
+        """Take a slice to an instant of the clock, s, and look at it; see `Slice.go_to`."""
+        return one.go_to(clock, self._alike, row_of, interrupt)
+
+    def release(self, clock: float) -> None:
+        """Let go of the slices that have left the machine by an instant of the clock, s."""
+        self._alike.forget(clock)
         for one in self.inside:
             if one.has_left:
                 self._free(one)
