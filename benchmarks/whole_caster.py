@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -38,8 +39,21 @@ run_caster(load_case(sys.argv[1]), sys.argv[2])
 spent = MPI.COMM_WORLD.gather(time.process_time())
 MPI.COMM_WORLD.rank or print(*spent)
 """
-CASE, SEPARATE = "slab1200/ladle_change", (30, 50, 70)
-"""The case, and the slices that are run by themselves as well."""
+CASE, LADLE = "slab1200/ladle_change", "ladle change"
+SPEEDS: dict[str, Any] = {
+    "time": ["0 min", "12 min", "13 min", "20 min", "21 min", "60 min"],
+    "speed": [f"{speed} m/min" for speed in (1.2, 1.2, 0.8, 0.8, 1.2, 1.2)],
+}
+"""Of the plant: two changes of speed within an hour, and nothing else."""
+TWICE: dict[str, Any] = {"caster.plant": SPEEDS, "caster.every": "26.4 s"}
+SCENES: dict[str, dict[str, Any]] = {
+    LADLE: {},
+    "two changes of speed": TWICE | {"caster.spacing": "13.2 s"},
+    "likewise, to 16 min": TWICE | {"caster.spacing": "4.4 s", "caster.end": "16 min"},
+}
+"""What is followed, by the changes to the case."""
+SEPARATE = {LADLE: (30, 50, 70), "two changes of speed": (90, 170, 250)}
+"""The slices that are run by themselves as well, by scene."""
 
 
 def coarse() -> Case:
@@ -58,12 +72,12 @@ def castfem(*words: str) -> tuple[float, float]:
     return spent, perf_counter() - begun
 
 
-def together(case: Case, home: Path) -> dict[str, Any]:
+def together(scene: str, case: Case, home: Path) -> dict[str, Any]:
     """The caster in one process."""
-    (home / "case.toml").write_text(case.resolved_toml(), encoding="utf-8")
-    folder = home / "caster"
-    spent, wall = castfem("caster", str(home / "case.toml"), "-o", str(folder), "--no-figures")
-    return {"processor [s]": spent, "wall [s]": wall, **read(case, folder)}
+    folder, path = home / scene.replace(" ", "_"), home / "case.toml"
+    path.write_text(case.resolved_toml(), encoding="utf-8")
+    spent, wall = castfem("caster", str(path), "-o", str(folder), "--no-figures")
+    return {"scene": scene, "processor [s]": spent, "wall [s]": wall, **read(case, folder)}
 
 
 def read(case: Case, folder: Path) -> dict[str, Any]:
@@ -85,7 +99,7 @@ def read(case: Case, folder: Path) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def alone(case: Case, numbers: Sequence[int], home: Path) -> list[dict[str, Any]]:
+def alone(scene: str, case: Case, numbers: Sequence[int], home: Path) -> list[dict[str, Any]]:
     """Some of its slices, each by castfem run."""
     base, starts, rows = by_plant(case), starts_of(case), []
     for number in numbers:
@@ -94,7 +108,8 @@ def alone(case: Case, numbers: Sequence[int], home: Path) -> list[dict[str, Any]
         spent, _ = castfem(
             "run", str(path), "-o", str(home / str(number)), "--set", "output.figures=false"
         )
-        rows.append({"slice": number, "processor [s]": spent, "followed [s]": one.casting.duration})
+        row = {"scene": scene, "slice": number, "processor [s]": spent}
+        rows.append(row | {"followed [s]": one.casting.duration})
     return rows
 
 
@@ -128,34 +143,39 @@ def show(output: Output) -> None:
     found, single = output.rows("whole_caster"), output.rows("whole_caster_alone")
     if not (found and single):
         return
-    (row,) = found
+    # Of all slices that were run by themselves: they cost the same whatever they have met.
     apart = sum(r["processor [s]"] for r in single) / sum(r["followed [s]"] for r in single)
-    line: Mapping[str, Any] = {
-        **row, "real": row["clock [s]"] / row["processor [s]"],
-        "ratio": apart * row["followed [s]"] / row["processor [s]"],
-    }  # fmt: skip
+    lines: list[Mapping[str, Any]] = [
+        {
+            **row, "real": row["clock [s]"] / row["processor [s]"],
+            "ratio": apart * row["followed [s]"] / row["processor [s]"],
+        }
+        for row in found
+    ]  # fmt: skip
     columns = {
-        "slices": "slices", "at once": "at once", "processor [s]": ("processor, s", ".0f"),
-        "real": ("as fast as the caster", ".2g"), "memory [MB]": ("memory, MB", ".0f"),
-        "ratio": ("separate runs take, times", ".2f"),
+        "scene": "scene", "slices": "slices", "at once": "at once",
+        "processor [s]": ("processor, s", ".0f"), "real": ("as fast as the caster", ".2g"),
+        "memory [MB]": ("memory, MB", ".0f"), "ratio": ("separate runs take, times", ".2f"),
     }  # fmt: skip
-    output.table("whole caster", [line], columns)
+    output.table("whole caster", lines, columns)
 
 
 def main(output: Output, quick: bool) -> None:
     """Measure, and write data and table."""
     case = coarse()
     shorter = case.with_(SHORT)
-    numbers: tuple[int, ...] = SEPARATE
+    cases = {name: case.with_(changes) for name, changes in SCENES.items()}
+    single = SEPARATE
     if quick:
-        case = case.with_(
-            {"casting.length": "1 m", "caster.spacing": "0.6 m", "caster.end": "60 s"}
-        )
-        numbers, shorter = (2,), case
-    with tempfile.TemporaryDirectory() as home:
-        output.csv("whole_caster_ranks", by_ranks(shorter, Path(home)))
-        output.csv("whole_caster_alone", alone(case, numbers, Path(home)))
-        output.csv("whole_caster", [together(case, Path(home))])
-        shown = strand_figure(Path(home, "caster"), case.title, case.casting.length)
+        small = {"casting.length": "1 m", "caster.spacing": "0.6 m", "caster.end": "60 s"}
+        cases, single = {LADLE: case.with_(small)}, {LADLE: (2,)}
+        shorter = cases[LADLE]
+    with tempfile.TemporaryDirectory() as folder:
+        home = Path(folder)
+        output.csv("whole_caster_ranks", by_ranks(shorter, home))
+        rows = [alone(name, cases[name], numbers, home) for name, numbers in single.items()]
+        output.csv("whole_caster_alone", list(chain.from_iterable(rows)))
+        output.csv("whole_caster", [together(name, one, home) for name, one in cases.items()])
+        shown = strand_figure(home / LADLE.replace(" ", "_"), case.title, case.casting.length)
         output.figure("strand_over_time", shown)
     show(output)
