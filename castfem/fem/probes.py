@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from functools import cached_property, lru_cache
+from typing import Protocol
 
 from petsc4py import PETSc
 
@@ -15,10 +15,6 @@ from dolfinx import geometry
 from castfem.base.types import Array, Indices
 from castfem.fem import compat, reductions
 from castfem.fem.section import Section
-
-if TYPE_CHECKING:
-    pass
-
 
 SAMPLES = 401  # along a line, packed towards the surface
 
@@ -36,6 +32,9 @@ class Conducts(Protocol):
     def temperature(self, conduction: Array, /) -> Array:
         """Temperatures, K, of theta in W/m."""
 
+    def __hash__(self) -> int:
+        """As of any object: what is known of it at a temperature is kept."""
+
 
 @dataclass(frozen=True, slots=True)
 class Profile:
@@ -46,6 +45,7 @@ class Profile:
     cell: Array | None = None  #: size along the line of the cell of each sample (n,), m
     #: what is linear between the samples; None for the temperature itself
     conducts: Conducts | None = None
+    theta: Array | None = None  #: the same at the samples, where it is known (n,), W/m
 
     def cell_at(self, level: float) -> float:
         """Size of the cell in which `level` (K) is first crossed, m; NaN where it is not."""
@@ -64,9 +64,21 @@ class Profile:
         i = int(np.argmax(hot))
         if i == 0:
             return 0.0
-        ends = np.array([*self.temperature[i - 1 : i + 1], level])
-        v0, v1, v = ends if self.conducts is None else self.conducts.conduction(ends)
+        ends = self.temperature[i - 1 : i + 1]
+        if self.conducts is None:
+            (v0, v1), v = ends, level
+        else:
+            v = _theta(self.conducts, level)
+            v0, v1 = (
+                self.conducts.conduction(ends) if self.theta is None else self.theta[i - 1 : i + 1]
+            )
         return float(self.depth[i - 1] + (v - v0) / (v1 - v0) * (self.depth[i] - self.depth[i - 1]))
+
+
+@lru_cache(maxsize=64)  # solidus and liquidus are asked for at each step
+def _theta(conducts: Conducts, level: float) -> float:
+    """The conduction integral at a temperature, W/m."""
+    return float(conducts.conduction(np.array([level]))[0])
 
 
 class LineProbes:
@@ -142,18 +154,27 @@ class LineProbes:
         """Values of all samples, line by line."""
         return np.split(values, len(self.lines)) if self.lines else []
 
-    def sample(self, owned: Array) -> dict[str, Profile]:
-        """Temperature profiles of a vertex field (owned,) along every line, on every rank."""
+    def sample(self, owned: Array, conduction: Array | None = None) -> dict[str, Profile]:
+        """Temperature profiles along every line, on every rank (collective).
+
+        Args:
+            owned: Temperature at the vertices (owned,), K.
+            conduction: The conduction integral there, where it is known (owned,), W/m.
+        """
         law = None if self.conducts is None or self.conducts.even else self.conducts
         if law is None:
-            profiles = self.along(owned)
+            values, thetas = self._values(owned), None
+            temperatures = self._per_line(values)
         else:
-            along = self.along(law.conduction(owned))
-            profiles = {name: law.temperature(theta) for name, theta in along.items()}
+            values = self._values(law.conduction(owned) if conduction is None else conduction)
+            temperatures, thetas = self._per_line(law.temperature(values)), self._per_line(values)
         return {
-            name: Profile(self.depth[name], v, self._cells[name], law)
-            for name, v in profiles.items()
-        }
+            name: Profile(
+                self.depth[name], temperatures[i], self._cells[name], law,
+                None if thetas is None else thetas[i],
+            )
+            for i, name in enumerate(self.lines)
+        }  # fmt: skip
 
     def starts(self, owned: Array) -> dict[str, Array]:
         """Vertex fields (owned, k) at the start of every line (k,), on every rank: one message."""
@@ -161,16 +182,15 @@ class LineProbes:
 
     def along(self, owned: Array) -> dict[str, Array]:
         """A vertex field (owned,) along every line, surface first, on every rank."""
+        return dict(zip(self.lines, self._per_line(self._values(owned)), strict=True))
+
+    def _values(self, owned: Array) -> Array:
+        """A vertex field (owned,) at the samples of all lines, on every rank (collective)."""
         self._field.setArray(owned)
         self._matrix.mult(self._field, self._samples)
-        local = self._samples.getArray(readonly=True)
-        values = (
-            local
-            if self.section.comm.size == 1
-            else np.concatenate(self.section.comm.allgather(local))
-        )
-        pieces = self._per_line(values)
-        return {n: np.array(piece) for n, piece in zip(self.lines, pieces, strict=True)}
+        local = self._samples.getArray().copy()
+        comm = self.section.comm
+        return local if comm.size == 1 else np.concatenate(comm.allgather(local))
 
     def destroy(self) -> None:
         """Free the PETSc objects."""

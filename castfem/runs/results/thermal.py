@@ -127,7 +127,7 @@ class Sampler:
     ) -> Sample:
         """Read everything off the committed state (collective)."""
         simulation, state = self.simulation, strand.thermal
-        profiles = simulation.probes.sample(state.point.temperature)
+        profiles = simulation.probes.sample(state.point.temperature, state.point.conduction)
         if self.mechanics is not None and simulation.problem.shape is not None:
             assert strand.mechanical is not None
             profiles = self.mechanics.displaced(profiles, strand.mechanical)
