@@ -233,8 +233,9 @@ class Output(TableModel):
     leaves the meniscus: slices of one strand are then written at the same instants"""
     figures: bool = Field(True, strict=True)
     """draw the figures at the end of the run"""
-    checkpoint_every: int = Field(20, ge=0, strict=True)
-    """steps between two checkpoints (for --resume); 0 for none"""
+    checkpoint_every: int | None = Field(None, ge=0, strict=True, examples=[20])
+    """steps between two checkpoints (for --resume); 0 for none; left out: 20 or more, so that a
+    second or more by the wall clock lies between two"""
     smooth: bool | None = Field(None, strict=True, examples=[True])
     """compute smooth twins of the largest von Mises stress, von_mises_smooth at the end and
     way_von_mises_smooth on the way; `castfem optimise` does where it is named there"""
@@ -246,6 +247,11 @@ class Output(TableModel):
     """solid fractions, whole per cents, to which the shell is told besides that of the solidus: 0.7
     gives the columns fs70_mid_face, fs70_corner ..."""
     probe: tuple[Probe, ...] = ()
+
+    @property
+    def steps_to_checkpoint(self) -> int:
+        """Steps between two checkpoints, at least; 0 for none."""
+        return 20 if self.checkpoint_every is None else self.checkpoint_every
 
 
 def _quantity(text: str) -> str:

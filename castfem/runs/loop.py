@@ -337,7 +337,7 @@ def _run(
                 _leave(run_state, recorder, output, error)
             raise
     recorder.close()
-    if simulation.case.output.checkpoint_every:
+    if simulation.case.output.steps_to_checkpoint:
         recorder.save(run_state)
     if profile and comm.rank == 0:
         log.logger.info("%s", profile_table(watch))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from time import monotonic
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,13 +31,19 @@ if TYPE_CHECKING:
     from castfem.runs.results.wall_flux import WallFlux
 from castfem.model.build.start import starting_time
 
+PAUSE = 1.0
+"""Between two checkpoints by the wall clock at least, s, where a case does not say how many."""
+
 
 class Recorder:
     """Files of one run."""
 
     def __init__(self, simulation: Simulation, folder: OutputFolder, resume: bool = False) -> None:
         self.simulation, self.folder, self.comm = simulation, folder, simulation.section.comm
-        self._every = simulation.case.output.checkpoint_every
+        asked = simulation.case.output
+        self._every = asked.steps_to_checkpoint
+        self._pause = PAUSE if asked.checkpoint_every is None else 0.0
+        self._saved = -math.inf
         self._columns = Columns(simulation)
         self._history: History | None = None
         self._fields: FieldWriter | None = None
@@ -100,7 +108,8 @@ class Recorder:
         mapped = [] if judged is None else judged.rows()
         followed = [one.rows(run.state, sample) for one in self._followed]
         taken = run.counts.taken
-        due = self._every > 0 and taken % self._every == 0  # at the meniscus, too
+        turn = self._every > 0 and taken % self._every == 0  # at the meniscus, too
+        due = turn and self._pause_is_over()
         checkpoint = self._checkpoint(run) if due else None
 
         def write() -> None:
@@ -117,6 +126,13 @@ class Recorder:
                 self._save(run, *checkpoint)
 
         on_root(self.comm, write)
+
+    def _pause_is_over(self) -> bool:
+        """Whether the last checkpoint is long enough ago, by the clock of rank 0 (collective)."""
+        over: bool = self.comm.bcast(monotonic() - self._saved >= self._pause)
+        if over:
+            self._saved = monotonic()
+        return over
 
     def begin_maps(self, run: RunState) -> None:
         """Begin the maps, or go on with them; a case without [quality] has none."""

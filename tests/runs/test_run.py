@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import subprocess
 import sys
@@ -19,7 +20,7 @@ from small_case import small
 
 from castfem.base.errors import InputError, RunFailure
 from castfem.model import Case, load_case
-from castfem.runs import loop
+from castfem.runs import loop, recorder
 from castfem.runs.output.checkpoint import CHECKPOINT_NAME, load_checkpoint
 from castfem.runs.output.fields import Fields
 from castfem.runs.output.history import read_history
@@ -365,6 +366,28 @@ def test_the_case_is_written_out_once_for_all_checkpoints(
     monkeypatch.undo()
     # What is kept is still the case, and is held against it.
     load_checkpoint(tmp_path / CHECKPOINT_NAME, physics=case.physics_hash(), case=tables)
+
+
+def test_there_is_a_checkpoint_a_second_at_most(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without `output.checkpoint_every`; with it there is one as often as it says."""
+    short = {"thermal.time": {"step": "10 ms"}, "output.fields": []}
+    asked, saved = itertools.count(), []
+    monkeypatch.setattr(recorder, "monotonic", lambda: 0.6 * next(asked))
+    save = recorder.save_checkpoint
+
+    def noted(path: Path, meta: dict[str, Any], *given: Any, **named: Any) -> None:
+        saved.append(meta["counts"]["steps"])
+        save(path, meta, *given, **named)
+
+    monkeypatch.setattr(recorder, "save_checkpoint", noted)
+    loop.run(small(short), tmp_path / "usual", comm=MPI.COMM_SELF)
+    taken = saved[-1]
+    assert taken > 80 and saved == [*range(0, taken, 40), taken]  # 20 steps take 0.6 s
+    saved.clear()
+    loop.run(small({**short, "output.checkpoint_every": 20}), tmp_path / "said", comm=MPI.COMM_SELF)
+    assert saved == [*range(0, taken + 1, 20), taken]
 
 
 # An error that reads like the end of typed input is a failure, not an interruption

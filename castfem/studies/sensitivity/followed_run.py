@@ -98,7 +98,7 @@ class Recorder:
         path: Path | None,
     ) -> None:
         self.simulation, self.derivatives, self.readings = simulation, derivatives, readings
-        self.path, self._every = path, simulation.case.output.checkpoint_every
+        self.path, self._every = path, simulation.case.output.steps_to_checkpoint
 
     @cached_property
     def _physics(self) -> dict[str, str]:
