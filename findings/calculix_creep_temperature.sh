@@ -6,9 +6,9 @@
 # *CREEP takes a row of constants for each temperature, like every other property. But the solver
 # keeps them at the temperatures of the rows of *ELASTIC, and no others. With one row for Young's
 # modulus, the usual one, the first row of *CREEP holds at all temperatures: a steel whose creep is
-# 50 times faster at 1400 than at 1200 K creeps at 1400 as at 1200 K. With *ELASTIC at 300 and 1500 K
-# the rate at 1200 K is 38 times too high, on a straight line between the values at both ends. The
-# yield stress in *PLASTIC is right at each temperature. There is no warning.
+# 50 times faster at 1400 than at 1200 K creeps at 1400 as at 1200 K. With *ELASTIC at 300 and
+# 1500 K the rate at 1200 K is 38 times too high, on a straight line between the values at both
+# ends. The yield stress in *PLASTIC is right at each temperature. There is no warning.
 # And a material with *PLASTIC beside *CREEP does not creep at all below its yield stress.
 # Give *ELASTIC a row, the same constants if need be, at each temperature of *CREEP.
 #

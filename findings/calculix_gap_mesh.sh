@@ -12,7 +12,7 @@
 # heat alone and coupled ones do the same.
 # And a table of the coefficient over pressure takes an open gap for a pressed one: 0.1 to 3
 # micrometres of air conduct like the highest pressure in the table.
-# The third number of *SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR, is the factor (0.001): with 0.1
+# The third number of *SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR, is the factor. With 0.1,
 # gaps up to a tenth of the cell conduct, by contact of the type node to surface.
 #
 # Output seen (kW/m2 between 400 and 1400 K, exact 428.6 through 1000 W/(m2 K)):

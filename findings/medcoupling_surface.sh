@@ -9,7 +9,7 @@
 # cell, the parts of the triangles around it; at a surface these lie on one side. So a shell with
 # 30 K/mm and cells of 5 mm gets a surface 38 K too hot, and a finer source does not help.
 # From a mesh to the same one nothing changes, so that a test of that kind finds nothing. "P1P0", to
-# the cells, takes the source as constant in its dual cells: 55 K off to a finer mesh, exact from 1 mm.
+# the cells, takes the source as constant in its dual cells: it is 55 K off to a finer mesh.
 # Call setIntersectionType(medcoupling.PointLocator), exact here.
 #
 # Output seen (1000 degC at the surface, 30 K/mm, 30 x 30 mm; error at the surface, largest at all):

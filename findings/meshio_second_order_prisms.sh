@@ -3,8 +3,8 @@
 #
 # Versions: gmsh 4.15.2, meshio 5.3.5, VTK 9.7.2, PyVista 0.49.1, NumPy 2.5.5 (Python 3.12).
 #
-# A section that is extruded in layers has prisms, with 18 nodes at second order. gmsh and VTK number
-# the nodes in the middle of the edges in other orders. meshio knows that for tetrahedra and
+# A section that is extruded in layers has prisms, with 18 nodes at second order. gmsh and VTK
+# number the nodes in the middle of the edges in other orders. meshio knows that for tetrahedra and
 # hexahedra, and renumbers them; prisms of 18 nodes it passes on in gmsh's order. It writes them
 # to VTU as valid cells: their corners are right, so that pictures look right, but the volume is
 # an eighth, and a temperature interpolated within a prism is wrong or, at a point that no prism is

@@ -4,7 +4,7 @@
 # Versions: Pint 0.26.2, Pint-Pandas 0.8.0, pandas 3.1.1, NumPy 2.5.5 (Python 3.12).
 #
 # A column of measured temperatures has the type pint[degC]. Its std(), sem() and groupby().std()
-# keep the unit degC, that of a temperature and not of a difference, so that the conversion to kelvin
+# keep the unit degC, that of a temperature and not of a difference, so that a conversion to kelvin
 # adds 273.15 to them. The same readings as one Pint quantity give a difference of 7.4 or 8.5 K, and
 # so do diff(), max() - min() and a subtraction of columns. The sum, for which Pint raises an error
 # because the sum of temperatures in degC has no meaning, is 6005 degC, or 6278.15 K where that of
