@@ -6,15 +6,16 @@
 # The temperatures of a heat step are stored at each of its increments, and a stress step of the
 # same length reads them with *TEMPERATURE, FILE=heat.frd, BSTEP=1. A block is chilled from 1000 to
 # 500 K in the first second, stays so until 5 s, and is at 800 K after 10 s, as a strand that leaves
-# its mould. *STATIC goes along a straight line from the initial temperature to the last one: it has
-# 980 K at 1 s. *VISCO, the step for creep, has the last temperature, 800 K, from its first increment
-# on. What was stored between is not used, and no message says so. The end is right, so that a
-# comparison there finds nothing, but stresses that depend on the path or the rate are not.
-# Make a step of the heat calculation for each time, and one of the stress for each (BSTEP=1, 2, ...).
+# its mould. The stress step goes along a straight line from the initial temperature to the last one:
+# it has 980 K at 1 s. What was stored between is not used, and no message says so. The end is
+# right, so that a comparison there finds nothing, but stresses that depend on the path are not.
+# Make a step of the heat calculation for each time, and one of the stress for each, with its number
+# as BSTEP.
 #
 # Output seen (temperature in K of the stress calculation):
 #   stored by the heat step      1 s: 500, 2 s: 500, 5 s: 500, 10 s: 800
-#   *STATIC                      1 s: 980, 2 s: 960, 5 s: 900, 10 s: 800
+#   stress, one step of 10 s     1 s: 980, 2 s: 960, 5 s: 900, 10 s: 800
+#   stress, ten steps of 1 s     1 s: 500, 2 s: 500, 5 s: 500, 10 s: 800
 set -euo pipefail
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
@@ -52,8 +53,6 @@ BLOCK = """*NODE, NSET=ALL
 700.
 *ELASTIC
 1.E11,.3
-*CREEP
-1.E-20,2.,0.
 *EXPANSION, ZERO=1000.
 1.E-5
 *SOLID SECTION, ELSET=BLOCK, MATERIAL=STEEL
@@ -84,10 +83,10 @@ def frd(name):
     return Path(name + ".frd").read_text().split("NDTEMP", 1)[1]
 
 
-def stress(procedure, source, lengths):
+def stress(source, lengths):
     """The temperatures that the stress calculation has, by time."""
     steps = "".join(
-        f"*STEP, INC=1000, NLGEOM\n*{procedure}\n1.,{length}\n"
+        f"*STEP, INC=1000, NLGEOM\n*STATIC, DIRECT\n1.,{length}\n"
         f"*TEMPERATURE, FILE={source}.frd, BSTEP={k + 1}\n*NODE PRINT, NSET=ALL\nNT\n*END STEP\n"
         for k, length in enumerate(lengths)
     )
@@ -105,11 +104,10 @@ def tell(name, temperature):
 
 one, ten = [10.0], [1.0] * 10
 stored = tell("stored by the heat step", heat("heat", one))
-static = tell("*STATIC", stress("STATIC, DIRECT", "heat", one))
-visco = tell("*VISCO", stress("VISCO, CETOL=1., DIRECT", "heat", one))
+static = tell("stress, one step of 10 s", stress("heat", one))
 heat("steps", ten)
-by_step = tell("*STATIC, ten steps of 1 s", stress("STATIC, DIRECT", "steps", ten))
+by_step = tell("stress, ten steps of 1 s", stress("steps", ten))
 same = stored == by_step == [500, 500, 500, 800]
-same = same and static == [980, 960, 900, 800] and visco == [800] * 4
+same = same and static == [980, 960, 900, 800]
 sys.exit(0 if same else "CalculiX has changed")
 EOF
