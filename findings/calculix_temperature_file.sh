@@ -6,7 +6,7 @@
 # The temperatures of a heat step are stored at each of its increments, and a stress step of the
 # same length reads them with *TEMPERATURE, FILE=heat.frd, BSTEP=1. A block is chilled from 1000 to
 # 500 K in the first second, stays so until 5 s, and is at 800 K after 10 s, as a strand that leaves
-# its mould. The stress step goes along a straight line from the initial temperature to the last one:
+# its mould. The stress step goes in a straight line from the initial temperature to the last one:
 # it has 980 K at 1 s. What was stored between is not used, and no message says so. The end is
 # right, so that a comparison there finds nothing, but stresses that depend on the path are not.
 # Make a step of the heat calculation for each time, and one of the stress for each, with its number
