@@ -7,7 +7,7 @@
 # that of a strand, with CPE4 or CPE8R it is half of what it should be. With CPE4R and CPE8 it is
 # right, and so it is with solid elements. Temperatures and the heat at the nodes (RFL) are right in
 # all of them. So a switch from full to reduced integration, or back, doubles the heat of a mould or
-# halves it. Where a body is axisymmetric the same kinds of elements give half, and there is a second
+# halves it. Where a body is axisymmetric the same kinds of elements give half, beside a second
 # factor: what is printed, RFL, RF and *SECTION PRINT, is that of a sector of 2 degrees, 1/180 of
 # the whole, while a force of *CLOAD is that of the whole circle: the reaction to 2100 N is 11.67 N.
 # Sum RFL or RF over the nodes of the surface, and multiply by 180 where it is axisymmetric.
