@@ -124,12 +124,15 @@ def strand(folder: Path, output: Path | None, every: str) -> None:
     from castfem.model.machine import thickness_of
     from castfem.model.shipped_cases import CASE_NAME
     from castfem.physics.machine.side import Side
-    from castfem.runs.output.folder import STRAND_NAME
+    from castfem.runs.output.folder import CASTER_NAME, STRAND_NAME
     from castfem.runs.output.stacked_slices import write_strand
 
     target, distance = file_for(output or folder, STRAND_NAME), above_zero("--every", every, "m")
     if not (folder / CASE_NAME).is_file():
         raise InputError(f"{folder}: holds no run of castfem (no {CASE_NAME})")
+    if (folder / CASTER_NAME).is_file():
+        fix = "caster.moments writes them for ParaView (docs/caster.md)"
+        raise InputError(f"{folder}: is a caster of many slices; {fix}")
     case = load_case(folder / CASE_NAME)
     rolls = None if case.machine is None else case.machine.pairs()
     thickness = thickness_of(case.section)

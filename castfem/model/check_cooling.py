@@ -46,7 +46,8 @@ def _zones(case: Case, _: object) -> Faults:
     last, length = len(zones) - 1, case.casting.length
     if case.secondary is not None:
         if zones[-1].to is None:
-            fix = "it is where [secondary] begins, such as the end of the mould"
+            fix = "it is where [secondary] begins, such as the end of the mould; "
+            fix += "what [secondary] cools needs no zone"
             yield f"cooling.{last}", f"'to' is missing; {fix}"
     elif zones[-1].to is not None and reached < length:
         text = f"({in_mm(reached)}) ends before casting.length ({in_mm(length)}); "

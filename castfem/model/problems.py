@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from castfem.base.errors import Path, choices, dotted, shown
+from castfem.base.errors import Path, choices, dotted, shown, written
 from castfem.base.quantities import Notation
 from castfem.base.units import nearest
 from castfem.model.base import TableModel, Variants, meaning, tag_of
@@ -115,7 +115,7 @@ def _missing(model: type[TableModel] | None, path: Path) -> str:
     for mark in field.metadata:
         if isinstance(mark, Notation) and mark.quantity is not None:
             example = field.examples[0] if field.examples else mark.quantity.example
-            return f'is missing; {what}, such as "{example}"'
+            return f"is missing; {what}, such as {written(example)}"
     if submodels(field.annotation):
         if _listed(field.annotation):
             return f"is missing; at least one table {_entry(path)} is needed"

@@ -105,6 +105,7 @@ def test_liquid_that_leaves_the_machine_is_told(tmp_path: Path) -> None:
     assert np.isfinite(pool[0]) and np.isnan(pool[-1])
     told = "\n".join(answers(tmp_path, case))
     assert "leaves the machine (500 mm) with liquid" in told and "pool is longest" in told
+    assert "pool is longest within the machine at" in told  # it was longer where it left
     assert "faster" in told
 
 
@@ -285,6 +286,8 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     for words in (["compare"], ["report"]):
         assert execute([*words, str(folder), str(folder)]) == 1
         assert "is a caster of many slices" in capsys.readouterr().err
+    assert execute(["strand", str(folder)]) == 1
+    assert "many slices; caster.moments writes them" in capsys.readouterr().err
     assert execute(["check", str(path)]) == 0 and "caster: 15 slices" in capsys.readouterr().out
 
 

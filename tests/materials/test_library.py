@@ -206,6 +206,7 @@ def test_unknown_name_is_answered_with_the_nearest():
     line = only("carbon_42", origin="billet.toml: steel")
     assert line.startswith('billet.toml: steel.name ("carbon_42"): no such steel; one of')
     assert line.endswith("did you mean carbon_042?")
+    assert 'for a grade by its analysis "plain_carbon" with a composition' in line
 
 
 def test_own_file_without_its_path(tmp_path):

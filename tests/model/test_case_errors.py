@@ -222,6 +222,12 @@ MISTAKES = {
         "thermal.time.adaptive",
         ["smallest (1 s) <= first (0.001 s)"],
     ),
+    "table that is missing": (
+        "[mesh]",
+        "[machine.extraction]\n[mesh]",
+        "machine.extraction.resistance",
+        ["is missing", 'such as { file = "resistance.csv" }'],
+    ),
     "reference without unit": (
         "[mesh]",
         '[[reference]]\nquantity = "x"\nvalue = "4.75 mn"\nsource = "y"\n[mesh]',

@@ -92,8 +92,9 @@ def test_what_it_needs_besides() -> None:
         from_document(data)
     data = rolled().document()
     del data["cooling"][0]["to"]
-    with pytest.raises(InputError, match="'to' is missing; it is where"):
+    with pytest.raises(InputError, match="'to' is missing; it is where") as caught:
         from_document(data)
+    assert "what [secondary] cools needs no zone" in str(caught.value)
 
 
 def test_what_was_probably_not_meant() -> None:

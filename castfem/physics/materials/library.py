@@ -145,7 +145,8 @@ def _locate(name: str, base: Path, origin: str) -> Path:
     )
     raise InputError(
         f'{origin}.name ("{name}"): no such steel; one of {choices(names)}, '
-        f"or the path of a TOML file{own or nearest(name, names)}"
+        f'or the path of a TOML file; for a grade by its analysis "plain_carbon" with a composition'
+        f"{own or nearest(name, names)}"
     )
 
 

@@ -82,7 +82,8 @@ def _pool(
         )
     if not inside.any():
         return
-    for word, i in (("longest", int(np.nanargmax(pool))), ("shortest", int(np.nanargmin(pool)))):
+    longest = "longest" if (inside | solid).all() else "longest within the machine"
+    for word, i in ((longest, int(np.nanargmax(pool))), ("shortest", int(np.nanargmin(pool)))):
         at = f"at {_clock(time[i])}, cast at {said(speed[i], 'm/min', '.3g')}"
         place = place_said(float(pool[i]))
         after = _after(time[i], events)
