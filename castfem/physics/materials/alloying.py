@@ -13,6 +13,7 @@ from castfem.physics.materials.iron_carbon import (
     ASSESSED,
     MAX_CARBON,
     PASCON,
+    Diagram,
     DiagramName,
     IronCarbon,
     Lines,
@@ -71,6 +72,19 @@ def check_composition(composition: Mapping[str, float]) -> list[str]:
         if not math.isfinite(content) or not 0.0 <= content <= most:
             problems.append(f"{element}: {content:g} wt% is out of range; 0 ... {most:g} wt%")
     return problems
+
+
+def diagram_of(composition: Mapping[str, float], name: DiagramName) -> Diagram:
+    """How a composition in wt% freezes, by the name of a diagram.
+
+    Raises:
+        ValueError: As `alloyed`; or a segregated steel has no carbon, or too much of it.
+    """
+    if name == "segregated":
+        from castfem.physics.materials.microsegregation import segregated  # where asked for
+
+        return segregated(composition)
+    return alloyed(composition, name)
 
 
 def alloyed(composition: Mapping[str, float], diagram: DiagramName = "assessed") -> IronCarbon:

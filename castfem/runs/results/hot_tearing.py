@@ -36,6 +36,7 @@ class Tearing:
     history: MushyHistory  #: what each vertex has met
     width: float  #: of the brittle range, K
     mushy: float  #: temperature over which the relief goes as well, K
+    law: laws.CriticalStrain  #: of the criterion "won"
     feeding: laws.Feeding | None  #: of the criterion "rdg"; None without
     enthalpy: Array  #: at the vertices, J/m3
     rate: Array  #: of that at the end of the step, W/m3
@@ -46,7 +47,7 @@ class Tearing:
     def won(self) -> Array:
         """Strain across the range so far over the critical one (n,)."""
         history = self.history
-        return laws.won_damage(history.strain, history.vulnerable, self.width)
+        return laws.won_damage(history.strain, history.vulnerable, self.width, self.law)
 
     def clyne_davies(self) -> Array:
         """Time in the range over that before it (n,); 0 before its end."""
@@ -91,10 +92,13 @@ class Follower:
         feeding = None
         if "rdg" in quality.hot_tearing:
             feeding = _feeding(quality.rdg or Feeding.model_validate({}), steel, kelvin[2])
+        law = laws.WON
+        if (given := quality.won) is not None:
+            law = laws.CriticalStrain(given.factor, given.rate_exponent, given.range_exponent)
         none = np.zeros(simulation.section.owned)
         self.start = Tearing(
-            MushyHistory(), width, kelvin[0] - kelvin[2], feeding, none, none, np.zeros((0, 4)),
-            none > 0.0, none > 0.0,
+            MushyHistory(), width, kelvin[0] - kelvin[2], law, feeding, none, none,
+            np.zeros((0, 4)), none > 0.0, none > 0.0,
         )  # fmt: skip
 
     def note(self, old: Tearing, strand: StrandState, duration: float) -> Tearing:
@@ -181,9 +185,13 @@ def lacks(quality: Quality, steel: Steel) -> tuple[str, str] | None:
     fractions = (FEEDING, *quality.brittle)
     feeds, begins, ends = (temperature_at(steel, fraction) for fraction in fractions)
     if not feeds > begins > ends:
+        wider = (
+            "" if steel.diagram is None else 'segregation widens it, steel.diagram = "segregated"; '
+        )
         return "hot_tearing", (
-            f"{steel.name} goes through its brittle range at one "
-            "temperature; give another quality.brittle or steel, or leave the criteria out"
+            f"{steel.name} goes through its brittle range at one temperature: a front without "
+            f"thickness, in which a place spends no time; {wider}give another quality.brittle or "
+            "steel, or leave the criteria out"
         )
     if "rdg" not in (quality.hot_tearing or ()):
         return None
