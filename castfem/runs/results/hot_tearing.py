@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from castfem.physics.coupling.staggered import StrandState
     from castfem.physics.materials import Steel
     from castfem.physics.materials.curve import ThermalCurve
+    from castfem.physics.mechanics.state import MechanicalState
     from castfem.runs.results.mechanical import MechanicalSampler
 
 NEAR = 1e-6  # K: within which a temperature is that of a reaction
@@ -43,6 +44,7 @@ class Tearing:
     strain: Array  #: at the deviator's points, Mandel (n, 4); none without mechanics
     here: Flags  #: whether each vertex was in the brittle range within the step
     passed: Flags  #: whether it has left it
+    mechanical: MechanicalState | None = None  #: of the slice; None without mechanics
 
     def won(self) -> Array:
         """Strain across the range so far over the critical one (n,)."""
@@ -107,12 +109,16 @@ class Follower:
         here = np.zeros(len(old.here), bool)
         if len(history.relief) != len(here):
             history = MushyHistory.begun(thermal.enthalpy, self._levels[0])
-        if self._mechanics is not None and strand.mechanical is not None:
-            strain = self._mechanics.strain(strand.mechanical)
+        mechanical = strand.mechanical if self._mechanics is not None else None
+        if self._mechanics is not None and mechanical is not None:
+            strain = self._mechanics.strain(mechanical)
         if duration > 0.0:
             taken: list[Array] = [np.zeros(len(here))] * 3
             if self._mechanics is not None:
-                taken = self._strained(strain - old.strain, thermal.point.temperature)
+                added = strain - old.strain
+                if old.mechanical is not None and mechanical is not None:
+                    added[:, 2] += self._mechanics.front_strain(old.mechanical, mechanical)
+                taken = self._strained(added, thermal.point.temperature)
             part = duration / laws.PARTS
             around, axial, gradient = taken[0] / laws.PARTS, taken[1] / laws.PARTS, taken[2]
             ends = (old.rate, thermal.rate)
@@ -124,7 +130,7 @@ class Follower:
                 here |= inside > 0.0
         return replace(
             old, history=history, enthalpy=thermal.enthalpy, rate=thermal.rate, strain=strain,
-            here=here, passed=thermal.enthalpy <= self._levels[2],
+            here=here, passed=thermal.enthalpy <= self._levels[2], mechanical=mechanical,
         )  # fmt: skip
 
     def _strained(self, strain: Array, temperature: Array) -> list[Array]:
