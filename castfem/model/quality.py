@@ -137,7 +137,7 @@ Criterion = Literal["won", "clyne_davies", "rdg"]
 class Feeding(TableModel):
     """What feeds the mushy zone, of the criterion "rdg"."""
 
-    viscosity: Annotated[float, Kind("Pa s", "Pa s", above=0.0)] = written("5.5e-3 Pa s")
+    viscosity: Annotated[float, Kind("Pa s", "Pa s", above=0.0)] = written("6.3e-3 Pa s")
     """of the liquid between the crystals"""
     shrinkage: Annotated[float, Kind("1", above=0.0)] | None = Field(None, examples=["4 percent"])
     """by which the volume falls as the steel freezes; left out: by the densities at solidus and

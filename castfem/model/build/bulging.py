@@ -202,8 +202,14 @@ class PitchByPitch:
         return new
 
     def axial_strain(
-        self, memory: Memory, new: Memory, start: float, end: float, places: Array,
-        *, front: bool = False,
+        self,
+        memory: Memory,
+        new: Memory,
+        start: float,
+        end: float,
+        places: Array,
+        *,
+        front: bool = False,
     ) -> Array | None:
         """See `StretchingFoundation`: of the strip, fading towards the narrow faces."""
         passed = int(new["pitch"][0])

@@ -109,8 +109,14 @@ class StretchingFoundation(Foundation, Protocol):
     """A foundation whose bulge strains the slice along the strand, too."""
 
     def axial_strain(
-        self, memory: Memory, new: Memory, start: float, end: float, places: Array,
-        *, front: bool = False,
+        self,
+        memory: Memory,
+        new: Memory,
+        start: float,
+        end: float,
+        places: Array,
+        *,
+        front: bool = False,
     ) -> Array | None:
         """Axial strain (n,) that bulging adds to the slice in a step; None for none.
 

@@ -31,7 +31,7 @@ SOLIDUS_DROP = {
     "C": 200.0, "Si": 16.0, "Mn": 6.0, "P": 93.0, "S": 1100.0, "Cr": 1.7, "Ni": 3.9,
 }  # fmt: skip
 REGRESSION_START = 1809.15  # K (1536 degC), pure iron in both regressions
-# Rise of the delta -> gamma temperature, K per wt%; meant to be Won and Thomas (2001) [M].
+# Rise of the delta -> gamma temperature, K per wt%: [Won2001] by [Microsegregation]; of P [M].
 TRANSFORMATION_RISE = {"Si": -60.0, "Mn": 12.0, "P": -140.0, "S": -160.0}
 ELEMENTS = tuple(LIQUIDUS_DROP)
 

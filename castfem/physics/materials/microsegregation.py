@@ -10,7 +10,7 @@ with the partition k, the diffusion D at the end of freezing, its time t, and th
 spacing l2. Delta ferrite freezes until the surface of the crystals would turn to austenite; from
 there on its share of the solid falls, and the liquid is the mean of what both make of it.
 
-The numbers were compared with the public code Microsegregation [Liu2020], which has those of C, Si,
+The numbers were compared with the public code [Microsegregation], which has those of C, Si,
 Mn and S (its diffusion is a factor of 1e4 too slow, by a unit that is converted twice, and that of
 C in austenite has a sign too few); those of P are from memory.
 """
@@ -26,7 +26,7 @@ import numpy.typing as npt
 
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.types import Array
-from castfem.physics.materials.alloying import alloyed
+from castfem.physics.materials.alloying import TRANSFORMATION_RISE, alloyed
 from castfem.physics.materials.hot_tearing import secondary_arm_spacing
 from castfem.physics.materials.iron_carbon import IronCarbon, Phases, Side, root
 
@@ -52,7 +52,7 @@ class Solute:
     diffusion: tuple[float, float]  #: in the solid at infinite temperature, cm2/s
     activation: tuple[float, float]  #: of diffusion, cal/mol
     liquidus: float  #: drop of the freezing point, K per wt% of the liquid
-    transformation: float  #: drop of delta -> gamma, K per wt% of the ferrite
+    transformation: float  #: rise of delta -> gamma, K per wt% of the ferrite
 
     def diffusivity(self, solid: int, temperature: float) -> float:
         """In delta ferrite (0) or austenite (1) at a temperature in K, m2/s."""
@@ -61,11 +61,11 @@ class Solute:
 
 
 SOLUTES: Mapping[str, Solute] = {
-    "C": Solute((0.19, 0.34), (0.0127, 0.0761), (19450.0, 32160.0), 78.0, -1122.0),
-    "Si": Solute((0.77, 0.52), (8.0, 0.3), (59500.0, 60100.0), 7.6, 60.0),
-    "Mn": Solute((0.76, 0.78), (0.76, 0.055), (53640.0, 59600.0), 4.9, -12.0),
-    "P": Solute((0.23, 0.13), (2.9, 0.01), (55000.0, 43700.0), 34.4, 140.0),
-    "S": Solute((0.05, 0.035), (4.56, 2.4), (51300.0, 53400.0), 38.0, 160.0),
+    "C": Solute((0.19, 0.34), (0.0127, 0.0761), (19450.0, 32160.0), 78.0, 1122.0),
+    "Si": Solute((0.77, 0.52), (8.0, 0.3), (59500.0, 60100.0), 7.6, TRANSFORMATION_RISE["Si"]),
+    "Mn": Solute((0.76, 0.78), (0.76, 0.055), (53640.0, 59600.0), 4.9, TRANSFORMATION_RISE["Mn"]),
+    "P": Solute((0.23, 0.13), (2.9, 0.01), (55000.0, 43700.0), 34.4, TRANSFORMATION_RISE["P"]),
+    "S": Solute((0.05, 0.035), (4.56, 2.4), (51300.0, 53400.0), 38.0, TRANSFORMATION_RISE["S"]),
 }
 
 
@@ -152,11 +152,11 @@ class Segregation:
         """As `_found`, if freezing takes a time, s, and ends at a temperature, K."""
         beside_delta, beside_gamma = (self._liquid(solid, time, end) for solid in (0, 1))
         delta, gamma = self._freezing_point(beside_delta), self._freezing_point(beside_gamma)
-        lowered = [
+        raised = [
             SOLUTES[name].transformation * SOLUTES[name].partition[0] * content
             for name, content in beside_delta.items()
         ]
-        turns = np.asarray(TRANSFORMATION - sum(lowered))
+        turns = np.asarray(TRANSFORMATION + sum(raised))
         first = int(np.argmax(delta <= turns))
         if not delta[first] <= turns[first]:  # it freezes to delta ferrite throughout
             return delta, beside_delta["C"]
