@@ -407,6 +407,16 @@ def test_a_case_that_does_not_ask_has_nothing_of_it(tmp_path: Path) -> None:
     assert not [name for name in quantities if any(word in name for word in words)]
 
 
+def test_the_criteria_move_nothing_of_the_run(tmp_path: Path, whole: Path) -> None:
+    """Columns of a case that asks for them are those of one that does not, to the last digit."""
+    loop.run(billet(quality={}), tmp_path, comm=MPI.COMM_SELF)
+    plain, asked = read_history(tmp_path / "history.csv"), read_history(whole / "history.csv")
+    own = [name for name in asked.columns if name not in plain.columns]
+    assert own and all(name.startswith(("won", "rdg", "clyne_davies")) for name in own)
+    for name in plain.columns:
+        np.testing.assert_array_equal(asked[name], plain[name], err_msg=name)
+
+
 @pytest.mark.parametrize(
     ("quality", "key", "told"),
     [
