@@ -9,6 +9,7 @@ is held; without it those rows stay as they are.  `tools/env.sh calphad` brings 
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -27,8 +28,9 @@ from castfem.model.build.simulation import build
 from castfem.model.load import from_document
 from castfem.model.shipped_cases import find
 from castfem.physics.closed_forms.solidification import ThreeZones
-from castfem.physics.materials import load_steel
-from castfem.physics.materials.hot_tearing import won_critical_strain
+from castfem.physics.materials import load_steel, microsegregation
+from castfem.physics.materials.hot_tearing import WON, CriticalStrain, won_critical_strain
+from castfem.physics.materials.microsegregation import SOLUTES, Segregation, segregated
 from castfem.physics.materials.phase_table import Request, Scheil
 from castfem.post.plots.maps import draw_depths
 from castfem.post.plots.style import Abscissa, look
@@ -54,8 +56,14 @@ SIZES = (1.0, 0.5, 0.25)
 BETWEEN = (9.9e-3, 14.1e-3)  # m: depths at which the strip is read
 PERITECTIC = {"C": 0.15, **PLANT}
 SHALLOW = (5.9e-3, 8.1e-3)  # m: depths at which that of a peritectic steel is read
-WINDOWS = (0.2, 0.1, 0.05)  # s
-"""Of the 125 mm billet on coarse cells."""
+WINDOWS = (
+    ("billet125/taper_1", "640 mm", "100 ms", "0.2 s"),
+    ("billet125/taper_1", "640 mm", "50 ms", "0.1 s"),
+    ("billet125/taper_1", "640 mm", "25 ms", "0.05 s"),
+    ("slab1200/slab", "17.2 m", "50 mm", "100 mm"),
+    ("slab1200/slab", "17.2 m", "25 mm", "50 mm"),
+)
+"""Case, its length, window of the case, and that of coarse cells, twice as long."""
 EXACT = ThreeZones(30.0, 7200.0, 700.0, 272e3, 1273.15, 1723.15, 1773.15, 1813.15)
 SEGREGATED = "billet180/peritectic, segregated"
 CASES = {
@@ -92,20 +100,54 @@ def grades() -> list[dict[str, Any]]:
     return rows
 
 
+def from_memory() -> list[dict[str, Any]]:
+    """What 10 % more of each datum from memory makes of the damage of a peritectic steel, %.
+
+    Of one strain at 0.001 1/s, in the range that the steel has segregated.
+    """
+    own, rate = segregated(PERITECTIC).freezing, np.array([1e-3])
+
+    def width(path: Segregation) -> float:
+        return path.temperature(0.9) - path.temperature(0.99)
+
+    def critical(path: Segregation, law: CriticalStrain = WON) -> float:
+        return float(won_critical_strain(rate, width(path), law)[0])
+
+    rows = []
+    for name in ("factor", "rate_exponent", "range_exponent"):
+        changed = critical(own, replace(WON, **{name: 1.1 * getattr(WON, name)}))
+        rows.append({"datum": f"quality.won.{name}", "width": 0.0, "share": changed})
+    phosphorus = SOLUTES["P"]
+    for name in ("partition", "diffusion", "activation", "liquidus", "transformation"):
+        given = getattr(phosphorus, name)
+        more = tuple(1.1 * one for one in given) if isinstance(given, tuple) else 1.1 * given
+        solutes = {**SOLUTES, "P": replace(phosphorus, **{name: more})}
+        with patch.object(microsegregation, "SOLUTES", solutes):
+            path = segregated(PERITECTIC).freezing
+            by = 100.0 * (width(path) / width(own) - 1.0)
+            rows.append({"datum": f"{name} of P", "width": by, "share": critical(path)})
+    return [row | {"share": 100.0 * (critical(own) / row["share"] - 1.0)} for row in rows]
+
+
 def beside_scheil(file: Path) -> list[dict[str, Any]]:
-    """Temperatures of solid fractions by microsegregation and by Scheil, degC."""
+    """Temperatures of solid fractions by microsegregation and by Scheil, degC.
+
+    With the width of the brittle range by the database in equilibrium, K.
+    """
     rows = []
     for carbon in BESIDE:
         composition = {"C": carbon, "Mn": PLANT["Mn"], "Si": PLANT["Si"]}
-        path = Request(str(file), ("LIQUID", "BCC_A2", "FCC_A1"), Scheil(END))
+        asked = Request(str(file), ("LIQUID", "BCC_A2", "FCC_A1"))
         row: dict[str, Any] = {"carbon": carbon}
         for name, changes in (
             ("segregated", {"diagram": "segregated"}),
-            ("scheil", {"database": path}),
+            ("scheil", {"database": replace(asked, scheil=Scheil(END))}),
+            ("equilibrium", {"database": asked}),
         ):
             steel = load_steel("plain_carbon", composition=composition, overrides=changes)
             for fraction in (0.4, 0.9, 0.99):
                 row[f"{name} {fraction:g}"] = temperature_at(steel, fraction) - ZERO_CELSIUS
+        row["equilibrium width"] = row["equilibrium 0.9"] - row["equilibrium 0.99"]
         rows.append(row)
     return rows
 
@@ -185,17 +227,18 @@ def strip(size: float, quick: bool) -> dict[str, Any]:
 
 
 def windows(folder: Path, quick: bool) -> list[dict[str, Any]]:
-    """The 125 mm billet below its mould on coarse cells, with windows of several lengths."""
+    """Damage by strain on coarse cells, with windows of several lengths."""
     rows = []
-    for window in WINDOWS[: 1 if quick else None]:
-        length = "50 mm" if quick else "640 mm"
-        keys = [*QUIET, f"casting.length={length}", 'quality.hot_tearing=["won"]']
-        keys.append(f"coupling.interval={0.5 * window} s")  # a coarse one is twice as long
-        case = at_level(load_case(find("billet125/taper_1"), keys), "coarse")
-        summary = finished_run(case, folder / f"windows_{window:g}").summary
+    for name, length, window, told in WINDOWS[: 1 if quick else None]:
+        cut = "50 mm" if quick else length
+        keys = [*QUIET, *CASES[name], 'quality.hot_tearing=["won"]', f"casting.length={cut}"]
+        keys = [key for key in keys if not key.startswith("quality.rdg")]
+        case = load_case(find(name), [*keys, f"coupling.interval={window}"])
+        place = f"windows_{name.partition('/')[0]}_{window.replace(' ', '')}"
+        summary = finished_run(at_level(case, "coarse"), folder / place).summary
         found = summary.quantities["way_won_front_max"]
         where = found.label.partition("on the way, ")[2]
-        rows.append({"window": window, "won_front": found.shown, "where": where})
+        rows.append({"case": name, "window": told, "won_front": found.shown, "where": where})
     return rows
 
 
@@ -227,6 +270,7 @@ def draw(output: Output, name: str, folder: Path, zones: Any) -> None:
 def main(output: Output, quick: bool) -> None:
     """Grades, the strip, and the runs, those that have finished not again."""
     output.csv("hot_tearing_grades", grades())
+    output.csv("hot_tearing_memory", from_memory())
     output.csv("hot_tearing_cells", [strip(s, quick) for s in (SIZES[:1] if quick else SIZES)])
     if not quick and (file := os.environ.get("DATABASE")):
         output.csv("hot_tearing_scheil", beside_scheil(Path(file)))
@@ -253,6 +297,10 @@ def show(output: Output) -> None:
     }  # fmt: skip
     heads |= {f"critical {r:g}": (f"critical strain at {r:g} 1/s [%]", ".2f") for r in RATES}
     output.table("hot tearing grades", output.rows("hot_tearing_grades"), heads)
+    output.table("hot tearing memory", output.rows("hot_tearing_memory"), {
+        "datum": "10 % more of", "width": ("width of the range [%]", "+.1f"),
+        "share": ("damage [%]", "+.1f"),
+    })  # fmt: skip
     beside = {"carbon": ("C [wt%]", ".2f")}
     for fraction in ("0.4", "0.9", "0.99"):
         beside |= {
@@ -267,7 +315,7 @@ def show(output: Output) -> None:
         "segregated": ("segregated", ".3f"),
     })  # fmt: skip
     output.table("hot tearing windows", output.rows("hot_tearing_windows"), {
-        "window": ("windows [s]", "g"), "won_front": ("by strain, front [%]", ".2g"),
+        "case": "case", "window": "windows", "won_front": ("by strain, front [%]", ".2g"),
         "where": "where",
     })  # fmt: skip
     output.table("hot tearing runs", output.rows("hot_tearing"), {
