@@ -164,6 +164,10 @@ _GROUPS: Mapping[tuple[str, ...], Bounds] = {
     ("secondary.circuit.across",): _SPAN,
     ("secondary.circuit.stand_off",): Bounds((10 * _MM, 2.0), (1e-4, 20.0), "nozzles stand off by"),
     ("quality.critical_strain",): Bounds((1e-5, 0.2), (1e-9, 10.0), "steel cracks at"),
+    ("quality.won.factor",): Bounds((1e-4, 1.0), (1e-9, 1e3), "critical strains have"),
+    ("quality.won.rate_exponent", "quality.won.range_exponent"): Bounds(
+        (0.0, 2.0), (0.0, 10.0), "critical strains have"
+    ),
     ("quality.rdg.viscosity",): Bounds((1e-3, 1e-2), (1e-5, 10.0), "liquid metal has"),
     ("quality.rdg.shrinkage",): Bounds((0.005, 0.08), (1e-5, 0.3), "metal shrinks by"),
     ("quality.rdg.arm_spacing",): Bounds((1e-5, 1e-3), (1e-7, 0.02), "dendrites have"),

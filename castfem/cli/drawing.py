@@ -64,8 +64,14 @@ def draw_material(
     picture: Path,
     database: Path | None = None,
     scheil: bool = False,
+    segregated: bool = False,
 ) -> None:
-    """Describe a steel and plot its properties; by a database, beside those of the set itself."""
+    """Describe a steel and plot its properties; by a database, beside those of the set itself.
+
+    So those of a steel that freezes by its microsegregation are beside those of equilibrium.
+    """
+    if segregated and database is not None:
+        raise InputError("--segregated: goes without a database; give --scheil with it")
     if scheil and database is None:
         raise InputError("--scheil: freezes by a thermodynamic database; give --database FILE")
     amounts = _composition(composition)
@@ -77,11 +83,11 @@ def draw_material(
     load = partial(load_steel, name, Path.cwd(), composition=amounts, origin="steel")
     beside = None
     try:
-        if database is None:
-            steel = load()
-        else:
-            request = Request(str(database), scheil=Scheil() if scheil else None)
-            steel = load(overrides={"database": request})
+        changes: dict[str, object] = {"diagram": "segregated"} if segregated else {}
+        if database is not None:
+            changes["database"] = Request(str(database), scheil=Scheil() if scheil else None)
+        steel = load(overrides=changes)
+        if changes:
             with suppress(InputError):  # the set itself does not go as far, as for stainless steel
                 beside = load()
     except InputError as error:

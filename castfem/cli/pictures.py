@@ -100,18 +100,23 @@ def machine(case: str, output: Path | None, run: Path | None, overrides: tuple[s
     help="Thermodynamic database (.tdb) for phases and heat, drawn beside those of the set.",
 )  # fmt: skip
 @click.option("--scheil", is_flag=True, help="Freeze by Scheil, with a database.")
+@click.option(
+    "--segregated", is_flag=True,
+    help="Freeze by the microsegregation of its solutes, drawn beside equilibrium.",
+)  # fmt: skip
 def material(
     name: str,
     output: Path | None,
     composition: tuple[str, ...],
     database: Path | None,
     scheil: bool,
+    segregated: bool,
 ) -> None:
     """Describe a steel and plot its properties."""
     from castfem.cli.drawing import draw_material
 
     target = file_for(output, f"{Path(name).stem}.png")
-    draw_material(name, composition, target, database, scheil)
+    draw_material(name, composition, target, database, scheil, segregated)
 
 
 @command('strand results/slab1200/reference --every "50 mm"')

@@ -148,10 +148,10 @@ class Steel(TableModel):
     that is not, it makes plain_carbon"""
     overrides: dict[str, Any] = Field(default_factory=dict)
     """keys of the property set to change for this case, written as in its file"""
-    diagram: Literal["assessed", "pascon"] | None = None
-    """iron-carbon diagram of a steel with a composition: curves fitted to an assessed database, or
-    the straight lines of the thesis; by default that of the set, which is assessed unless its file
-    has `diagram`"""
+    diagram: Literal["assessed", "pascon", "segregated"] | None = None
+    """how a steel with a composition freezes: by curves fitted to an assessed database, or by the
+    straight lines of the thesis, in equilibrium; or segregated, by microsegregation of C, Si, Mn, P
+    and S [Won2001]; by default as the set, which is assessed unless its file has `diagram`"""
     database: str | None = Field(None, examples=["steel.tdb"])
     """thermodynamic database (.tdb, with the extra calphad), relative to this file, by which
     phases, freezing and heat go instead of the diagram; or the table that an earlier run has kept,

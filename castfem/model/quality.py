@@ -137,7 +137,7 @@ Criterion = Literal["won", "clyne_davies", "rdg"]
 class Feeding(TableModel):
     """What feeds the mushy zone, of the criterion "rdg"."""
 
-    viscosity: Annotated[float, Kind("Pa s", "Pa s", above=0.0)] = written("5.5e-3 Pa s")
+    viscosity: Annotated[float, Kind("Pa s", "Pa s", above=0.0)] = written("6.3e-3 Pa s")
     """of the liquid between the crystals"""
     shrinkage: Annotated[float, Kind("1", above=0.0)] | None = Field(None, examples=["4 percent"])
     """by which the volume falls as the steel freezes; left out: by the densities at solidus and
@@ -146,6 +146,17 @@ class Feeding(TableModel):
     """of the secondary dendrite arms; left out: by carbon content and cooling rate [Won2001]"""
     cavitation: Annotated[float, Kind("Pa", "kPa", above=0.0)] = written("2 kPa")
     """pressure drop from which on the liquid tears"""
+
+
+class CriticalStrain(TableModel):
+    """Strain that the brittle range bears, factor/(rate^m width^n), of the criterion "won"."""
+
+    factor: Annotated[float, Kind("1", above=0.0)] = 0.02821
+    """of a rate in 1/s and a width of the range in K [Won2000]"""
+    rate_exponent: Annotated[float, Kind("1", least=0.0)] = 0.3131
+    """m, of the rate of strain; with both exponents 0 the factor is the strain itself"""
+    range_exponent: Annotated[float, Kind("1", least=0.0)] = 0.8638
+    """n, of the width of the range"""
 
 
 class Quality(TableModel):
@@ -163,6 +174,8 @@ class Quality(TableModel):
     hot_tearing: tuple[Criterion, ...] | None = Field(None, examples=[["won", "clyne_davies"]])
     """criteria of hot tearing in the brittle range that are followed through the section
     (docs/hot_tearing.md); left out: none"""
+    won: CriticalStrain | None = None
+    """critical strain, of the criterion "won"; left out: that of the paper"""
     rdg: Feeding | None = None
     """what feeds the mushy zone, of the criterion "rdg"; left out: its defaults"""
     ductility: Annotated[Any, DuctilityTable()] = Field(None, examples=[{"file": "ductility.csv"}])
@@ -182,8 +195,9 @@ def _followed(case: Case, quality: Quality) -> Faults:
     if criteria and not (quality.brittle[0] > FEEDING and quality.brittle[1] < 1.0):
         text = f"hot_tearing needs a range between {FEEDING:g} and 1, such as [0.9, 0.99]"
         yield "brittle", text
-    if quality.rdg is not None and "rdg" not in criteria:
-        yield "rdg", 'is of the criterion "rdg"; name it, hot_tearing = ["rdg"]'
+    for name, table in (("won", quality.won), ("rdg", quality.rdg)):
+        if table is not None and name not in criteria:
+            yield name, f'is of the criterion "{name}"; name it, hot_tearing = ["{name}"]'
     if quality.ductility is not None and case.mechanics is None:
         yield "ductility", "is held against strain; add [mechanics], or leave it out"
 

@@ -324,6 +324,20 @@ def test_material_describes_and_plots(castfem):
     assert Path("steel.png").stat().st_size > 10_000
 
 
+def test_material_freezes_segregated_beside_equilibrium(castfem):
+    steel = ("material", "plain_carbon", "-c", "C=0.15", "-c", "S=0.01", "-o", "steel.png")
+    solidus = []
+    for words in ((), ("--segregated",)):
+        outcome = castfem(*steel, *words)
+        assert outcome.status == 0, outcome.err
+        (line,) = [one for one in outcome.out.splitlines() if one.startswith("solidus")]
+        solidus.append(float(line.split()[1]))
+    assert solidus[1] < solidus[0] - 10.0
+    assert "microsegregation" in line
+    outcome = castfem(*steel, "--segregated", "--database", "steel.tdb")
+    assert outcome.status == 1 and "--segregated: goes without a database" in outcome.err
+
+
 def test_mesh_parameters_are_si(case_file):
     assert load_case(case_file).mesh_parameters() == {
         "shape": "rectangle",

@@ -90,7 +90,7 @@ def followed(case: Case) -> tuple[Array, Tearing]:
     chosen = np.flatnonzero((np.abs(y) < 1e-9) & (x > 9.9e-3) & (x < 14.1e-3))
     arrays = {n: getattr(found.history, n)[chosen] for n in MushyHistory.names()}
     return x[chosen], Tearing(
-        MushyHistory(**arrays), found.width, found.mushy, None, found.enthalpy[chosen],
+        MushyHistory(**arrays), found.width, found.mushy, found.law, None, found.enthalpy[chosen],
         found.rate[chosen], found.strain, found.here[chosen], found.passed[chosen],
     )  # fmt: skip
 
@@ -175,6 +175,54 @@ def test_a_place_has_passed_when_the_reaction_has_all_but_ended() -> None:
     freezing = (solid > liquid + 1e-3) & (solid < 0.989)
     assert freezing.any() and tearing.here[freezing].all() and not tearing.passed[freezing].any()
     assert (tearing.history.vulnerable[freezing] > 0.0).all()
+
+
+PERITECTIC = {
+    "name": "plain_carbon", "composition": {"C": 0.15, "Mn": 0.8, "Si": 0.2, "P": 0.015, "S": 0.01},
+    "diagram": "segregated",
+}  # fmt: skip
+
+
+def test_peritectic_steel_that_segregates_is_followed_whatever_the_cells() -> None:
+    """In equilibrium its front has no thickness: what a place spends in it is that of its cell.
+
+    By its microsegregation the range is 14 K, and half the cells move times by 5 % at most. The
+    strain is the time by the rate, the damage that by hand.
+    """
+    overrides = {"youngs_modulus": "10 GPa", "poisson_ratio": 0.3, "thermal_expansion": "0 1/K"}
+    times = []
+    for size in (0.5, 0.25):
+        case = stretched(
+            size,
+            **{
+                "steel": PERITECTIC | {"overrides": overrides},
+                "quality": {
+                    "hot_tearing": CRITERIA, "rdg": FEEDING,
+                    "won": {"factor": 0.02, "rate_exponent": 0.2, "range_exponent": 0.5},
+                },
+            },
+        )  # fmt: skip
+        x, found = followed(case)
+        time = found.history.vulnerable
+        assert found.passed.all() and found.width == pytest.approx(14.0, abs=0.1)
+        assert found.history.around == pytest.approx(AROUND * time, rel=1e-9)
+        critical = 0.02 / (AROUND**0.2 * found.width**0.5)
+        assert found.won() == pytest.approx(AROUND * time / critical, rel=1e-9)
+        times.append([np.mean(time / x**2), np.mean(found.clyne_davies())])
+    coarse, fine = np.array(times)
+    assert coarse == pytest.approx(fine, rel=0.05)
+    assert 0.3 < fine[1] < 0.5
+
+
+def test_the_critical_strain_may_be_one_number() -> None:
+    """With both exponents 0 the factor is the strain, whatever the rate and the range."""
+    quality = {"hot_tearing": ["won"]}
+    constant = {"factor": 0.016, "rate_exponent": 0, "range_exponent": 0}
+    _, own = followed(stretched(1.0, quality=quality))
+    _, found = followed(stretched(1.0, quality=quality | {"won": constant}))
+    assert found.won() == pytest.approx(found.history.strain / 0.016, rel=1e-12)
+    assert found.history.strain == pytest.approx(own.history.strain, rel=1e-12)
+    assert (own.won() != found.won()).all()
 
 
 def test_where_windows_end_does_not_show() -> None:
@@ -344,7 +392,8 @@ def test_a_case_that_does_not_ask_imports_nothing_of_it(tmp_path: Path) -> None:
         "from castfem.model.build.simulation import build; from castfem.runs.loop import TimeLoop; "
         "from mpi4py import MPI; "
         f"TimeLoop(build(load_case({str(write_small(tmp_path))!r}), MPI.COMM_SELF)).run(); "
-        "print([m for m in sys.modules if m.endswith(('.hot_tearing', '.ductility'))])"
+        "new = '.hot_tearing', '.ductility', '.microsegregation'; "
+        "print([m for m in sys.modules if m.endswith(new)])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "[]"
@@ -358,6 +407,16 @@ def test_a_case_that_does_not_ask_has_nothing_of_it(tmp_path: Path) -> None:
     assert not [name for name in quantities if any(word in name for word in words)]
 
 
+def test_the_criteria_move_nothing_of_the_run(tmp_path: Path, whole: Path) -> None:
+    """Columns of a case that asks for them are those of one that does not, to the last digit."""
+    loop.run(billet(quality={}), tmp_path, comm=MPI.COMM_SELF)
+    plain, asked = read_history(tmp_path / "history.csv"), read_history(whole / "history.csv")
+    own = [name for name in asked.columns if name not in plain.columns]
+    assert own and all(name.startswith(("won", "rdg", "clyne_davies")) for name in own)
+    for name in plain.columns:
+        np.testing.assert_array_equal(asked[name], plain[name], err_msg=name)
+
+
 @pytest.mark.parametrize(
     ("quality", "key", "told"),
     [
@@ -365,6 +424,7 @@ def test_a_case_that_does_not_ask_has_nothing_of_it(tmp_path: Path) -> None:
         ({"hot_tearing": ["wom"]}, "quality.hot_tearing", "won"),
         ({"hot_tearing": ["clyne_davies"], "brittle": [0.9, 1.0]}, "quality.brittle", "0.99"),
         ({"rdg": {}}, "quality.rdg", 'hot_tearing = ["rdg"]'),
+        ({"won": {}}, "quality.won", 'hot_tearing = ["won"]'),
         ({"ductility": DUCTILITY}, "quality.ductility", "[mechanics]"),
         (
             {"ductility": DUCTILITY | {"strain_rate": [1e-4, 1e-4, 1e-4, 1e-2]}},
@@ -386,6 +446,7 @@ def test_what_is_wrong_is_told_by_its_key(quality: dict[str, object], key: str, 
     ("changes", "key"),
     [
         ({"steel.name": "neumann_steel"}, "quality.hot_tearing"),
+        ({"steel": {"name": "plain_carbon", "composition": {"C": 0.15}}}, "quality.hot_tearing"),
         ({"quality": {"hot_tearing": ["rdg"]}, "mechanics": {}}, "quality.rdg.shrinkage"),
         (
             {"quality": {"hot_tearing": ["rdg"], "rdg": {"shrinkage": "4 percent"}},
@@ -400,8 +461,10 @@ def test_a_steel_that_lacks_something_is_refused(
     if not key:  # carbon_042 states its carbon
         build(case, MPI.COMM_SELF).destroy()
         return
-    with pytest.raises(InputError, match=key):
+    with pytest.raises(InputError, match=key) as error:
         TimeLoop(build(case, MPI.COMM_SELF))
+    widened = 'steel.diagram = "segregated"' in str(error.value)
+    assert widened == (case.steel.composition.get("C") == 0.15)
     path = tmp_path / "lacking.toml"
     path.write_text(case.resolved_toml())
     with pytest.raises(InputError, match=f"lacking.toml: {key}: "):  # before anything is run

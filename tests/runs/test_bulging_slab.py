@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from copy import deepcopy
+from itertools import pairwise
 from pathlib import Path
 
 from mpi4py import MPI
@@ -20,6 +21,7 @@ from castfem.model.build.simulation import build
 from castfem.physics.constitutive.flow_laws import RadialReturn
 from castfem.physics.contact.roll_support import RollSupportState
 from castfem.physics.machine.bulging import CreepingStrip, ElasticStrip, Shell, Span, stiffness
+from castfem.runs.results.mechanical import MechanicalSampler
 from castfem.runs.results.sample import Sample
 
 ROLLS = (0.9, 1.1, 1.3)
@@ -226,6 +228,62 @@ def test_axial_strain_of_the_strip_is_added_to_the_shell(creeping: Kept) -> None
     assert not found[:, 0, 2].any() and not found[:, 1].any()
 
 
+def test_the_front_is_strained_by_the_bulge() -> None:
+    """Each place takes what the strip has at its depth, from the roll to where the slice is.
+
+    It goes beyond the inside of the shell, in which the slice has it: by hand from the bulge. The
+    damage of a slab that is followed rises by it.
+    """
+    bulging = {"model": "creep", "axial_strain": True}
+    kept = run_in_memory(slab(mechanics__bulging=bulging))
+    states = [s.mechanical for s in kept.states if s.mechanical is not None]
+    memory = rolls_of(entered(kept, 1)).memory
+    thickness, neutral = float(memory["thickness"][0]), float(memory["neutral"][0])
+    simulation = build(slab(mechanics__bulging=bulging), MPI.COMM_SELF)
+    try:
+        assert simulation.mechanics is not None
+        interactions = simulation.mechanics.problem.interactions
+        depth = np.array([0.002, thickness + 0.003])
+        places = np.column_stack([np.zeros(2), 0.05 - depth])
+        found, at = np.zeros(2), []
+        for before, after in pairwise(states):
+            position = simulation.machine.position(after.time)
+            if ROLLS[1] < position <= ROLLS[1] + 0.1 + 1e-9:
+                part = interactions.front_strain(before, after, places)
+                assert part is not None
+                found, at = found + part, [*at, position]
+    finally:
+        simulation.destroy()
+    assert at[-1] == pytest.approx(ROLLS[1] + 0.1) and len(at) == 2
+    stretched, bent = (
+        float(np.diff(np.interp([0.0, 0.1], memory["z"][0], memory[name][0]))[0])
+        for name in ("axial_strain", "curvature")
+    )
+    assert found == pytest.approx(stretched + bent * (neutral - depth), rel=1e-6)
+    assert found[1] * found[0] < 0.0 and abs(found).min() > 1e-6
+
+
+def test_what_the_front_has_taken_has_the_bulge(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By up to its strain in the middle of the faces, and by nothing beside the narrow ones."""
+    case = slab(
+        mechanics__bulging={"model": "creep", "axial_strain": True},
+        quality={"hot_tearing": ["won"]},
+    )
+    taken = []
+    for followed in (True, False):
+        if not followed:
+            monkeypatch.setattr(MechanicalSampler, "front_strain", lambda *given: 0.0)
+        tearing = run_in_memory(case).samples[-1].judged.tearing
+        assert tearing is not None
+        taken.append(tearing.history.axial)
+    simulation = build(case, MPI.COMM_SELF)
+    x = simulation.section.vertex_space.tabulate_dof_coordinates()[:, 0]
+    simulation.destroy()
+    more = taken[0] - taken[1]
+    assert more.max() > 1e-6 and np.abs(more).max() < 1e-3
+    assert not more[np.abs(x) > 0.199].any()
+
+
 def test_axial_strain_of_the_strip_stresses_the_face(creeping: Kept) -> None:
     kept = run_in_memory(slab(mechanics__bulging={"model": "creep", "axial_strain": True}))
     at = [s.position for s in creeping.samples]
@@ -265,8 +323,11 @@ def test_ranks_bulge_alike() -> None:
 
 
 def strained_along() -> Case:
-    """The strip's axial strain goes through the checkpoint, too."""
-    return slab(mechanics__bulging={"model": "creep", "axial_strain": True})
+    """The strip's axial strain goes through the checkpoint, too, and what the front takes of it."""
+    return slab(
+        mechanics__bulging={"model": "creep", "axial_strain": True},
+        quality={"hot_tearing": ["won"]},
+    )
 
 
 @pytest.fixture(scope="module")

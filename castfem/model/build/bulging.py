@@ -202,7 +202,14 @@ class PitchByPitch:
         return new
 
     def axial_strain(
-        self, memory: Memory, new: Memory, start: float, end: float, places: Array
+        self,
+        memory: Memory,
+        new: Memory,
+        start: float,
+        end: float,
+        places: Array,
+        *,
+        front: bool = False,
     ) -> Array | None:
         """See `StretchingFoundation`: of the strip, fading towards the narrow faces."""
         passed = int(new["pitch"][0])
@@ -221,7 +228,8 @@ class PitchByPitch:
                 for name in ("curvature", "axial_strain")
             )
             part = stretched + bent * (new["neutral"][i] - depth)
-            found += np.where(depth < new["thickness"][i], edge * part, 0.0)
+            inside = abs(surface) if front else new["thickness"][i]
+            found += np.where(depth < inside, edge * part, 0.0)
         return found
 
     def _bulge(

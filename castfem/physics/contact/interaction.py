@@ -181,6 +181,19 @@ class Interaction(ABC):
         """Axial strain (n,) that it adds in the step begun at places (n, 2), m; None for none."""
         return None
 
+    def front_strain(
+        self, old: Any, new: Any, span: tuple[float, float], places: Array
+    ) -> Array | None:
+        """Axial strain (n,) that it brings to what freezes to the shell; None for none.
+
+        Args:
+            old: Its state at the start.
+            new: At the end.
+            span: Both times, s.
+            places: In the undeformed section (n, 2), m.
+        """
+        return None
+
     def refusal(self) -> str:
         """Why the step that was begun cannot be taken; empty if it can (collective)."""
         return ""

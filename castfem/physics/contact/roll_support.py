@@ -109,7 +109,14 @@ class StretchingFoundation(Foundation, Protocol):
     """A foundation whose bulge strains the slice along the strand, too."""
 
     def axial_strain(
-        self, memory: Memory, new: Memory, start: float, end: float, places: Array
+        self,
+        memory: Memory,
+        new: Memory,
+        start: float,
+        end: float,
+        places: Array,
+        *,
+        front: bool = False,
     ) -> Array | None:
         """Axial strain (n,) that bulging adds to the slice in a step; None for none.
 
@@ -119,7 +126,8 @@ class StretchingFoundation(Foundation, Protocol):
             start: Of the step, s.
             end: Of the step, s.
             places: In the undeformed section (n, 2), m.
-        """
+            front: Go on beyond the inside of the shell, as what freezes to it is strained along.
+        """  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -299,6 +307,15 @@ class WinklerFoundation(Interaction):
         if not (self.given.active(end) and isinstance(foundation, StretchingFoundation)):
             return None
         return foundation.axial_strain(self._old.memory, self._memory, start, end, places)
+
+    def front_strain(
+        self, old: RollSupportState, new: RollSupportState, span: tuple[float, float], places: Array
+    ) -> Array | None:
+        """See `Interaction`: that of the bulge, if the slice has it (`axial_strain`)."""
+        foundation = self.given.foundation
+        if not (self.given.active(span[1]) and isinstance(foundation, StretchingFoundation)):
+            return None
+        return foundation.axial_strain(old.memory, new.memory, *span, places, front=True)
 
     def _readings(self) -> list[tuple[fem.Form, ...]]:
         """Of each group: force along its normal, integral of its displacement, length."""

@@ -13,6 +13,7 @@ from castfem.physics.materials.iron_carbon import (
     ASSESSED,
     MAX_CARBON,
     PASCON,
+    Diagram,
     DiagramName,
     IronCarbon,
     Lines,
@@ -30,7 +31,7 @@ SOLIDUS_DROP = {
     "C": 200.0, "Si": 16.0, "Mn": 6.0, "P": 93.0, "S": 1100.0, "Cr": 1.7, "Ni": 3.9,
 }  # fmt: skip
 REGRESSION_START = 1809.15  # K (1536 degC), pure iron in both regressions
-# Rise of the delta -> gamma temperature, K per wt%; meant to be Won and Thomas (2001) [M].
+# Rise of the delta -> gamma temperature, K per wt%: [Won2001] by [Microsegregation]; of P [M].
 TRANSFORMATION_RISE = {"Si": -60.0, "Mn": 12.0, "P": -140.0, "S": -160.0}
 ELEMENTS = tuple(LIQUIDUS_DROP)
 
@@ -71,6 +72,19 @@ def check_composition(composition: Mapping[str, float]) -> list[str]:
         if not math.isfinite(content) or not 0.0 <= content <= most:
             problems.append(f"{element}: {content:g} wt% is out of range; 0 ... {most:g} wt%")
     return problems
+
+
+def diagram_of(composition: Mapping[str, float], name: DiagramName) -> Diagram:
+    """How a composition in wt% freezes, by the name of a diagram.
+
+    Raises:
+        ValueError: As `alloyed`; or a segregated steel has no carbon, or too much of it.
+    """
+    if name == "segregated":
+        from castfem.physics.materials.microsegregation import segregated  # where asked for
+
+        return segregated(composition)
+    return alloyed(composition, name)
 
 
 def alloyed(composition: Mapping[str, float], diagram: DiagramName = "assessed") -> IronCarbon:

@@ -122,7 +122,7 @@ class Workshop:
         if "C" not in self.composition or self.diagram is not None:
             return
         try:
-            self.diagram = alloying.alloyed(self.composition, self.given.diagram)
+            self.diagram = alloying.diagram_of(self.composition, self.given.diagram)
         except ValueError as error:
             self.fail("composition", text=str(error))
 

@@ -25,34 +25,51 @@ from castfem.base.types import Array
 Fraction = Callable[[Array], Array]
 """Solid fraction over temperature in K."""
 
-WON, WON_RATE, WON_RANGE = 0.02821, 0.3131, 0.8638  # of 1/s and K
 POINTS = 16  # of Gauss in each of the panels of an integral over the mushy zone
 PANELS = 64
 NO_STRAIN = 1e-12  # what rounding makes of none
 PARTS = 8  # in which what a step does is followed
 
 
-def won_critical_strain(rate: Array, width: float) -> Array:
-    """Strain across the brittle range from which on the steel tears [Won2000] (n,).
+@dataclass(frozen=True, slots=True)
+class CriticalStrain:
+    """A law of the form of [Won2000], factor/(rate^m width^n); by default that of the paper.
+
+    With both exponents 0 the strain is one, whatever the rate and the range.
+    """
+
+    factor: float = 0.02821  #: of a rate in 1/s and a width in K
+    rate_exponent: float = 0.3131
+    range_exponent: float = 0.8638
+
+
+WON = CriticalStrain()
+
+
+def won_critical_strain(rate: Array, width: float, law: CriticalStrain = WON) -> Array:
+    """Strain across the brittle range from which on the steel tears (n,).
 
     Args:
         rate: Of strain in the range (n,), 1/s; infinite strain is borne at none.
         width: Of the range, T(fs 0.9) - T(fs 0.99), K.
+        law: Its numbers.
     """
     with np.errstate(divide="ignore"):
-        return np.asarray(WON / (np.asarray(rate, float) ** WON_RATE * width**WON_RANGE))
+        slowed = np.asarray(rate, float) ** law.rate_exponent * width**law.range_exponent
+        return np.asarray(law.factor / slowed)
 
 
-def won_damage(strain: Array, time: Array, width: float) -> Array:
+def won_damage(strain: Array, time: Array, width: float, law: CriticalStrain = WON) -> Array:
     """Strain across the range over the critical one of its mean rate (n,).
 
     Args:
         strain: Across the range so far (n,), not negative.
         time: Spent in it so far (n,), s.
         width: See `won_critical_strain`.
+        law: Likewise.
     """
     rate = strain / np.where(time > 0.0, time, np.inf)
-    damage = strain / won_critical_strain(rate, width)
+    damage = strain / won_critical_strain(rate, width, law)
     return np.where(strain > NO_STRAIN, damage, 0.0)
 
 

@@ -34,10 +34,14 @@ import numpy.typing as npt
 from castfem.base.types import Array
 
 Side = Literal["above", "below"]
-DiagramName = Literal["assessed", "pascon"]
+DiagramName = Literal["assessed", "pascon", "segregated"]
 # Where each diagram comes from, and the status of that.
 SOURCES: Mapping[DiagramName, tuple[str, str]] = {
     "assessed": ("Fe-C diagram fitted to Povoden-Karadeniz (2016), shifted by the alloying", "C"),
+    "segregated": (
+        "microsegregation of Won and Thomas (2001), that of P from memory; solid in equilibrium",
+        "M",
+    ),
     "pascon": ("Fe-C diagram of Pascon (2003), II.1.5, shifted by the alloying", "F"),
 }
 
@@ -291,7 +295,7 @@ class IronCarbon:
         hot = beyond(t, self.peritectic)
         liquid_hot, carbon_liquid_hot, carbon_delta_hot = self._melting_delta(t, beyond)
         liquid_cold, carbon_liquid_cold, carbon_gamma_cold = self._melting_gamma(t)
-        delta_cold, carbon_delta_cold, carbon_gamma_solid = self._transforming(t, beyond)
+        delta_cold, carbon_delta_cold, carbon_gamma_solid = self.solid(t, self.carbon, side)
         liquid = np.where(hot, liquid_hot, liquid_cold)
         delta = np.where(hot, 1.0 - liquid_hot, delta_cold)
         gamma = 1.0 - liquid - delta
@@ -332,15 +336,24 @@ class IronCarbon:
         )
         return _lever(self.carbon, in_gamma, in_liquid, np.zeros_like(t)), in_liquid, in_gamma
 
-    def _transforming(self, t: Array, beyond: np.ufunc) -> tuple[Array, Array, Array]:
-        """Delta fraction in delta + gamma with the carbon in both, below the peritectic."""
+    def solid(
+        self, t: Array, carbon: Array | float, side: Side = "above"
+    ) -> tuple[Array, Array, Array]:
+        """Share of delta ferrite in solid below the peritectic, and the carbon of both phases.
+
+        Args:
+            t: Temperatures, K (any shape).
+            carbon: Of the solid, wt% (of that shape).
+            side: See `phases`.
+        """
+        beyond = np.greater_equal if side == "above" else np.greater
         within = np.clip(t, self.transformation, self.peritectic)
         in_delta, in_gamma = (line.carbon(within) for line in self._solid_lines)
-        ferritic = np.asarray(beyond(t, self.transformation) & (self.carbon == 0.0), float)
-        return 1.0 - _lever(self.carbon, in_delta, in_gamma, 1.0 - ferritic), in_delta, in_gamma
+        ferritic = np.asarray(beyond(t, self.transformation) & np.equal(carbon, 0.0), float)
+        return 1.0 - _lever(carbon, in_delta, in_gamma, 1.0 - ferritic), in_delta, in_gamma
 
 
-def _lever(carbon: float, poor: Array, rich: Array, limit: Array) -> Array:
+def _lever(carbon: Array | float, poor: Array, rich: Array, limit: Array) -> Array:
     """Fraction of the carbon-rich phase (10), in [0, 1]; `limit` where both are pure iron."""
     span = rich - poor
     two_phases = span > 0.0

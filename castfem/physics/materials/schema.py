@@ -89,7 +89,7 @@ class MaterialFile(BaseModel):
     description: str = ""
     from_composition: tuple[str, ...] = ()
     composition: dict[str, Any] = {}
-    diagram: Literal["assessed", "pascon"] = "assessed"
+    diagram: Literal["assessed", "pascon", "segregated"] = "assessed"
     solidus: Entry | None = None
     liquidus: Entry | None = None
     latent_heat: Entry | None = None
@@ -154,7 +154,7 @@ def _text(details: Any, path: Keys) -> str:
         names = {
             "status": ("F", "M", "C", "U"),
             "outside": ("constant", "refuse"),
-            "diagram": ("assessed", "pascon"),
+            "diagram": ("assessed", "pascon", "segregated"),
         }.get(name, ("mean", "differential"))
         return (
             f"not possible{value}; one of {choices(names)}{nearest(str(details['input']), names)}"

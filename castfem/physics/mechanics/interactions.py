@@ -109,6 +109,21 @@ class Interactions:
         found = [part for one in self._each if (part := one.axial_strain(places)) is not None]
         return sum(found[1:], found[0]) if found else None
 
+    def front_strain(
+        self, old: MechanicalState, new: MechanicalState, places: Array
+    ) -> Array | None:
+        """Axial strain (n,) that they have brought to the front from a state to a later one.
+
+        See `Interaction.front_strain`; None for none.
+        """
+        span, states = (old.time, new.time), zip(old.interactions, new.interactions, strict=True)
+        parts = [
+            part
+            for one, (before, after) in zip(self._each, states, strict=True)
+            if (part := one.front_strain(before, after, span, places)) is not None
+        ]
+        return sum(parts[1:], parts[0]) if parts else None
+
     def refusal(self) -> str:
         """Why the step that was begun cannot be taken; empty if it can (collective)."""
         return next((reason for one in self._each if (reason := one.refusal())), "")

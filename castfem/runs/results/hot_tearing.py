@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from castfem.physics.coupling.staggered import StrandState
     from castfem.physics.materials import Steel
     from castfem.physics.materials.curve import ThermalCurve
+    from castfem.physics.mechanics.state import MechanicalState
     from castfem.runs.results.mechanical import MechanicalSampler
 
 NEAR = 1e-6  # K: within which a temperature is that of a reaction
@@ -36,17 +37,19 @@ class Tearing:
     history: MushyHistory  #: what each vertex has met
     width: float  #: of the brittle range, K
     mushy: float  #: temperature over which the relief goes as well, K
+    law: laws.CriticalStrain  #: of the criterion "won"
     feeding: laws.Feeding | None  #: of the criterion "rdg"; None without
     enthalpy: Array  #: at the vertices, J/m3
     rate: Array  #: of that at the end of the step, W/m3
     strain: Array  #: at the deviator's points, Mandel (n, 4); none without mechanics
     here: Flags  #: whether each vertex was in the brittle range within the step
     passed: Flags  #: whether it has left it
+    mechanical: MechanicalState | None = None  #: of the slice; None without mechanics
 
     def won(self) -> Array:
         """Strain across the range so far over the critical one (n,)."""
         history = self.history
-        return laws.won_damage(history.strain, history.vulnerable, self.width)
+        return laws.won_damage(history.strain, history.vulnerable, self.width, self.law)
 
     def clyne_davies(self) -> Array:
         """Time in the range over that before it (n,); 0 before its end."""
@@ -91,10 +94,13 @@ class Follower:
         feeding = None
         if "rdg" in quality.hot_tearing:
             feeding = _feeding(quality.rdg or Feeding.model_validate({}), steel, kelvin[2])
+        law = laws.WON
+        if (given := quality.won) is not None:
+            law = laws.CriticalStrain(given.factor, given.rate_exponent, given.range_exponent)
         none = np.zeros(simulation.section.owned)
         self.start = Tearing(
-            MushyHistory(), width, kelvin[0] - kelvin[2], feeding, none, none, np.zeros((0, 4)),
-            none > 0.0, none > 0.0,
+            MushyHistory(), width, kelvin[0] - kelvin[2], law, feeding, none, none,
+            np.zeros((0, 4)), none > 0.0, none > 0.0,
         )  # fmt: skip
 
     def note(self, old: Tearing, strand: StrandState, duration: float) -> Tearing:
@@ -103,12 +109,16 @@ class Follower:
         here = np.zeros(len(old.here), bool)
         if len(history.relief) != len(here):
             history = MushyHistory.begun(thermal.enthalpy, self._levels[0])
-        if self._mechanics is not None and strand.mechanical is not None:
-            strain = self._mechanics.strain(strand.mechanical)
+        mechanical = strand.mechanical if self._mechanics is not None else None
+        if self._mechanics is not None and mechanical is not None:
+            strain = self._mechanics.strain(mechanical)
         if duration > 0.0:
             taken: list[Array] = [np.zeros(len(here))] * 3
             if self._mechanics is not None:
-                taken = self._strained(strain - old.strain, thermal.point.temperature)
+                added = strain - old.strain
+                if old.mechanical is not None and mechanical is not None:
+                    added[:, 2] += self._mechanics.front_strain(old.mechanical, mechanical)
+                taken = self._strained(added, thermal.point.temperature)
             part = duration / laws.PARTS
             around, axial, gradient = taken[0] / laws.PARTS, taken[1] / laws.PARTS, taken[2]
             ends = (old.rate, thermal.rate)
@@ -120,7 +130,7 @@ class Follower:
                 here |= inside > 0.0
         return replace(
             old, history=history, enthalpy=thermal.enthalpy, rate=thermal.rate, strain=strain,
-            here=here, passed=thermal.enthalpy <= self._levels[2],
+            here=here, passed=thermal.enthalpy <= self._levels[2], mechanical=mechanical,
         )  # fmt: skip
 
     def _strained(self, strain: Array, temperature: Array) -> list[Array]:
@@ -181,9 +191,13 @@ def lacks(quality: Quality, steel: Steel) -> tuple[str, str] | None:
     fractions = (FEEDING, *quality.brittle)
     feeds, begins, ends = (temperature_at(steel, fraction) for fraction in fractions)
     if not feeds > begins > ends:
+        wider = (
+            "" if steel.diagram is None else 'segregation widens it, steel.diagram = "segregated"; '
+        )
         return "hot_tearing", (
-            f"{steel.name} goes through its brittle range at one "
-            "temperature; give another quality.brittle or steel, or leave the criteria out"
+            f"{steel.name} goes through its brittle range at one temperature: a front without "
+            f"thickness, in which a place spends no time; {wider}give another quality.brittle or "
+            "steel, or leave the criteria out"
         )
     if "rdg" not in (quality.hot_tearing or ()):
         return None

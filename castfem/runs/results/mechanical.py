@@ -299,6 +299,13 @@ class MechanicalSampler:
             points.strain @ state.displacement, state.generalized_strains
         )
 
+    def front_strain(self, before: MechanicalState, after: MechanicalState) -> Array | float:
+        """Axial strain that bulges have brought to the front since, at the deviator's points."""
+        points = self.strained.points
+        places = points.position[: points.deviator_points]
+        found = self.strained.interactions.front_strain(before, after, places)
+        return 0.0 if found is None else found
+
     def _with_generalized_strains(self, values: Array, generalized_strains: Array) -> Array:
         """Strain in the plane at all points, with that of the planes, at the deviator's."""
         points = self.strained.points
