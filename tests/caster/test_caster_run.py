@@ -15,7 +15,7 @@ from small_case import strip
 from small_caster import STOP, STRAINED, caster
 
 import castfem
-from castfem.base.errors import InputError
+from castfem.base.errors import CaseError, InputError
 from castfem.base.progress import Progress
 from castfem.cli import execute
 from castfem.model.build.simulation import build_mesh
@@ -234,7 +234,7 @@ def test_what_is_refused(
 
 def test_what_a_run_of_it_cannot_do() -> None:
     mesh = build_mesh(caster()).vertices
-    with pytest.raises(InputError, match=r"has no table \[caster\]"):
+    with pytest.raises(CaseError, match=r"caster: the table is missing; add \[caster\] with"):
         demand(caster().model_copy(update={"caster": None}), mesh)
     with pytest.raises(
         InputError, match=r"caster.spacing: 2000001 slices at once take about .* GB"
@@ -284,6 +284,11 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     for words in (["compare"], ["report"]):
         assert execute([*words, str(folder), str(folder)]) == 1
         assert "is a caster of many slices" in capsys.readouterr().err
+    (tmp_path / "none.toml").write_text(
+        caster().model_copy(update={"caster": None}).resolved_toml()
+    )
+    assert execute(["caster", str(tmp_path / "none.toml")]) == 1
+    assert f"{tmp_path}/none.toml: caster: the table is missing" in capsys.readouterr().err
     assert execute(["check", str(path)]) == 0 and "caster: 15 slices" in capsys.readouterr().out
 
 

@@ -71,6 +71,7 @@ class Zones:
         )
         self._coolings = [self._make(i) for i in range(len(self.spans))]
         tags = [t for span in self.spans for names, _ in span.laws for t in self._tags(names)]
+        self._secondary: SecondaryCooling | None
         known = None if beside is None else beside._secondary
         self._secondary = self._below(case, machine, steel, known)
         if self._secondary is not None:

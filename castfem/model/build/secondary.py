@@ -83,6 +83,7 @@ class SecondaryCooling:
             one.name: table.model_of(one).coefficient(table.water_temperature)
             for one in table.circuit
         }
+        self._met: list[_Met]
         self._met = self._meets(case, machine, surface, rows) if beside is None else beside._met
         faces = [_Face(self, met) for met in self._met]
         places = [stretch.start for met in self._met for stretch in met.stretches]
