@@ -11,17 +11,18 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from ranks import python_on
 from small_case import strip
 from small_caster import STOP, STRAINED, caster
 
 import castfem
-from castfem.base.errors import CaseError, InputError
+from castfem.base.errors import CannotWrite, CaseError, InputError
 from castfem.base.progress import Progress
 from castfem.cli import execute
 from castfem.model.build.simulation import build_mesh
 from castfem.model.caster import cast_of
 from castfem.runs.caster.demand import demand
-from castfem.runs.caster.files import read_table
+from castfem.runs.caster.files import GrowingTable, read_table
 from castfem.runs.caster.run import run_caster
 from castfem.runs.interrupt import Stopped
 from castfem.runs.output.checkpoint import load_checkpoint
@@ -146,6 +147,53 @@ def test_what_was_cut_short_goes_on_to_the_same_files(
     for name in FILES:
         assert (whole / name).read_bytes() == (tmp_path / "cut" / name).read_bytes(), name
     assert RunRecord.load(tmp_path / "cut").status == "finished"
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_disk_that_is_full_between_two_tables(
+    name: str, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The instant is taken back from all tables, and the balance is not counted twice."""
+    append, left = GrowingTable.append, [9]
+
+    def full(table: GrowingTable, rows: Any) -> None:
+        left[0] -= table._path.name == name
+        if left[0] == 0:
+            raise CannotWrite(f"{name}: cannot be written")
+        append(table, rows)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(GrowingTable, "append", full)
+        with pytest.raises(CannotWrite):
+            run_caster(caster(), tmp_path / "cut")
+    assert RunRecord.load(tmp_path / "cut").status == "failed"
+    run_caster(caster(), tmp_path / "cut", resume=True)
+    for one in FILES:
+        assert (whole / one).read_bytes() == (tmp_path / "cut" / one).read_bytes(), one
+
+
+def test_a_full_disk_ends_the_command_and_leaves_the_last_checkpoint(
+    whole: Path, tmp_path: Path
+) -> None:
+    path, size = _written(caster(), tmp_path), (whole / "checkpoint.h5").stat().st_size
+    with pytest.raises(Stopped):
+        run_caster(caster(), tmp_path / "out", progress=Halted(20, Stopped))
+    kept = (tmp_path / "out" / "checkpoint.h5").read_bytes()
+    words = ["caster", str(path), "-o", str(tmp_path / "out"), "--no-figures", "-q", "--resume"]
+    program = (
+        "import resource, sys; from mpi4py import MPI; from castfem.cli import execute;"
+        f"resource.setrlimit(resource.RLIMIT_FSIZE, ({3 * size // 4}, -1));"
+        f"sys.exit(execute({words}))"
+    )
+    ended = python_on(1, "-c", program)
+    assert ended.returncode == 2 and ended.stderr.count("\n") == 1, ended.stderr
+    assert "/out/checkpoint.h5: cannot be written" in ended.stderr
+    assert "free some space, and give the command again" in ended.stderr
+    assert RunRecord.load(tmp_path / "out").status == "failed"
+    assert (tmp_path / "out" / "checkpoint.h5").read_bytes() == kept
+    assert execute(words) == 0
+    for one in FILES:
+        assert (whole / one).read_bytes() == (tmp_path / "out" / one).read_bytes(), one
 
 
 def test_mechanics_go_on_to_the_same_files(tmp_path: Path) -> None:

@@ -218,6 +218,7 @@ def moments_figure(folder: Path, case: Case) -> Figure | None:
     """Return a panel for each moment, coloured by temperature; None without moments.
 
     A bent strand is drawn in its shape, thicker; one that goes straight down over the whole width.
+    Panels stand side by side where the strand is higher than it reaches out.
     """
     found = moment_files(folder)
     if not found:
@@ -227,7 +228,8 @@ def moments_figure(folder: Path, case: Case) -> Figure | None:
     straight = all(np.ptp(points[:, 0, 0]) < _MOVED for points, _, _ in cuts)
     thicker = 1.0 if straight else _THICKER
     each = float(np.clip(STYLE.width * spans[1] / max(spans[0], 1e-9), 2.0, 5.0))
-    shape = (1, len(found)) if straight else (len(found), 1)
+    beside = straight or spans[1] > spans[0]
+    shape = (1, len(found)) if beside else (len(found), 1)
     figure = new_figure(STYLE.width, each * shape[0] + 0.8)
     panels = figure.subplots(*shape, sharex=True, sharey=True, squeeze=False).ravel()
     head(figure, case.title)
@@ -243,7 +245,7 @@ def moments_figure(folder: Path, case: Case) -> Figure | None:
         panel.set_title(f"{clock / 60.0:.4g} min by the clock", fontsize=9)
         panel.grid(False)
     figure.colorbar(shades, ax=list(panels), label="temperature [°C]", shrink=0.5)
-    for panel in panels[:1] if straight else panels:
+    for panel in panels[:1] if beside else panels:
         panel.set_ylabel("height [m]")
     where = "across" if straight else f"from the mould, drawn {thicker:g} times as thick"
     figure.supxlabel(f"{where} [m]; blue: edge of the pool", fontsize="medium")
