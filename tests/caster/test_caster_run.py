@@ -201,6 +201,8 @@ def test_mechanics_go_on_to_the_same_files(tmp_path: Path) -> None:
     run_caster(case, tmp_path / "whole")
     strand, units, _ = read_table(tmp_path / "whole" / "strand.csv")
     assert units["von_mises_max"] == "MPa" and strand["von_mises_max"].max() > 1.0
+    numbers, _, _ = read_table(tmp_path / "whole" / "caster.csv")
+    assert np.abs(numbers["energy_error"]).max() < 1e-9  # liquid that is fed brings heat along
     with pytest.raises(Stopped):
         run_caster(case, tmp_path / "cut", progress=Halted(12, Stopped))
     assert 1.0 < RunRecord.load(tmp_path / "cut").reached["time"] < 2.1  # the strand stands

@@ -134,13 +134,13 @@ class Slice:
         """Return what is seen of it, with a row of its history."""
         run, simulation = self.run_state, self.loop.simulation
         solid = run.sampler.metallurgical_length
-        whole = self.length * simulation.section.multiplicity
+        whole, thermal = self.length * simulation.section.multiplicity, run.state.thermal
+        gained = run.sampler.heat_gained(thermal) - thermal.generated - thermal.fed
         return Look(
             self.number, self.start, self.length, self.age, self.lasts, run.position,
             solid=math.nan if solid is None else solid,
             closed=math.nan if solid is None else simulation.machine.time_at(solid),
-            removed=whole * run.state.thermal.removed,
-            gained=whole * run.sampler.heat_gained(run.state.thermal), row=row,
+            removed=whole * thermal.removed, gained=whole * gained, row=row,
             passed=self.take_passed(),
         )  # fmt: skip
 
