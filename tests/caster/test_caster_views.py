@@ -24,7 +24,8 @@ from castfem.model.build.simulation import case_steel
 from castfem.model.caster import by_plant, slice_of, starts_of
 from castfem.model.machine import thickness_of
 from castfem.physics.machine.side import Side
-from castfem.post.plots.caster_figures import middle_of, moments_figure, reheated
+from castfem.post.plots.caster_figures import _look_of as look_of
+from castfem.post.plots.caster_figures import mapped, middle_of, moments_figure, reheated
 from castfem.post.report.caster import answers, pieces_in_band
 from castfem.runs.caster.files import read_table
 from castfem.runs.caster.run import run_caster
@@ -173,6 +174,18 @@ def test_reheating_is_above_the_coldest_so_far() -> None:
     assert found[[0, 2, 4, 5]].tolist() == [0.0, 50.0, 0.0, 0.0]
     assert np.isnan(found[[1, 3]]).all()  # what that slice has been before is not known
     assert found[[6, 7]].tolist() == [0.0, 30.0]  # it has passed the mould between two instants
+
+
+def test_mechanics_are_mapped_where_there_are_any(looked_at: Any) -> None:
+    _, folder = looked_at
+    strand, _, _ = read_table(folder / "strand.csv")
+    none, some = np.zeros(len(strand["clock"])), np.linspace(0.0, 9.0, len(strand["clock"]))
+    more = {"I1_max": some, "I2_max": none, "bulge_intrados": some, "roll_force": none * np.nan}
+    thermal, found = mapped(strand, 0.1), mapped({**strand, **more}, 0.1)
+    assert set(found) == {*thermal, "I1_max", "bulge_intrados"}
+    assert found["I1_max"] is some
+    label, ticks = look_of("I1_max", some, (1073.15, 1223.15))[1:]
+    assert label == "I1, axial tension in the band [MPa]" and not ticks
 
 
 def test_pieces_within_the_band_in_the_straightener() -> None:

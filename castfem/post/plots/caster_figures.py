@@ -114,6 +114,7 @@ def along(strand: dict[str, Array], name: str, now: float, places: Array, gap: f
 SURFACE, _REHEATING = "surface_temperature_", "reheating_"
 _COLOURS = {"heat_flux": "magma", CENTRE: "cividis", "reheating": "YlOrRd", "shell": "viridis"}
 _ACROSS = 3  # panels
+_STRAINED = "I1_max", "I2_max", "bulge_intrados", "bulge_extrados", "roll_force"
 
 
 def mapped(strand: dict[str, Array], exit: float) -> dict[str, Array]:
@@ -127,7 +128,8 @@ def mapped(strand: dict[str, Array], exit: float) -> dict[str, Array]:
     first = surfaces[0].removeprefix(SURFACE)
     found = {name: strand[name] for name in surfaces}
     found[_REHEATING + first] = reheated(strand, surfaces[0], exit)
-    return found | {n: strand[n] for n in (f"heat_flux_{first}", f"shell_{first}", CENTRE)}
+    found |= {n: strand[n] for n in (f"heat_flux_{first}", f"shell_{first}", CENTRE)}
+    return found | {n: strand[n] for n in _STRAINED if n in strand and (strand[n] > 0.0).any()}
 
 
 def reheated(strand: dict[str, Array], name: str, exit: float) -> Array:
@@ -177,7 +179,7 @@ def maps_figure(folder: Path, case: Case) -> Figure:
         panel.plot(minutes, caster["metallurgical_length"], color="k", lw=0.9)
         panel.grid(False)
     panels[0, 0].set_ylim(case.casting.length, 0.0)
-    _name_axes(panels)
+    _name_axes(panels, len(names))
     return figure
 
 
@@ -200,8 +202,10 @@ def _look_of(
     return {"values": scale(values), "cmap": colours}, f"{label} [{unit}]" if unit else label, []
 
 
-def _name_axes(panels: Any) -> None:
-    for panel in panels[-1]:
+def _name_axes(panels: Any, count: int) -> None:
+    """Name the axes of so many panels: times below the last of each column."""
+    for panel in panels.flat[max(count - _ACROSS, 0) : count]:
+        panel.tick_params(labelbottom=True)
         panel.set_xlabel("time by the clock [min]")
     for panel in panels[:, 0]:
         panel.set_ylabel("position [m]")
