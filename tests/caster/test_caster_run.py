@@ -21,6 +21,7 @@ from castfem.base.progress import Progress
 from castfem.cli import execute
 from castfem.model.build.simulation import build_mesh
 from castfem.model.caster import cast_of
+from castfem.model.load import read_case
 from castfem.runs.caster.demand import demand
 from castfem.runs.caster.files import GrowingTable, read_table
 from castfem.runs.caster.run import run_caster
@@ -280,6 +281,21 @@ def test_what_is_refused(
     with pytest.raises(InputError, match=message) as error:
         caster(changes, plant)
     assert all("\n" not in line for line in error.value.problems)
+
+
+def test_water_that_is_off_is_told(tmp_path: Path) -> None:
+    spray = {"law": "spray", "correlation": "nozaki", "water_temperature": "25 degC"}
+    ring = {"name": "ring", "to": "300 mm", "surface": [{**spray, "flow": "2 L/min"}]}
+    told = "caster.plant: 'ring' has no water at 4 s, and the strand moves"
+    for last, speed, found in (("0 L/min", "1 m/min", [told]), ("0 L/min", "0 m/min", [])):
+        speeds = ["1 m/min", speed, "1 m/min", "1 m/min"]
+        plant = {"ring": ["2 L/min", last, "2 L/min", "2 L/min"], "speed": speeds}
+        plant["mould_heat"] = []  # left out
+        path = _written(caster({"cooling": [ring]}, plant), tmp_path)
+        warnings = read_case(path, []).warnings
+        assert [one for one in warnings if "caster.plant" in one] == [
+            f"{path}: {text}" for text in found
+        ]
 
 
 def test_what_a_run_of_it_cannot_do() -> None:
