@@ -354,9 +354,8 @@ def _too_tight(rolls: Rolls, index: int, thickness: float) -> Iterator[Fault]:
     """Yield an aperture of other units, or a radius within which the rolls have no room."""
     pair, aperture = rolls.pairs[index], rolls.aperture(index, thickness)
     if not thickness / _SIZES <= aperture <= thickness * _SIZES:
-        size = f"the section between the rolls measures {1e3 * thickness:g} mm"
-        text = f"aperture ({1e3 * aperture:g} mm): {size}; is its unit right?"
-        yield Fault(index, "size", text)
+        text = f"the section between the rolls measures {1e3 * thickness:g} mm; is its unit right?"
+        yield Fault(index, "size", f"aperture ({1e3 * aperture:g} mm): {text}")
         return
     inner = (1.0 - INWARD[rolls.face]) * aperture + pair.diameter
     if abs(pair.radius) <= inner:
