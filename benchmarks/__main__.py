@@ -42,6 +42,7 @@ STUDIES = {
     "slab_meniscus": ("slab_meniscus", "slab_heat.md"),
     "slab_sprays": ("slab_sprays", "slab_heat.md"),
     "whole_caster": ("whole_caster", "caster.md"),
+    "caster_mechanics": ("caster_mechanics", "caster.md"),
     "caster_follow": ("caster_follow", "caster.md"),
     "caster_error": ("caster_error", "caster.md"),
     "stated_error": ("stated_error", "accuracy.md"),

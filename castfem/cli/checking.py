@@ -196,7 +196,8 @@ def check_case(name: str, path: Path, overrides: Iterable[str]) -> str:
     problems += _search_faults(case, path)
     if problems:
         raise InputError(problems)
-    return describe(name, case, steel, mesh)
+    with read_from(path):
+        return describe(name, case, steel, mesh)
 
 
 def _search_faults(case: Case, path: Path) -> list[str]:

@@ -120,7 +120,8 @@ def _rolls(rolls: Any) -> Iterator[Given]:
     from castfem.physics.machine.rolls import KINDS
 
     path = ("machine", "rolls")
-    for pair in rolls.pairs:
+    narrow = () if rolls.edges is None else rolls.edges.pairs
+    for pair in (*rolls.pairs, *narrow):
         for key, kind in KINDS.items():
             bounds, value = ranges.of(f"machine.rolls.{key}"), getattr(pair, key)
             if value is not None and math.isfinite(value) and bounds is not None:

@@ -23,7 +23,7 @@ from castfem.base.tables import ARGUMENTS, Table
 from castfem.base.units import in_mm
 from castfem.model.base import TableModel
 from castfem.model.casting import Start
-from castfem.model.checks import Faults, check
+from castfem.model.checks import Faults, caution, check
 from castfem.model.heat_law import ScaledLaw
 from castfem.model.mechanics import Way, WindowMark
 from castfem.model.probe import Pyrometer
@@ -327,6 +327,16 @@ def _plant_fits(case: Case, caster: Caster) -> Faults:
             if after - before > caster.longest_gap * (1.0 + ROUNDING):
                 allowed = f"caster.longest_gap allows {caster.longest_gap:g} s"
                 yield "plant", f"has no row between {before:g} s and {after:g} s; {allowed}"
+
+
+@caution("caster")
+def _water_off(case: Case, caster: Caster) -> Faults:
+    """Yield when a circuit has no water while the strand moves, told once for each."""
+    plant = caster.plant
+    for name in plant.water:
+        rows = zip(plant.times, plant.values[name], plant.values["speed"], strict=True)
+        if off := [time for time, flow, speed in rows if flow == 0.0 < speed]:
+            yield "plant", f"'{name}' has no water at {off[0]:g} s, and the strand moves"
 
 
 @check("caster")

@@ -19,7 +19,7 @@ from castfem.model.base import FaultyError, TableModel
 from castfem.model.checks import Faults, caution, check
 from castfem.model.defects import Defect, RollDefect, at_an_end, with_defects
 from castfem.model.extraction import Extraction
-from castfem.model.section import Strip
+from castfem.model.section import Rectangle, Strip
 
 if TYPE_CHECKING:
     from castfem.model.case import Case
@@ -154,7 +154,10 @@ def _holds(case: Case, table: Machine) -> Faults:
     for text in _together(rolls, found):
         yield _key(table), text
     width = case.section.outline()[0]
-    if rolls.edges is not None and width is not None:
+    if rolls.edges is not None and not isinstance(case.section, Rectangle):
+        other = f"a {case.section.tag} has no narrow faces that rolls could bear"
+        yield _key(table), f"{rolls.edges.place(0)}: {other}; leave out the rows of side narrow"
+    elif rolls.edges is not None and width is not None:
         edges = list(faults(rolls.edges, width, ends, "narrow face"))
         yield from ((_key(table), text) for text in _together(rolls.edges, edges))
     if table.defect and not found:

@@ -21,7 +21,7 @@ from castfem.base.units import in_mm, parse_any
 from castfem.model.base import OneWord, TableModel, written
 from castfem.model.bulging import MODELS, Bulging
 from castfem.model.checks import Faults, check
-from castfem.model.thermal import PetscOption
+from castfem.model.thermal import PetscOption, negative_options
 
 if TYPE_CHECKING:
     from castfem.model.case import Case
@@ -314,6 +314,11 @@ def _liquid_in_mould(case: Case, table: Mechanics) -> Faults:
     if soft and table.strain == "large":
         text = f"({table.liquid_stiffness:g}): liquid this soft folds in a mould at large strain"
         yield "liquid_stiffness", f'{text}; at least {least:g}, or strain = "small"'
+
+
+@check("mechanics")
+def _solver(case: Case, table: Mechanics) -> Faults:
+    yield from negative_options(table.solver)
 
 
 @check("mechanics")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from contextlib import suppress
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
@@ -25,6 +27,21 @@ def _scalar(value: Any) -> Any:
 PetscOption = Annotated[
     Any, AfterValidator(_scalar), WithJsonSchema({"type": ["string", "number", "boolean"]})
 ]
+
+
+_BOUNDED = "rtol", "atol", "stol", "max_it", "max_funcs"
+"""Ends of the names of PETSc's tolerances and counts; of a negative one it takes one of its own."""
+
+
+def negative_options(options: Mapping[str, Any]) -> Faults:
+    """Yield the tolerances and counts in a table `solver` that are negative."""
+    for name, value in options.items():
+        if not name.endswith(_BOUNDED):
+            continue
+        with suppress(ValueError):  # PETSc says what is no number
+            if float(value) < 0.0:
+                fix = "leave it out, or give a positive number"
+                yield f"solver.{name}", f"({value}): must not be negative; {fix}"
 
 
 class Adaptive(TableModel):
@@ -67,6 +84,11 @@ class Thermal(TableModel):
     """PETSc options of the nonlinear solver, merged over ours"""
     time: Stepping = Field(default_factory=lambda: Stepping.model_validate({}))
     """steps in time"""
+
+
+@check("thermal")
+def _solver(case: Any, thermal: Thermal) -> Faults:
+    yield from negative_options(thermal.solver)
 
 
 @check("thermal.time")

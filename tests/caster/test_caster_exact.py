@@ -100,6 +100,33 @@ def test_a_slice_is_the_run_of_its_case(
         assert np.array_equal(arrays[name], values, equal_nan=True), name
 
 
+def test_ten_times_the_speed_at_once_and_water_off_and_on(tmp_path: Path) -> None:
+    """Positions by hand, and the slice that meets all of it as its own run has it."""
+    rough = {
+        "time": ["0 s", "6 s", "6.01 s", "7 s", "7.01 s", "9 s", "9.01 s", "10 s"],
+        "speed": [f"{v} m/min" for v in (0.3, 0.3, 3, 3, 3, 3, 3, 3)],
+        "ring": [f"{w} L/min" for w in (2, 2, 2, 2, 0, 0, 2, 2)],
+        "superheat": None, "mould_heat": None, "event": None,
+    }  # fmt: skip
+    strand, rows, _ = _advanced(caster({**ZONES, "caster.every": "1 s"}, rough))
+    number = strand.starts.index(0.0) + 1
+    found = {round(row["time"], 6): row for row in rows[number]}
+    for at, row in found.items():
+        later = max(at - 6.01, 0.0)
+        fast = 0.05 * later + 0.5 * (0.005 + 0.05) * 0.01 * (later > 0.0)
+        assert row["position"] == pytest.approx(0.005 * min(at, 6.0) + fast, abs=1e-6)
+    strand.destroy()
+    castfem.run(slice_of(strand.base, 0.0), tmp_path)
+    history = read_columns(tmp_path / "history.csv")
+    for row in rows[number]:
+        (line,) = np.flatnonzero(np.abs(history["time"] - row["time"]) < 1e-9)
+        for name in ("position", "heat_removed", "surface_temperature_corner"):
+            assert float(history[name][line]) == float(f"{row[name]:.12g}")
+    flux = [row["heat_flux_mid_face"] for row in (found[8.0], rows[number][-1])]
+    assert rows[number][-1]["time"] > 9.1  # water is on again; it is off from 7 to 9 s
+    assert abs(flux[0]) < 1e-9 * flux[1]  # nothing else cools it there
+
+
 def test_what_a_slice_meets_is_that_of_its_own_time(advanced: Any) -> None:
     strand, rows, _ = advanced
     young = slice_of(strand.base, strand.starts[12]).casting
@@ -268,6 +295,18 @@ def test_a_signal_to_one_rank_stops_all_and_loses_nothing(whole: Path, tmp_path:
     assert ended.returncode == 130, ended.stderr
     assert RunRecord.load(tmp_path).status == "interrupted"
     assert python_on(1, *words, "-1").returncode == 0 and _is_as_one(whole, tmp_path)
+
+
+@needs_mpirun
+def test_three_ranks_with_two_slices(whole: Path, tmp_path: Path) -> None:
+    (tmp_path / "few.toml").write_text(few().resolved_toml())
+    words = [str(whole / "program.py"), str(tmp_path / "few.toml"), str(tmp_path / "three"), "-1"]
+    assert python_on(3, *words).returncode == 0
+    run_caster(few(), tmp_path / "one")
+    numbers, _, _ = read_table(tmp_path / "one" / "caster.csv")
+    assert numbers["slices"].max() == 2
+    for name in FILES:
+        assert (tmp_path / "three" / name).read_bytes() == (tmp_path / "one" / name).read_bytes()
 
 
 @needs_mpirun

@@ -11,17 +11,19 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from ranks import python_on
 from small_case import strip
 from small_caster import STOP, STRAINED, caster
 
 import castfem
-from castfem.base.errors import InputError
+from castfem.base.errors import CannotWrite, CaseError, InputError
 from castfem.base.progress import Progress
 from castfem.cli import execute
 from castfem.model.build.simulation import build_mesh
 from castfem.model.caster import by_plant, cast_of
+from castfem.model.load import read_case
 from castfem.runs.caster.demand import demand
-from castfem.runs.caster.files import read_table
+from castfem.runs.caster.files import GrowingTable, read_table
 from castfem.runs.caster.run import run_caster
 from castfem.runs.interrupt import Stopped
 from castfem.runs.output.checkpoint import load_checkpoint
@@ -149,11 +151,60 @@ def test_what_was_cut_short_goes_on_to_the_same_files(
     assert RunRecord.load(tmp_path / "cut").status == "finished"
 
 
+@pytest.mark.parametrize("name", FILES)
+def test_a_disk_that_is_full_between_two_tables(
+    name: str, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The instant is taken back from all tables, and the balance is not counted twice."""
+    append, left = GrowingTable.append, [9]
+
+    def full(table: GrowingTable, rows: Any) -> None:
+        left[0] -= table._path.name == name
+        if left[0] == 0:
+            raise CannotWrite(f"{name}: cannot be written")
+        append(table, rows)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(GrowingTable, "append", full)
+        with pytest.raises(CannotWrite):
+            run_caster(caster(), tmp_path / "cut")
+    assert RunRecord.load(tmp_path / "cut").status == "failed"
+    run_caster(caster(), tmp_path / "cut", resume=True)
+    for one in FILES:
+        assert (whole / one).read_bytes() == (tmp_path / "cut" / one).read_bytes(), one
+
+
+def test_a_full_disk_ends_the_command_and_leaves_the_last_checkpoint(
+    whole: Path, tmp_path: Path
+) -> None:
+    path, size = _written(caster(), tmp_path), (whole / "checkpoint.h5").stat().st_size
+    with pytest.raises(Stopped):
+        run_caster(caster(), tmp_path / "out", progress=Halted(20, Stopped))
+    kept = (tmp_path / "out" / "checkpoint.h5").read_bytes()
+    words = ["caster", str(path), "-o", str(tmp_path / "out"), "--no-figures", "-q", "--resume"]
+    program = (
+        "import resource, sys; from mpi4py import MPI; from castfem.cli import execute;"
+        f"resource.setrlimit(resource.RLIMIT_FSIZE, ({3 * size // 4}, -1));"
+        f"sys.exit(execute({words}))"
+    )
+    ended = python_on(1, "-c", program)
+    assert ended.returncode == 2 and ended.stderr.count("\n") == 1, ended.stderr
+    assert "/out/checkpoint.h5: cannot be written" in ended.stderr
+    assert "free some space, and give the command again" in ended.stderr
+    assert RunRecord.load(tmp_path / "out").status == "failed"
+    assert (tmp_path / "out" / "checkpoint.h5").read_bytes() == kept
+    assert execute(words) == 0
+    for one in FILES:
+        assert (whole / one).read_bytes() == (tmp_path / "out" / one).read_bytes(), one
+
+
 def test_mechanics_go_on_to_the_same_files(tmp_path: Path) -> None:
     case = caster(STRAINED, STOP)
     run_caster(case, tmp_path / "whole")
     strand, units, _ = read_table(tmp_path / "whole" / "strand.csv")
     assert units["von_mises_max"] == "MPa" and strand["von_mises_max"].max() > 1.0
+    numbers, _, _ = read_table(tmp_path / "whole" / "caster.csv")
+    assert np.abs(numbers["energy_error"]).max() < 1e-9  # liquid that is fed brings heat along
     with pytest.raises(Stopped):
         run_caster(case, tmp_path / "cut", progress=Halted(12, Stopped))
     assert 1.0 < RunRecord.load(tmp_path / "cut").reached["time"] < 2.1  # the strand stands
@@ -233,9 +284,24 @@ def test_what_is_refused(
     assert all("\n" not in line for line in error.value.problems)
 
 
+def test_water_that_is_off_is_told(tmp_path: Path) -> None:
+    spray = {"law": "spray", "correlation": "nozaki", "water_temperature": "25 degC"}
+    ring = {"name": "ring", "to": "300 mm", "surface": [{**spray, "flow": "2 L/min"}]}
+    told = "caster.plant: 'ring' has no water at 4 s, and the strand moves"
+    for last, speed, found in (("0 L/min", "1 m/min", [told]), ("0 L/min", "0 m/min", [])):
+        speeds = ["1 m/min", speed, "1 m/min", "1 m/min"]
+        plant = {"ring": ["2 L/min", last, "2 L/min", "2 L/min"], "speed": speeds}
+        plant["mould_heat"] = []  # left out
+        path = _written(caster({"cooling": [ring]}, plant), tmp_path)
+        warnings = read_case(path, []).warnings
+        assert [one for one in warnings if "caster.plant" in one] == [
+            f"{path}: {text}" for text in found
+        ]
+
+
 def test_what_a_run_of_it_cannot_do() -> None:
     mesh = build_mesh(caster()).vertices
-    with pytest.raises(InputError, match=r"has no table \[caster\]"):
+    with pytest.raises(CaseError, match=r"caster: the table is missing; add \[caster\] with"):
         demand(caster().model_copy(update={"caster": None}), mesh)
     with pytest.raises(
         InputError, match=r"caster.spacing: 2000001 slices at once take about .* GB"
@@ -288,6 +354,11 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         assert "is a caster of many slices" in capsys.readouterr().err
     assert execute(["strand", str(folder)]) == 1
     assert "many slices; caster.moments writes them" in capsys.readouterr().err
+    (tmp_path / "none.toml").write_text(
+        caster().model_copy(update={"caster": None}).resolved_toml()
+    )
+    assert execute(["caster", str(tmp_path / "none.toml")]) == 1
+    assert f"{tmp_path}/none.toml: caster: the table is missing" in capsys.readouterr().err
     assert execute(["check", str(path)]) == 0 and "caster: 15 slices" in capsys.readouterr().out
 
 

@@ -13,17 +13,19 @@ import meshio
 import numpy as np
 import pytest
 from rolled_case import rolled
-from small_caster import caster
+from small_caster import STOP, caster
 from test_caster_run import Halted
 
 import castfem
 from castfem.base.errors import InputError
 from castfem.cli import execute
 from castfem.model import Case, load_case, shipped_cases
+from castfem.model.build.simulation import case_steel
 from castfem.model.caster import by_plant, slice_of, starts_of
 from castfem.model.machine import thickness_of
 from castfem.physics.machine.side import Side
-from castfem.post.plots.caster_figures import middle_of, moments_figure, reheated
+from castfem.post.plots.caster_figures import _look_of as look_of
+from castfem.post.plots.caster_figures import mapped, middle_of, moments_figure, reheated
 from castfem.post.report.caster import answers, pieces_in_band
 from castfem.runs.caster.files import read_table
 from castfem.runs.caster.run import run_caster
@@ -34,6 +36,7 @@ PYROMETERS = [
     {"name": "exit", "at": "150 mm"},
     {"name": "edge", "at": "60 mm", "on": "corner"},
 ]
+SHORT = {"time": ["0 s", "0.5 s", "1 s", "2 s"], "event": None}
 ASKED = {
     "caster.pyrometer": PYROMETERS,
     "caster.moments": ["0 s", "4.2 s", "9 s"],
@@ -82,6 +85,29 @@ def test_moments_are_the_slices_and_what_lies_between(looked_at: Any) -> None:
         assert mesh.points[here, 2] == pytest.approx(-strand["position"][row], abs=1e-6)
     spans = np.ptp(mesh.points, axis=0)[:2]
     assert spans == pytest.approx([0.05, 0.05], abs=1e-6)  # a quarter of the billet of 100 mm
+
+
+def test_the_strand_of_a_moment_begins_at_the_meniscus(looked_at: Any, tmp_path: Path) -> None:
+    """As it is poured then; where it stands, or has a tail, at its youngest slice."""
+    case, folder = looked_at
+    strand, _, _ = read_table(folder / "strand.csv")
+    youngest = strand["position"][strand["clock"] == 4.5].min()
+    mesh = meshio.read(folder / "moments" / "strand_4.5s.vtu")
+    position, kelvin = mesh.point_data["position"], mesh.point_data["temperature"]
+    poured = kelvin[position == 0.0]
+    assert youngest > 0.01 and len(poured) > 10
+    assert poured == pytest.approx(case_steel(case).liquidus + 30.0, abs=1e-3)  # half way, 4 to 5 s
+    between = (position > 0.0) & (position < youngest - 1e-6)
+    assert not between.any()  # it is less than 0.1 m
+    for name, more in (
+        ("stop", caster({"caster.moments": ["1.5 s"], "caster.end": "2 s"}, STOP)),
+        ("tail", caster({"caster.moments": ["1.5 s"], "caster.cast_until": "1 s"}, SHORT)),
+    ):
+        run_caster(more, tmp_path / name)
+        mesh = meshio.read(tmp_path / name / "moments" / "strand_1.5s.vtu")
+        strand, _, _ = read_table(tmp_path / name / "strand.csv")
+        youngest = strand["position"][strand["clock"] == 1.5].min()
+        assert mesh.point_data["position"].min() == pytest.approx(youngest, abs=1e-6) != 0.0
 
 
 def test_a_stop_changes_nothing_of_it(looked_at: Any, tmp_path: Path) -> None:
@@ -148,6 +174,18 @@ def test_reheating_is_above_the_coldest_so_far() -> None:
     assert found[[0, 2, 4, 5]].tolist() == [0.0, 50.0, 0.0, 0.0]
     assert np.isnan(found[[1, 3]]).all()  # what that slice has been before is not known
     assert found[[6, 7]].tolist() == [0.0, 30.0]  # it has passed the mould between two instants
+
+
+def test_mechanics_are_mapped_where_there_are_any(looked_at: Any) -> None:
+    _, folder = looked_at
+    strand, _, _ = read_table(folder / "strand.csv")
+    none, some = np.zeros(len(strand["clock"])), np.linspace(0.0, 9.0, len(strand["clock"]))
+    more = {"I1_max": some, "I2_max": none, "bulge_intrados": some, "roll_force": none * np.nan}
+    thermal, found = mapped(strand, 0.1), mapped({**strand, **more}, 0.1)
+    assert set(found) == {*thermal, "I1_max", "bulge_intrados"}
+    assert found["I1_max"] is some
+    label, ticks = look_of("I1_max", some, (1073.15, 1223.15))[1:]
+    assert label == "I1, axial tension in the band [MPa]" and not ticks
 
 
 def test_pieces_within_the_band_in_the_straightener() -> None:

@@ -110,12 +110,41 @@ def test_rows_with_a_side_are_rolls_at_the_narrow_faces(tmp_path: Path) -> None:
         ("1.0, 100, , , yes, , narrow", r"row 5: driven \(yes\): of a roll at the narrow face"),
         ("0.7, 100, , , , , narrow", r"line 7, edge roll 1: position \(0\.7 m\) lies within"),
         ("1.0, , , , , , narrow", r"line 7, edge roll 1: diameter \(\): is empty"),
+        ("1.0, 100, 1.196, , , , narrow", r"edge roll 1: aperture \(1\.196 mm\): the section.*"
+         "measures 1200 mm; is its unit right"),
+        ("1.0, 0.1, , , , , narrow", r"rolls: \(0\.1 mm\) is beyond what rolls have"),
     ],
 )  # fmt: skip
 def test_edge_rolls_that_cannot_be(tmp_path: Path, row: str, said: str) -> None:
     with pytest.raises(InputError, match=said) as caught:
         case(tmp_path, (*EDGED[:4], row), f"{HEADER}, side")
     assert len(caught.value.problems) == 1
+
+
+@pytest.mark.parametrize(("name", "unit"), [("side", "mm"), ("driven", "kN")])
+def test_a_column_of_words_has_no_unit(tmp_path: Path, name: str, unit: str) -> None:
+    heading = f"{HEADER}, side".replace(name, f"{name} [{unit}]")
+    said = f"line 2: column '{name}' has words, and no unit; leave out {unit}"
+    with pytest.raises(InputError, match=said):
+        case(tmp_path, EDGED, heading)
+
+
+@pytest.mark.parametrize("name", ["copper200/round", "beam_blank"])
+def test_a_section_without_narrow_faces_has_no_rolls_there(tmp_path: Path, name: str) -> None:
+    (tmp_path / "rolls.csv").write_text(
+        "position [m], diameter [mm], side\n0.9, 100, wide\n1.2, 100, wide\n1.0, 100, narrow\n"
+    )
+    path = SLAB.parents[2] / "benchmarks" / f"{name}.toml"
+    path = path if path.is_file() else SLAB.parents[1] / f"{name}.toml"
+    given = f"machine.rolls={tmp_path}/rolls.csv"
+    with pytest.raises(InputError, match=r"line 4, edge roll 1: a (round|beam_blank) has no nar"):
+        load_case(path, [given])
+
+
+def test_an_aperture_in_other_units_is_refused(tmp_path: Path) -> None:
+    """Of wide faces, too: 222 m rather than mm."""
+    with pytest.raises(InputError, match=r"roll 1: aperture \(222000 mm\): the section between"):
+        case(tmp_path, ROWS, HEADER.replace("aperture [mm]", "aperture [m]"))
 
 
 def test_edge_rolls_alone_are_no_machine(tmp_path: Path) -> None:

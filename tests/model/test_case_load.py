@@ -284,6 +284,24 @@ def test_resolved_case_reads_back_equal(write, sound, tmp_path):
     assert "extends" not in tomllib.loads(resolved)
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "sound"),
+    [
+        ("ksp_rtol", -1, False), ("snes_atol", "-1e-9", False),
+        ("fieldsplit_0_ksp_max_it", -1, False),
+        ("ksp_rtol", "1e-9", True), ("snes_linesearch_damping", -1, True), ("ksp_rtol", "x", True),
+    ],
+)  # fmt: skip
+def test_negative_options_of_a_solver_are_refused(write, name, value, sound):
+    """PETSc takes a default of its own for them; what is no number PETSc refuses itself."""
+    given = [f'thermal.solver.{name}="{value}"']
+    if sound:
+        assert load_case(write(), given).thermal.solver == {name: value if value != -1 else "-1"}
+        return
+    with pytest.raises(InputError, match=rf"thermal\.solver\.{name}: \({value}\): must not be neg"):
+        load_case(write(), given)
+
+
 def test_resolved_case_finds_its_steel_file(write, sound):
     path = write(sound.replace('"carbon_042"', '"../steels/mine.toml"'), "cases/case.toml")
     case = load_case(path)

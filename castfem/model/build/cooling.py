@@ -39,12 +39,26 @@ Row = tuple[list[int], flux_laws.SurfaceLaw]
 class Zones:
     """The machine seen from the slice: which cooling holds at which time.
 
+    Args:
+        case: Sound.
+        machine: What the slice passes, and when.
+        steel: Gives the emissivity where the case does not.
+        surface: Perimeter shares of the section's boundary groups.
+        beside: Of another slice, whose case differs in speed, superheat, water and start alone.
+
     Raises:
         InputError: If a law names a boundary group the section does not have, or radiation needs an
             emissivity the steel does not give.
     """
 
-    def __init__(self, case: Case, machine: Machine, steel: Steel, surface: Surface) -> None:
+    def __init__(
+        self,
+        case: Case,
+        machine: Machine,
+        steel: Steel,
+        surface: Surface,
+        beside: Zones | None = None,
+    ) -> None:
         self.spans = case.zones()
         self.starts = [machine.time_at(span.start) for span in self.spans]
         self._end = machine.time_at(self.spans[-1].end)
@@ -57,19 +71,23 @@ class Zones:
         )
         self._coolings = [self._make(i) for i in range(len(self.spans))]
         tags = [t for span in self.spans for names, _ in span.laws for t in self._tags(names)]
-        self._secondary = self._below(case, machine, steel)
+        self._secondary: SecondaryCooling | None
+        known = None if beside is None else beside._secondary
+        self._secondary = self._below(case, machine, steel, known)
         if self._secondary is not None:
             tags += surface.section.matching(surface.section.outer_groups)
         self._cooled = surface.patch(tags) if tags else None
 
-    def _below(self, case: Case, machine: Machine, steel: Steel) -> SecondaryCooling | None:
+    def _below(
+        self, case: Case, machine: Machine, steel: Steel, beside: SecondaryCooling | None
+    ) -> SecondaryCooling | None:
         """Put what holds from roll to roll in the place of its span, the last; None without."""
         if not self.spans[-1].roll_to_roll:
             return None
         from castfem.model.build.secondary import SecondaryCooling
 
         start = self.spans[-1].start
-        found = SecondaryCooling(case, machine, steel, self._surface, start)
+        found = SecondaryCooling(case, machine, steel, self._surface, start, beside=beside)
         self.starts[-1:] = [machine.time_at(position) for position in found.positions]
         self._coolings[-1:] = found.coolings
         return found
@@ -169,7 +187,7 @@ class Zones:
 
     def ambient_range(self) -> tuple[float, float]:
         """Lowest and highest temperature the machine can drive the strand to, K."""
-        times = [*self.starts, *self.changes, self._end]
+        times = {*self.starts, *self.changes, self._end}  # circuits change at the same ones
         # From roll to roll the surroundings do not change in time.
         count = len(self.spans) - (self._secondary is not None)
         ranges = [c.ambient_range(t) for c in self._coolings[:count] for t in times]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from castfem.base.constants import ROUNDING
 from castfem.base.errors import InputError
+from castfem.base.types import Array
 from castfem.model.build.cooling import water_supply
 from castfem.model.heat_law import no_emissivity
 from castfem.model.water import largest
@@ -49,6 +49,8 @@ class SecondaryCooling:
         rows: Of nozzles; by default those of the case
             (`castfem.physics.machine.sprays.scale_water` changes
             the water of some).
+        beside: Of another slice, whose case differs in speed, water and start alone: what its faces
+            meet is met here, too.
 
     Attributes:
         positions: Where something changes, from `start` on, m.
@@ -63,33 +65,57 @@ class SecondaryCooling:
         surface: Surface,
         start: float,
         rows: tuple[Row, ...] | None = None,
+        beside: SecondaryCooling | None = None,
     ) -> None:
         supply = water_supply(case, steel, surface.section)
-        table, rolls = case.secondary, None if case.machine is None else case.machine.pairs()
-        assert table is not None and rolls is not None
+        table = case.secondary
+        assert table is not None
         self._table = table
         self.positions: list[float]
         self.coolings: list[Cooling]
         self._radiation, self._run_off = self._radiates(steel), None
         if table.run_off is not None:
             self._run_off = Convection(table.run_off, table.water_temperature)
-        rows = rows_of(case) if rows is None else rows
-        circuits = {circuit.name: circuit for circuit in table.circuit}
-        told = {name: supply.flow(one) for name, one in circuits.items()}
+        told = {one.name: supply.flow(one) for one in table.circuit}
         self._most = {name: largest(flow) for name, flow in told.items()}
         self._flows = {name: over_time(flow, machine) for name, flow in told.items()}
-        end = max(case.casting.length, table.contacts(rolls)[-1][1] + 1.0)
-        faces = []
-        for name in surface.section.outer_groups:
-            mine, met = table.on_face(name, rolls, rows, machine.inclination, end)
-            faces.append(_Face(self, surface, name, met, mine, circuits))
-        places = [s.start for face in faces for s in face.stretches]
+        self._coefficients = {
+            one.name: table.model_of(one).coefficient(table.water_temperature)
+            for one in table.circuit
+        }
+        self._met: list[_Met]
+        self._met = self._meets(case, machine, surface, rows) if beside is None else beside._met
+        faces = [_Face(self, met) for met in self._met]
+        places = [stretch.start for met in self._met for stretch in met.stretches]
         self.positions, self.coolings = [], []
         for position in _apart([start, *(p for p in places if start < p < case.casting.length)]):
             cooling = _cooling(surface, faces, position)
             if not self.coolings or not _same(cooling, self.coolings[-1]):
                 self.positions.append(position)
                 self.coolings.append(cooling)
+
+    def _meets(
+        self, case: Case, machine: Machine, surface: Surface, rows: tuple[Row, ...] | None
+    ) -> list[_Met]:
+        """What each boundary group meets on its way down; see `SecondaryCooling` for the rows."""
+        table, rolls = self._table, None if case.machine is None else case.machine.pairs()
+        assert rolls is not None
+        rows = rows_of(case) if rows is None else rows
+        circuits = {circuit.name: circuit for circuit in table.circuit}
+        end = max(case.casting.length, table.contacts(rolls)[-1][1] + 1.0)
+        found = []
+        for name in surface.section.outer_groups:
+            mine, met = table.on_face(name, rolls, rows, machine.inclination, end)
+            tag = surface.section.groups.index(name)
+            space, dofs = surface.section.vertex_space, surface.patch([tag]).dofs
+            across = 0 if name.startswith("wide_face") else 1
+            places = space.tabulate_dof_coordinates()[dofs, across]
+            sprayed = {
+                i: self._row(mine[i], circuits[mine[i].circuit], places)
+                for i in {i for stretch in met for i in stretch.rows}
+            }
+            found.append(_Met(tag, met, sprayed))
+        return found
 
     def _radiates(self, steel: Steel) -> Radiation:
         table = self._table
@@ -127,14 +153,18 @@ class SecondaryCooling:
             found.append(self._run_off)
         return tuple(found) if water is None else (*found, water)
 
-    def share(self, row: Row, circuit: Circuit, places: np.ndarray) -> Share:
-        """What a row adds to the water at places across its face (n,), m."""
+    def _row(self, row: Row, circuit: Circuit, places: Array) -> _SprayedRow:
+        """What a row sprays at places across its face (n,), m."""
         model = self._table.model_of(circuit)
         width = footprint(circuit.stand_off, model.angle)
         each = WATER_DENSITY * row.share / circuit.nozzles() / (row.end - row.start)
         water = each * water_across(places, circuit.across, width, model.edge)
-        h = model.coefficient(self._table.water_temperature)
-        return Share(water, self._flows[row.circuit], self._most[row.circuit], h)
+        return _SprayedRow(circuit.name, water)
+
+    def share(self, row: _SprayedRow) -> Share:
+        """What a row adds to the water of its face, with the flow of its circuit over time."""
+        name = row.circuit
+        return Share(row.water, self._flows[name], self._most[name], self._coefficients[name])
 
     @property
     def water_temperature(self) -> float:
@@ -142,29 +172,33 @@ class SecondaryCooling:
         return self._table.water_temperature
 
 
-class _Face:
-    """One boundary group on its way down the machine."""
+@dataclass(frozen=True, slots=True)
+class _SprayedRow:
+    """A row of nozzles on one face, whatever its water."""
 
-    def __init__(
-        self,
-        cooling: SecondaryCooling,
-        surface: Surface,
-        name: str,
-        met: tuple[Stretch, ...],
-        rows: tuple[Row, ...],
-        circuits: dict[str, Circuit],
-    ) -> None:
-        self.stretches, self.tag = met, surface.section.groups.index(name)
-        space, dofs = surface.section.vertex_space, surface.patch([self.tag]).dofs
-        places = space.tabulate_dof_coordinates()[dofs, 0 if name.startswith("wide_face") else 1]
-        self._starts = [stretch.start for stretch in met]
-        shares = {
-            i: cooling.share(rows[i], circuits[rows[i].circuit], places)
-            for i in {i for stretch in met for i in stretch.rows}
-        }
+    circuit: str  #: name of its circuit
+    water: Array  #: on each vertex for a flow of 1 m3/s through the circuit (n,), kg/(m2 s)
+
+
+@dataclass(frozen=True, slots=True)
+class _Met:
+    """What a boundary group meets on its way down, whatever the speed and the water."""
+
+    tag: int  #: of the group
+    stretches: tuple[Stretch, ...]  #: from the meniscus down
+    rows: Mapping[int, _SprayedRow]  #: of nozzles, by the number that stretches have
+
+
+class _Face:
+    """The laws of a boundary group on its way down the machine."""
+
+    def __init__(self, cooling: SecondaryCooling, met: _Met) -> None:
+        self.tag, stretches = met.tag, met.stretches
+        self._starts = [stretch.start for stretch in stretches]
+        shares = {i: cooling.share(row) for i, row in met.rows.items()}
         self._laws: list[tuple[SurfaceLaw, ...]] = []
         pitches: dict[int, list[tuple[float, tuple[SurfaceLaw, ...]]]] = {}
-        for stretch in met:
+        for stretch in stretches:
             water = None
             if stretch.rows:
                 water = SprayWater(
@@ -174,8 +208,8 @@ class _Face:
             self._laws.append(laws)
             if stretch.kind != "contact":
                 pitches.setdefault(stretch.gap, []).append((stretch.end - stretch.start, laws))
-        last = max(stretch.gap for stretch in met)
-        for i, stretch in enumerate(met):
+        last = max(stretch.gap for stretch in stretches)
+        for i, stretch in enumerate(stretches):
             if stretch.kind == "contact":
                 # The last roll has no pitch below it: it takes the share of the one above.
                 pitch = pitches[stretch.gap if stretch.gap < last else max(last - 1, 0)]

@@ -180,9 +180,9 @@ def build_beside(
     """
     if case.mechanics is not None:
         return build(case, other.section.comm, other=other)
-    machine, steel = build_machine(case), other.steel
+    machine, steel = replace(other.machine, travel=case.casting.travel), other.steel
     start = starting_temperature(case, steel)
-    zones = Zones(case, machine, steel, other.zones.surface)
+    zones = Zones(case, machine, steel, other.zones.surface, other.zones)
     ends = curve_ends(case, steel, zones, start)
     problem = problems.get(ends)
     if problem is None:

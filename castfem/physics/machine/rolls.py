@@ -26,6 +26,7 @@ RADII = tuple(f"radius_{face}" for face in FACES)
 COLUMNS = ("position", "diameter", "aperture", *RADII, "driven", "capacity", "side")
 _OF_EDGE = ("position", "diameter", "aperture")  # columns that a pair at the narrow faces has
 _HEADER = "position [m], diameter [mm], aperture [mm], radius_extrados [m], driven, capacity [kN]"
+_SIZES = 5.0  # how many times as large as the section, or as small, an aperture may be
 _YES, _NO = ("yes", "true", "1"), ("no", "false", "0", "")
 
 
@@ -155,7 +156,7 @@ def _from_columns(
     columns: Mapping[str, Sequence[Any]], units: Mapping[str, str], places: tuple[str, ...]
 ) -> Rolls:
     """Return the rolls; `units` are those of bare numbers, `places` begin where a row is."""
-    radius = _known(columns)
+    radius = _known(columns, units)
     found: dict[bool, tuple[list[Pair], list[str]]] = {False: ([], []), True: ([], [])}
     for i, place in enumerate(places):
         cells = {name: (cells[i], units.get(name, "")) for name, cells in columns.items() if cells}
@@ -191,8 +192,8 @@ def _at_edge(cells: Mapping[str, tuple[Any, str]]) -> bool:
     return True
 
 
-def _known(columns: Mapping[str, Sequence[Any]]) -> str | None:
-    """Check the names of the columns; return that of the radius, None without one."""
+def _known(columns: Mapping[str, Sequence[Any]], units: Mapping[str, str]) -> str | None:
+    """Check names and units of the columns; return the name of the radius, None without one."""
     for name in columns:
         if name == "radius":
             raise _ColumnError(
@@ -203,6 +204,9 @@ def _known(columns: Mapping[str, Sequence[Any]]) -> str | None:
             raise _ColumnError(
                 f"unknown column '{name}'; allowed: {', '.join(COLUMNS)}{nearest(name, COLUMNS)}"
             )
+    for name in ("driven", "side"):
+        if units.get(name):
+            raise _ColumnError(f"column '{name}' has words, and no unit; leave out {units[name]}")
     for name in ("position", "diameter"):
         if name not in columns:
             raise _ColumnError(f"column '{name}' is missing; such as {_HEADER}")
@@ -347,9 +351,13 @@ def faults(
 
 
 def _too_tight(rolls: Rolls, index: int, thickness: float) -> Iterator[Fault]:
-    """Yield a radius within which the rolls of the intrados have no room."""
-    pair = rolls.pairs[index]
-    inner = (1.0 - INWARD[rolls.face]) * rolls.aperture(index, thickness) + pair.diameter
+    """Yield an aperture of other units, or a radius within which the rolls have no room."""
+    pair, aperture = rolls.pairs[index], rolls.aperture(index, thickness)
+    if not thickness / _SIZES <= aperture <= thickness * _SIZES:
+        text = f"the section between the rolls measures {1e3 * thickness:g} mm; is its unit right?"
+        yield Fault(index, "size", f"aperture ({1e3 * aperture:g} mm): {text}")
+        return
+    inner = (1.0 - INWARD[rolls.face]) * aperture + pair.diameter
     if abs(pair.radius) <= inner:
         yield Fault(
             index,

@@ -114,6 +114,7 @@ def along(strand: dict[str, Array], name: str, now: float, places: Array, gap: f
 SURFACE, _REHEATING = "surface_temperature_", "reheating_"
 _COLOURS = {"heat_flux": "magma", CENTRE: "cividis", "reheating": "YlOrRd", "shell": "viridis"}
 _ACROSS = 3  # panels
+_STRAINED = "I1_max", "I2_max", "bulge_intrados", "bulge_extrados", "roll_force"
 
 
 def mapped(strand: dict[str, Array], exit: float) -> dict[str, Array]:
@@ -127,7 +128,8 @@ def mapped(strand: dict[str, Array], exit: float) -> dict[str, Array]:
     first = surfaces[0].removeprefix(SURFACE)
     found = {name: strand[name] for name in surfaces}
     found[_REHEATING + first] = reheated(strand, surfaces[0], exit)
-    return found | {n: strand[n] for n in (f"heat_flux_{first}", f"shell_{first}", CENTRE)}
+    found |= {n: strand[n] for n in (f"heat_flux_{first}", f"shell_{first}", CENTRE)}
+    return found | {n: strand[n] for n in _STRAINED if n in strand and (strand[n] > 0.0).any()}
 
 
 def reheated(strand: dict[str, Array], name: str, exit: float) -> Array:
@@ -177,7 +179,7 @@ def maps_figure(folder: Path, case: Case) -> Figure:
         panel.plot(minutes, caster["metallurgical_length"], color="k", lw=0.9)
         panel.grid(False)
     panels[0, 0].set_ylim(case.casting.length, 0.0)
-    _name_axes(panels)
+    _name_axes(panels, len(names))
     return figure
 
 
@@ -200,8 +202,10 @@ def _look_of(
     return {"values": scale(values), "cmap": colours}, f"{label} [{unit}]" if unit else label, []
 
 
-def _name_axes(panels: Any) -> None:
-    for panel in panels[-1]:
+def _name_axes(panels: Any, count: int) -> None:
+    """Name the axes of so many panels: times below the last of each column."""
+    for panel in panels.flat[max(count - _ACROSS, 0) : count]:
+        panel.tick_params(labelbottom=True)
         panel.set_xlabel("time by the clock [min]")
     for panel in panels[:, 0]:
         panel.set_ylabel("position [m]")
@@ -218,6 +222,7 @@ def moments_figure(folder: Path, case: Case) -> Figure | None:
     """Return a panel for each moment, coloured by temperature; None without moments.
 
     A bent strand is drawn in its shape, thicker; one that goes straight down over the whole width.
+    Panels stand side by side where the strand is higher than it reaches out.
     """
     found = moment_files(folder)
     if not found:
@@ -227,7 +232,8 @@ def moments_figure(folder: Path, case: Case) -> Figure | None:
     straight = all(np.ptp(points[:, 0, 0]) < _MOVED for points, _, _ in cuts)
     thicker = 1.0 if straight else _THICKER
     each = float(np.clip(STYLE.width * spans[1] / max(spans[0], 1e-9), 2.0, 5.0))
-    shape = (1, len(found)) if straight else (len(found), 1)
+    beside = straight or spans[1] > spans[0]
+    shape = (1, len(found)) if beside else (len(found), 1)
     figure = new_figure(STYLE.width, each * shape[0] + 0.8)
     panels = figure.subplots(*shape, sharex=True, sharey=True, squeeze=False).ravel()
     head(figure, case.title)
@@ -243,7 +249,7 @@ def moments_figure(folder: Path, case: Case) -> Figure | None:
         panel.set_title(f"{clock / 60.0:.4g} min by the clock", fontsize=9)
         panel.grid(False)
     figure.colorbar(shades, ax=list(panels), label="temperature [°C]", shrink=0.5)
-    for panel in panels[:1] if straight else panels:
+    for panel in panels[:1] if beside else panels:
         panel.set_ylabel("height [m]")
     where = "across" if straight else f"from the mould, drawn {thicker:g} times as thick"
     figure.supxlabel(f"{where} [m]; blue: edge of the pool", fontsize="medium")

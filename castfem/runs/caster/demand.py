@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.base.constants import ROUNDING
-from castfem.base.errors import InputError
+from castfem.base.errors import CaseError
 from castfem.base.types import Indices
 from castfem.model.caster import by_plant, cast_of, starts_of
 from castfem.model.mechanics import Way
@@ -37,15 +37,15 @@ def demand(case: Case, vertices: Indices, ranks: int = 1) -> str:
         InputError: It is no caster, or asks for more than there is.
     """
     if case.caster is None:
-        fix = "[caster] with plant, spacing and every (docs/caster.md)"
-        raise InputError(f"{case.title}: has no table [caster]; add {fix}")
+        fix = "add [caster] with plant, spacing and every (docs/caster.md)"
+        raise CaseError(f"caster: the table is missing; {fix}")
     inside = _most_inside(case)
     vertex, slice_, process = (_VERTEX, _SLICE, _PROCESS) if case.mechanics is None else _STRAINED
     each = slice_ + vertex * len(np.unique(vertices))
     memory = ranks * process + inside * each
     there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if memory > _MOST * there:
-        raise InputError(
+        raise CaseError(
             f"caster.spacing: {inside} slices at once take about {1e-9 * memory:.3g} GB, and this "
             f"machine has {1e-9 * there:.3g} GB; give a larger spacing"
         )

@@ -22,7 +22,8 @@ class Look:
     solid: float  #: where it became solid, m; NaN while it is not
     closed: float  #: how old it was then, s
     removed: float  #: heat that was removed of its length, J
-    gained: float  #: change of its enthalpy since the meniscus, J
+    #: change of its enthalpy since the meniscus, J, but for what mechanics generate and feed
+    gained: float
     row: dict[str, float]  #: columns of its history
     #: pyrometers that it has passed since the instant before: number, age s, K
     passed: list[list[float]]

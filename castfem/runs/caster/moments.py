@@ -1,7 +1,7 @@
 """The whole strand at moments that a case names, bent through its machine: files for ParaView.
 
 strand.pvd lists them with their times by the clock, s; each is an unstructured grid in moments/.
-Between two slices the temperature is linear in the position.
+Between two slices, and from the meniscus to the first, the temperature is linear in the position.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from mpi4py import MPI
 import numpy as np
 
 from castfem.base.atomic_files import saving, write_text
+from castfem.base.constants import ROUNDING
 from castfem.base.types import Array
 from castfem.fem.root import on_root
 from castfem.model.machine import thickness_of
@@ -52,8 +53,23 @@ class Moments:
         self._case, self._model, self._folder = case, model, folder
         self.asked = case.caster.moments
 
-    def look(self, now: float, before: float, slices: Sequence[Slice], comm: MPI.Comm) -> None:
-        """Write the strand if a moment has come since the instant before (collective)."""
+    def look(
+        self,
+        now: float,
+        before: float,
+        slices: Sequence[Slice],
+        poured: float | None,
+        comm: MPI.Comm,
+    ) -> None:
+        """Write the strand if a moment has come since the instant before (collective).
+
+        Args:
+            now: The instant, s.
+            before: That before, s.
+            slices: The rank's own.
+            poured: Temperature of what leaves the meniscus now, K; None if nothing does.
+            comm: The ranks.
+        """
         if not any(before < moment <= now for moment in self.asked):
             return
         own = [
@@ -62,9 +78,11 @@ class Moments:
             if not one.has_left
         ]
         found = comm.gather(own)
-        on_root(comm, lambda: self._write(now, list(chain.from_iterable(found or []))))
+        on_root(comm, lambda: self._write(now, list(chain.from_iterable(found or [])), poured))
 
-    def _write(self, now: float, found: list[tuple[float, Array]]) -> None:
+    def _write(self, now: float, found: list[tuple[float, Array]], poured: float | None) -> None:
+        if found and poured is not None and min(place for place, _ in found) > ROUNDING:
+            found.append((0.0, np.full_like(found[0][1], poured)))
         position = np.array([place for place, _ in found])
         if len(found) < 2:
             return

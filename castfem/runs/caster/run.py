@@ -91,9 +91,9 @@ class CasterRun:
         self._looks: dict[int, Look] = {}  # of this rank, at the instant that is on its way
         self._closed: dict[int, float] = {}
         self._left, self._before = (0.0, 0.0), math.nan
-        sizes = self._restore() if goes_on else {}
+        self._sizes = self._restore() if goes_on else {}  # of the files, up to the last instant
         self._files: dict[str, GrowingTable] = {}
-        on_root(comm, lambda: self._open(sizes))
+        on_root(comm, lambda: self._open(self._sizes))
         self._saved = self._begun = time.monotonic()
         self._done = 0.0  # s of all slices together
 
@@ -107,6 +107,7 @@ class CasterRun:
             *([(PYROMETERS_NAME, pyrometers.HEADING)] if self._asked.pyrometer else []),
         ):
             self._files[name] = GrowingTable(self._output / name, heading, sizes.get(name))
+        self._sizes = {name: file.size for name, file in self._files.items()}
 
     @property
     def heading(self) -> list[tuple[str, str]]:
@@ -195,14 +196,15 @@ class CasterRun:
         """Look at the strand at an instant, and let go of what has left it."""
         found = self._comm.gather(self._looks)
         before = self.strand.instants[self._index - 1] if self._index else -math.inf
-        self._moments.look(now, before, self.strand.inside, self._comm)
+        poured = self.strand.poured(now)
+        self._moments.look(now, before, self.strand.inside, poured, self._comm)
         on_root(self._comm, lambda: self._write(now, _merged(found)))
         self._gone += self._comm.allreduce(sum(one.has_left for one in self._looks.values()))
         self._looks = {}
         self.strand.release(now)
 
     def _write(self, now: float, looks: dict[int, Look]) -> None:
-        """Write the strand at an instant (rank 0)."""
+        """Write the strand at an instant (rank 0); a failure midway leaves the instant before."""
         strand, caster = self.strand, self._case.caster
         assert caster is not None
         ended = [one for one in looks.values() if one.has_left]
@@ -214,8 +216,8 @@ class CasterRun:
         )  # fmt: skip
         lowest = inside[0].number if inside else max(self._closed, default=0) + 1
         self._closed = {n: age for n, age in self._closed.items() if n >= lowest - 1}
-        self._left = heat_of(self._left, ended)
-        removed, gained = heat_of(self._left, inside)
+        left = heat_of(self._left, ended)
+        removed, gained = heat_of(left, inside)
         self._files[SLICES_NAME].append(
             {
                 "slice": one.number, "start": one.start, "left": one.start + one.lasts,
@@ -241,7 +243,8 @@ class CasterRun:
             seen = pyrometers.rows(caster, list(looks.values()))
             self._files[PYROMETERS_NAME].append(seen)
         self.latest, self.is_saved = (row, rows), False
-        self._before = removed
+        self._left, self._before = left, removed
+        self._sizes = {name: file.size for name, file in self._files.items()}
 
     def save(self) -> None:
         """Replace the checkpoint by what there is; rows that were written later are cut off."""
@@ -268,7 +271,7 @@ class CasterRun:
             "looks": [asdict(one) for one in looks.values()],
             "closed": {str(number): age for number, age in self._closed.items()},
             "left": self._left, "before": self._before,
-            "sizes": {name: file.size for name, file in self._files.items()},
+            "sizes": self._sizes,
         }  # fmt: skip
         arrays = {
             f"{number}/{name}": values

@@ -19,7 +19,13 @@ from mpi4py import MPI
 from castfem.base.constants import EXACT, ROUNDING
 from castfem.base.errors import RunFailure
 from castfem.base.types import Array
-from castfem.model.build.simulation import CurveEnds, Simulation, build, build_beside
+from castfem.model.build.simulation import (
+    CurveEnds,
+    Simulation,
+    build,
+    build_beside,
+    starting_temperature,
+)
 from castfem.model.caster import (
     by_plant,
     cast_of,
@@ -146,12 +152,13 @@ class Slice:
         """Return what is seen of it now, with a row of its history."""
         run, simulation = self.run_state, self.loop.simulation
         solid = run.sampler.metallurgical_length
+        thermal = run.state.thermal
+        gained = run.sampler.heat_gained(thermal) - thermal.generated - thermal.fed
         return Seen(
             self.age, run.position,
             solid=math.nan if solid is None else solid,
             closed=math.nan if solid is None else simulation.machine.time_at(solid),
-            removed=run.state.thermal.removed, gained=run.sampler.heat_gained(run.state.thermal),
-            row=row,
+            removed=thermal.removed, gained=gained, row=row,
         )  # fmt: skip
 
     def look(self, seen: Seen) -> Look:
@@ -265,7 +272,7 @@ class Strand:
         base = by_plant(recent(case, since))  # it may be refused
         self.instants, self.cast = case.caster.instants, cast_of(case)
         self.starts, self.base, self.work = starts_of(case), base, followed(case)
-        self._tail = ends_with_tail(case)
+        self._tail, self._caster = ends_with_tail(case), case.caster
         numbers = range(self._rank + 1, len(self.starts) + 1, self._ranks)
         self._to_come = [number for number in numbers if number > self._begun]
         for one in self.inside:
@@ -320,6 +327,16 @@ class Strand:
             number = max(number - 1, 1)  # as long as the one before
         ends = [self.cast.length(start) for start in self.starts[number - 1 : number + 1]]
         return ends[-1] - ends[0]
+
+    def poured(self, clock: float) -> float | None:
+        """Temperature of the steel that leaves the meniscus at an instant of the clock, K.
+
+        None while the strand stands, and once its tail has left.
+        """
+        until = self._caster.cast_until
+        if not self._caster.plant.table("speed")(clock) > 0.0 or (until or clock) < clock:
+            return None
+        return starting_temperature(slice_of(self.base, clock), self._first.steel)
 
     def waiting(self, clock: float, passed: Container[int] = ()) -> list[Slice]:
         """Return the slices that are to be taken to an instant of the clock, s.
