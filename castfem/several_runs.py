@@ -65,7 +65,7 @@ def comparison(
         there is any. SI.
 
     Raises:
-        InputError: A folder holds no run that has ended, there are fewer than two, none has been at
+        InputError: A folder holds no finished run, there are fewer than two, none has been at
             a position, or one has the name of another column.
     """
     from castfem.post.compare.runs import base_of, read_runs

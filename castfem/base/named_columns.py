@@ -143,7 +143,7 @@ def grid_of(rows: Array, places: Sequence[str], kinds: Sequence[Kind], what: str
     cells: Any = rows.tolist()
     for (x, y, value), where in zip(cells, places, strict=True):
         if (x, y) in found:
-            raise ValueError(f"{where}: this {what} stand there twice")
+            raise ValueError(f"{where}: this {what} appear twice")
         found[x, y] = value
     first, second = (tuple(sorted({key[k] for key in found})) for k in range(2))
     gaps = [(x, y) for x in first for y in second if (x, y) not in found]

@@ -382,7 +382,7 @@ def factor_and_zero(si: str, unit: str) -> tuple[float, float]:
 
 
 def in_mm(length: float) -> str:
-    """Return a length, m, as messages show it: in mm, with nine digits."""
+    """Format a length, m, as messages show it: in mm, with nine digits."""
     return f"{1e3 * length:.9g} mm"
 
 

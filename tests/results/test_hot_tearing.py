@@ -368,7 +368,7 @@ def test_a_case_that_does_not_ask_has_nothing_of_it(tmp_path: Path) -> None:
         ({"ductility": DUCTILITY}, "quality.ductility", "[mechanics]"),
         (
             {"ductility": DUCTILITY | {"strain_rate": [1e-4, 1e-4, 1e-4, 1e-2]}},
-            "quality.ductility", "row 2: this temperature and rate stand there twice",
+            "quality.ductility", "row 2: this temperature and rate appear twice",
         ),
         (
             {"ductility": DUCTILITY | {"reduction_of_area": [0.4] * 4}},

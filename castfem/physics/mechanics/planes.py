@@ -209,7 +209,8 @@ class PlainPlanes(Planes):
                 )
         both = [n for n in self.free if n in self.imposed]
         if both or len(set(self.free)) < len(self.free):
-            raise InputError(f"{', '.join(both or self.free)}: either free or imposed, once")
+            named = ", ".join(both or self.free)
+            raise InputError(f"{named}: must be either free or imposed, and given once")
 
     @property
     def steady(self) -> bool:

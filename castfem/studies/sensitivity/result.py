@@ -81,31 +81,21 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Sensitivity:
-    """Results of a run and their derivatives by parameters of its case.
+    """Results of a run and their derivatives by parameters of its case."""
 
-    Attributes:
-        title: Of the case.
-        position: Where the results hold, m below the meniscus.
-        quantities: Name to result.
-        parameters: By which they are differentiated.
-        derivatives: Each result by each parameter.
-        steps: Thermal steps of the run.
-        kinks: Where contact is about to change: there derivatives are those to one side.
-        strained: Whether the run had mechanics, which a growing shell takes along cell by cell.
-        windows: Coupling windows of the run.
-        cut: How often one was cut for the error of its gap: to a length that is another one where
-            the parameters are others by enough, which the derivatives hold.
-    """
-
-    title: str
-    position: float
-    quantities: dict[str, Quantity]
-    parameters: tuple[Parameter, ...]
-    derivatives: tuple[Derivative, ...]
-    steps: int
+    title: str  #: of the case
+    position: float  #: where the results hold, m below the meniscus
+    quantities: dict[str, Quantity]  #: name to result
+    parameters: tuple[Parameter, ...]  #: by which they are differentiated
+    derivatives: tuple[Derivative, ...]  #: each result by each parameter
+    steps: int  #: thermal steps of the run
+    #: where contact is about to change: there derivatives are those to one side
     kinks: tuple[Kink, ...] = ()
+    #: whether the run had mechanics, which a growing shell takes along cell by cell
     strained: bool = False
-    windows: int = 0
+    windows: int = 0  #: coupling windows of the run
+    #: how often one was cut for the error of its gap: to a length that is another one where the
+    #: parameters are others by enough, which the derivatives hold
     cut: int = 0
 
     @property

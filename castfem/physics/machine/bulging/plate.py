@@ -29,14 +29,10 @@ class ElasticStrip:
     """w = p z^2 (L - z)^2 / 24 D, at most p L^4 / 384 D, without memory or speed.
 
     Shear adds S p z (L - z) / 2, S its compliance: all pitches being alike, no moment changes.
-
-    Attributes:
-        elasticity: Of the steel.
-        shear: Whether the strip yields to shear.
     """
 
-    elasticity: Elasticity
-    shear: bool = False
+    elasticity: Elasticity  #: of the steel
+    shear: bool = False  #: whether the strip yields to shear
 
     def bulge(self, span: Span, shell: Shell) -> Bulge:
         """See `BulgingModel`."""
@@ -110,17 +106,12 @@ def borne_share(length: float, width: float, along: npt.ArrayLike) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class ThesisPlate:
-    """The thesis' plate at mid-width, w2(z, L2/2), with the shell's own stiffness.
+    """The thesis' plate at mid-width, w2(z, L2/2), with the shell's own stiffness."""
 
-    Attributes:
-        elasticity: Of the steel.
-        width: Of the slab, m.
-        largest: Reference of the largest deflection by the pitch, m, which the plate is amplified
-            to (VI.2.2.3); None for that of the plate itself.
-    """
-
-    elasticity: Elasticity
-    width: float
+    elasticity: Elasticity  #: of the steel
+    width: float  #: of the slab, m
+    #: reference of the largest deflection by the pitch, m, which the plate is amplified to
+    #: (VI.2.2.3); None for that of the plate itself
     largest: float | None = None
 
     def bulge(self, span: Span, shell: Shell) -> Bulge:
