@@ -198,7 +198,7 @@ class PlainPlanes(Planes):
     imposed: Mapping[str, TimeHistory] = field(default_factory=dict)
     force: TimeHistory = zero  #: external axial force, N
     moment_x: TimeHistory = zero  #: external moment of sigma_zz with x, N m (thesis' M_y)
-    moment_y: TimeHistory = zero  #: The same with y (M_x). Each over time
+    moment_y: TimeHistory = zero  #: the same with y (M_x); each over time
 
     def __post_init__(self) -> None:
         """Check the names."""
