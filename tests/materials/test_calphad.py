@@ -30,7 +30,7 @@ def coarse(monkeypatch, tmp_path):
     """Few temperatures, and a cache of the test's own."""
     settings = replace(
         equilibria.SETTINGS, longest=80.0, fraction=0.01, enthalpy=3e3, narrowest=0.05,
-        freezing=0.04, step=3.0,
+        freezing=0.08, step=3.0,
     )  # fmt: skip
     for module in (equilibria, freezing_paths):
         monkeypatch.setattr(module, "SETTINGS", settings)
