@@ -344,5 +344,7 @@ def test_fine_strip() -> None:
 
 
 def test_error_falls_with_the_cells() -> None:
-    coarse, fine = (Strip(size, length=0.015).advance(5.0, 0.05).error(EXACT) for size in (1e-3, 0.25e-3))
+    coarse, fine = (
+        Strip(size, length=0.015).advance(5.0, 0.05).error(EXACT) for size in (1e-3, 0.25e-3)
+    )
     assert np.log2(coarse / fine) / 2 > 0.9

@@ -35,7 +35,7 @@ FILES = {
     "outer.py": (
         "from castfem.base.compiled import outermost\n"
         "from toy.constants import FACTOR\nfrom toy.inner import inner\n\n"
-        "@outermost\ndef outer(x, sources=None):\n    return FACTOR * inner(x) + 5.0\n"
+        "@outermost\ndef outer(x):\n    return FACTOR * inner(x) + 5.0\n"
     ),
 }
 
@@ -49,6 +49,7 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (folder / name).write_text(text)
         os.utime(folder / name, (1e9, 1e9))
     monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr("castfem.base.compiled.cache_folder", lambda: folder)
     monkeypatch.setattr(sys, "dont_write_bytecode", True)  # which would be found stale by the time
     return folder
 
@@ -128,12 +129,12 @@ def test_each_is_called_directly(toy: Path) -> None:
     """Without a line of Python between, of which numba needs many to look a function up anew."""
 
     @outermost
-    def other(x, sources=None):  # type: ignore[no-untyped-def]
+    def other(x):  # type: ignore[no-untyped-def]
         return x + 2.0
 
     functions = anew(), other
     assert [function(1.0) for function in functions] == [9.0, 3.0]
-    assert len({function.py_func.__defaults__ for function in functions}) == 2
+    assert len({function._cache.cache_path for function in functions}) == 2
     calls: list[str] = []
     sys.setprofile(lambda frame, event, _: calls.append(event) if event == "call" else None)
     try:
@@ -142,14 +143,6 @@ def test_each_is_called_directly(toy: Path) -> None:
     finally:
         sys.setprofile(None)
     assert not calls
-
-
-def test_without_the_argument() -> None:
-    def plain(x: float) -> float:
-        return x
-
-    with pytest.raises(TypeError, match="plain needs sources=None as its last argument"):
-        outermost(plain)
 
 
 @pytest.fixture(params=[errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP, 524])

@@ -106,7 +106,7 @@ def _correction(  # type: ignore[no-untyped-def]
 @outermost
 def _lead(  # type: ignore[no-untyped-def]
     kind, signed, coefficients, thermal_rate, weight, arm, size, moment, dt, stress, state,
-    curvature, axial, compliance, sources=None,
+    curvature, axial, compliance,
 ):  # fmt: skip
     """Lead the layers through a history of the moment, a step after the other.
 
@@ -126,7 +126,6 @@ def _lead(  # type: ignore[no-untyped-def]
         curvature: Out, since the start (m+1,), 1/m.
         axial: Out, strain of the neutral axis since the start (m+1,).
         compliance: Out, d curvature / d moment (m,), 1/(N m).
-        sources: Not to be given, see `castfem.base.compiled`.
 
     Returns:
         Steps taken, all of them unless the layers cannot carry a moment, and what is out of balance
