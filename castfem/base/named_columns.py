@@ -137,7 +137,7 @@ def grid_of(rows: Array, places: Sequence[str], kinds: Sequence[Kind], what: str
         Both arguments, increasing, and the values, a row for each of the first.
 
     Raises:
-        ValueError: A pair stands there twice, or one is missing.
+        ValueError: A pair appears twice, or one is missing.
     """
     found: dict[tuple[float, float], float] = {}
     cells: Any = rows.tolist()

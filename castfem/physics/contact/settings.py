@@ -1,4 +1,4 @@
-"""What a slice is told of what acts on its surface; how contact with a wall is to be computed.
+"""Settings of what acts on the surface of a slice, and of contact with a wall.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """

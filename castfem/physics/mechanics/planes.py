@@ -56,7 +56,7 @@ STRAIGHT = Bending()
 
 @dataclass(frozen=True, slots=True)
 class StepTaken:
-    """What planes are told of a step that is kept."""
+    """What planes get to know of an accepted step."""
 
     time: float  #: at its end, s
     #: computes M at its end, N m (collective); called only for planes that are bent

@@ -1,4 +1,4 @@
-"""Sensitivities of a run as they are told, written and read."""
+"""Sensitivities of a run as they are reported, written and read."""
 
 from __future__ import annotations
 
@@ -35,8 +35,7 @@ class Derivative:
     #: error (`castfem.studies.sensitivity.fronts`); NaN where it has passed too few; None of
     #: anything else
     evened: tuple[float, float] | None = None
-    #: how far differences of runs may be from what is told (`fronts.Scatter`);
-    #: NaN where that is not known
+    #: how far differences of runs may be from `value` (`fronts.Scatter`); NaN if not known
     error: float = math.nan
 
     @property
@@ -46,7 +45,7 @@ class Derivative:
 
     @property
     def value(self) -> float:
-        """What is told: evened out where it has to be, else that of the discrete run."""
+        """The reported value: evened out where necessary, otherwise that of the discrete run."""
         return self.of_mesh if self.evened is None else self.evened[0]
 
 
