@@ -1,10 +1,9 @@
-"""The elastic strip; elastic plates of one cosine, as the thesis has them, and their springs.
+"""The elastic strip, and the elastic plate of one cosine as the thesis has it.
 
 The strip is clamped at both rolls, with the moduli at the shell's own temperatures.
 The thesis' plates (VI.2.2.2) have a clamped edge at each roll and at each narrow face; L1 is the
 pitch, L2 the width.  One cosine is less stiff than the exact strip: 27 % more deflection in the
-example of (309).  (308) lacks the bracket round the sum in its denominator, which (314) has, and
-the last line of (318) the factor 1.5 of (315).
+example of (309).  (308) lacks the bracket round the sum in its denominator, which (314) has.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -68,19 +67,6 @@ def _cosine(position: npt.ArrayLike, length: float) -> Array:
     return np.asarray(1.0 - np.cos(2.0 * np.pi * np.asarray(position, float) / length))
 
 
-def free_deflection(pressure: float, bending: float, width: float, across: npt.ArrayLike) -> Array:
-    """Deflection w1 of a plate that only its edges at the narrow faces hold (307), m.
-
-    Args:
-        pressure: q, Pa.
-        bending: D = E h^3 / (12 (1 - nu^2)), N m.
-        width: L2, m.
-        across: Positions from one narrow face, m.
-    """
-    amplitude = pressure * width**4 / (_PI4 * 12.0 * bending)
-    return 1.5 * amplitude * _cosine(across, width)
-
-
 def clamped_deflection(
     pressure: float, bending: float, length: float, width: float,
     along: npt.ArrayLike, across: npt.ArrayLike,
@@ -97,11 +83,6 @@ def clamped_deflection(
     """
     amplitude = pressure * width**4 / (_PI4 * 12.0 * bending * _sum(length, width))
     return np.asarray(amplitude * _cosine(along, length) * _cosine(across, width))
-
-
-def borne_share(length: float, width: float, along: npt.ArrayLike) -> Array:
-    """Share q/p of the pressure that the slice bears, its springs bearing the rest (315)."""
-    return np.asarray(_cosine(along, length) / (1.5 * _sum(length, width)))
 
 
 @dataclass(frozen=True, slots=True)
