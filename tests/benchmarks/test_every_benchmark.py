@@ -36,7 +36,7 @@ SLOW = {
     "billet": "six billets at their shipped cells",
     "billet_error": "four billets to the mould's exit",
     "billet_trade": "billets that are compared with a reference at the mould's exit",
-    "billet_cost": "repeated billets; its runs are tested in test_billet_benchmarks.py",
+    "billet_cost": "repeated billets; its runs are tested below",
     "hot_mould": "billets and tubes; tests/mould_fit and tests/hot_mould run coarse ones",
     "shell3d": "tests/bulging/test_plate.py has two of its slabs",
     "slab_bending": "slabs through bender and straightener; test_slab_tables.py tests what is read",
