@@ -252,7 +252,7 @@ class QualitySampler:
         return Worst(*reductions.peak(comm, values[counted], self.place[counted]), time, position)
 
     def _passed(self, centre: float, time: float) -> dict[float, float]:
-        """Positions at which the centre line reached each solid fraction, linear between two steps."""
+        """Where the centre line reached each solid fraction, linear in time between two steps."""
         old, found = self.state, dict(self.state.passed)
         for fraction, level in self._levels.items():
             if not centre < level:
