@@ -58,10 +58,11 @@ SMALL: dict[str, dict[str, Any]] = {
     "corner": {
         "CELLS": {"4": ("4", "4", "18", "22")},
         "KINDS": {
-            mush: {"cells 4 mm": ("casting.length=200 mm",)} for mush in ("skeleton", "none")
+            mush: {"cells 4 mm": ("casting.length=80 mm",)} for mush in ("skeleton", "none")
         },
     },
     "billet_grid": {"LENGTH": "8 mm", "HALF": {"mesh": 0.9}},
+    "wall": {"FACTORS": (10, 100), "COARSE": (*billet_run.COARSE, SHORT)},
     "windows": {"MOULDS": {"taper_0": (3.0, billet_run.mesh(3.0))}, "REFERENCE": 0.2},
     "sensitivity_errors": {
         "QUICK": ("casting.length=100 mm", "mesh.surface_size=1 mm", "mesh.corner_size=1 mm"),
