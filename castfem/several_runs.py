@@ -89,7 +89,7 @@ def comparison(
         runs, base_of(runs, None if base is None else str(base)), everything=everything, at=places
     )
     if not found:
-        raise InputError(f"at {at}: none of the runs has been there")
+        raise InputError(f"at {at}: no run has reached this position")
     return in_si(runs, found)
 
 

@@ -64,6 +64,7 @@ SMALL: dict[str, dict[str, Any]] = {
     "billet_grid": {"LENGTH": "8 mm", "HALF": {"mesh": 0.9}},
     # tests/optimisation drives such searches by results that are known.
     "optimum_holds": {"search": lambda *_: SimpleNamespace(values=(FOUND,))},
+    "caster_error": {"KINDS": {"slices": (4.0, 2.0)}},
     "wall": {"FACTORS": (10, 100), "COARSE": (*billet_run.COARSE, SHORT)},
     "slab_meniscus": {
         "QUIET": (
