@@ -1,6 +1,7 @@
 """The mean stress is stable on any mesh; its poorer rule keeps cells from locking.
 
-The rule is that of docs/mechanics.md.
+The rule is that of docs/mechanics.md; equation numbers are those of [Pascon2003]
+(docs/references.md).
 """
 
 from __future__ import annotations
@@ -171,8 +172,6 @@ def test_creep_of_a_tube() -> None:
 
 
 # Ferrostatic pressure: its resultant on the shell whatever the mesh, and where it acts.
-#
-# Equation numbers are those of [Pascon2003] (docs/references.md).
 
 
 SOLIDUS, LIQUIDUS, HEAD = 1700.0, 1750.0, 3.0e5
