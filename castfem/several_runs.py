@@ -65,7 +65,7 @@ def comparison(
         there is any. SI.
 
     Raises:
-        InputError: A folder holds no run that has ended, there are fewer than two, none has been at
+        InputError: A folder holds no finished run, there are fewer than two, none has been at
             a position, or one has the name of another column.
     """
     from castfem.post.compare.runs import base_of, read_runs
@@ -89,7 +89,7 @@ def comparison(
         runs, base_of(runs, None if base is None else str(base)), everything=everything, at=places
     )
     if not found:
-        raise InputError(f"at {at}: none of the runs has been there")
+        raise InputError(f"at {at}: no run has reached this position")
     return in_si(runs, found)
 
 

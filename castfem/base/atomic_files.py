@@ -36,7 +36,7 @@ class Closing(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of what is held; safe to call twice."""
+        """Release what is held; safe to call twice."""
 
     def leave(self, error: BaseException) -> None:  # noqa: B027 - most have nothing to add
         """Take note of the error that ends the `with`, before closing."""

@@ -1,28 +1,25 @@
 """Functions that numba compiles, kept on disk so that the next run need not compile them again.
 
-numba keeps what it has compiled under the signature, the time of change and the length of the file
-of the function that Python calls. It does not notice a change of what this function calls from
-other files, nor one that keeps time and length, as a digit may in a version installed over another.
-So a function that Python calls has a last argument `sources` that nobody gives and whose default
-becomes a digest of all that is compiled with it: numba compiles for a default as for a type, and
-the default is part of the signature. When the function is called numba looks at the types within
-the default alone, not at its values; so the digest is spelt in types, or the second function of a
-process would be looked up anew at each call, which takes 70 us. Whether all that is still so,
-tests/support/test_compiled.py sees.
+By itself numba keeps it beside the file of the function that Python calls, and does not notice a
+change of what this function calls from other files. Here it is kept in the user's cache, in a
+folder named by a digest of all that is compiled together: every change is noticed, and all
+checkouts and installations with the same text share one compilation.
 """
 
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core.caching import FunctionCache
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.extending import is_jitted
 
+from castfem.base.libraries import cache_folder
 from castfem.base.log import logger
 
 # Divisions follow IEEE instead of raising; fastmath stays off, since it would let the compiler
@@ -36,29 +33,44 @@ def compiled(function: Callable[..., Any]) -> Any:
 
 
 def outermost(function: Callable[..., Any]) -> Any:
-    """Compile what Python calls, keeping the result on disk where a folder for it can be written.
-
-    Args:
-        function: Its last argument has to be `sources=None`.
-
-    Raises:
-        TypeError: It is not.
-    """
-    code = function.__code__
-    if code.co_varnames[code.co_argcount - 1] != "sources" or function.__defaults__ != (None,):
-        raise TypeError(f"{function.__qualname__} needs sources=None as its last argument")
-    try:
-        function.__defaults__ = (_digest(function),)
-        kept = _Kept(function)
-    except (OSError, RuntimeError):  # no text of the sources, or no place for numba's cache
-        return numba.njit(**OPTIONS)(function)
+    """Compile what Python calls, keeping the result on disk where that is possible."""
     found = numba.njit(**OPTIONS)(function)
-    found._cache = kept  # what njit(cache=True) does, with a cache that bears damage
+    with suppress(OSError):  # no text of the sources: compiled in each process
+        found._cache = _Kept(function)  # what njit(cache=True) does, with folder and care of ours
     return found
+
+
+class _Locator:
+    """Tells numba in which folder a function is kept, by numba's names."""
+
+    def __init__(self, function: Any) -> None:
+        self._digest = _digest(function)
+
+    @classmethod
+    def from_function(cls, function: Any, _file: str) -> _Locator:
+        return cls(function)
+
+    def get_cache_path(self) -> str:
+        return str(cache_folder() / "kernels" / self._digest)
+
+    def ensure_cache_path(self) -> None:
+        os.makedirs(self.get_cache_path(), exist_ok=True)
+
+    def get_source_stamp(self) -> str:
+        return self._digest
+
+    def get_disambiguator(self) -> str:
+        return ""
+
+
+class _Storage(CompileResultCacheImpl):  # type: ignore[misc]
+    _locator_classes = (_Locator,)
 
 
 class _Kept(FunctionCache):  # type: ignore[misc]
     """What numba keeps on disk: damaged files are compiled anew, a full disk keeps nothing."""
+
+    _impl_class = _Storage
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """What was compiled for a signature; None if it is not there, or cannot be read."""
@@ -76,11 +88,10 @@ class _Kept(FunctionCache):  # type: ignore[misc]
             super().save_overload(sig, data)
 
 
-def _digest(function: Any) -> tuple[int | float, ...]:
-    """Bits that are others for other text of its file or of the files of what it calls.
+def _digest(function: Any) -> str:
+    """Digest of the text of its file and of the files of what it calls.
 
-    And for other constants, which may come from any file, or other options. A bit is an integer or
-    a float, by value as well as by type.
+    And of their constants, which may come from any file, of the options and of numba.
     """
     files, constants = set[str](), set[str]()
     seen, waiting = set[Any](), [function]
@@ -95,9 +106,8 @@ def _digest(function: Any) -> tuple[int | float, ...]:
             if is_jitted(value):
                 waiting.append(value.py_func)
             elif isinstance(value, int | float | str | tuple):
-                constants.add(f"{now.__code__.co_filename}: {name} = {value!r}")
-    text = hashlib.sha256(repr((OPTIONS, sorted(constants))).encode())
+                constants.add(f"{Path(now.__code__.co_filename).name}: {name} = {value!r}")
+    text = hashlib.sha256(repr((numba.__version__, OPTIONS, sorted(constants))).encode())
     for file in sorted(files):
         text.update(Path(file).read_bytes() + b"\0")
-    bits = "".join(f"{byte:08b}" for byte in text.digest()[:6])
-    return tuple(0 if bit == "0" else 1.0 for bit in bits)
+    return text.hexdigest()[:16]

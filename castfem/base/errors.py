@@ -76,7 +76,7 @@ def written(value: object) -> str:
 
 
 def said_in_a_line(error: BaseException) -> str:
-    """Return what an error says in one line; its kind, too, if nobody has worded it for a user."""
+    """Return the message of an error in one line, with its kind if it was not written for users."""
     lines = str(error).splitlines() or [""]
     said = lines[0] if isinstance(error, CastfemError) else f"{type(error).__name__}: {lines[0]}"
     return said.removesuffix(": ")

@@ -51,7 +51,7 @@ class _LogFile(logging.FileHandler):
             self.handleError(record)
 
     def handleError(self, record: logging.LogRecord) -> None:
-        """Let go of what could not be written; logging would print pages and fail at the end."""
+        """Drop what could not be written; logging would print pages and fail at the end."""
         error = sys.exc_info()[1]
         stream, self.stream, self.mode = self.stream, None, "a"  # type: ignore[assignment]
         with suppress(OSError):

@@ -137,13 +137,13 @@ def grid_of(rows: Array, places: Sequence[str], kinds: Sequence[Kind], what: str
         Both arguments, increasing, and the values, a row for each of the first.
 
     Raises:
-        ValueError: A pair stands there twice, or one is missing.
+        ValueError: A pair appears twice, or one is missing.
     """
     found: dict[tuple[float, float], float] = {}
     cells: Any = rows.tolist()
     for (x, y, value), where in zip(cells, places, strict=True):
         if (x, y) in found:
-            raise ValueError(f"{where}: this {what} stand there twice")
+            raise ValueError(f"{where}: this {what} appear twice")
         found[x, y] = value
     first, second = (tuple(sorted({key[k] for key in found})) for k in range(2))
     gaps = [(x, y) for x in first for y in second if (x, y) not in found]

@@ -38,7 +38,7 @@ def told(number: int, frame: FrameType | None) -> None:
 
 
 def stop_by_all() -> None:
-    """Let each of the signals interrupt this process, but those that somebody else handles.
+    """Let each of the signals interrupt this process, except those that are handled already.
 
     `nohup`, for one, has SIGHUP ignored.
     """

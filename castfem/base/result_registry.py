@@ -97,7 +97,7 @@ class QuantityDefinition:
         if self.name in _declared:
             raise ValueError(f"two quantities are named {self.name}")
         if unknown := set(self.needs) - import_module(_NEEDS_MODULE).NEEDS.keys():
-            raise ValueError(f"{self.name} needs what is not known: {', '.join(sorted(unknown))}")
+            raise ValueError(f"{self.name}: unknown entries in needs: {', '.join(sorted(unknown))}")
         _declared[self.name] = replace(self, compute=compute)
         return compute
 

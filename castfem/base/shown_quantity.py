@@ -14,22 +14,15 @@ _NONE = "-"  # how "no unit" is written
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """One result.
+    """One result."""
 
-    Attributes:
-        value: In SI; NaN when it does not exist.
-        shown_unit: In which it is shown, "-" for none.
-        label: What it is, for tables.
-        error: Of the value, in SI, of temperatures in K; None where `castfem error` has not
-            been asked.
-        resolution: How exactly the cells of the run resolve the value, likewise; None where that
-            is not known. It tells how many digits are printed, and is no error.
-    """
-
-    value: float
-    shown_unit: str
-    label: str
+    value: float  #: in SI; NaN when it does not exist
+    shown_unit: str  #: in which it is shown, "-" for none
+    label: str  #: what it is, for tables
+    #: of the value, in SI, of temperatures in K; None where `castfem error` has not been asked
     error: float | None = None
+    #: how exactly the cells of the run resolve the value, likewise; None where that is not known.
+    #: It tells how many digits are printed, and is no error.
     resolution: float | None = None
 
     @property

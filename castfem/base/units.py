@@ -124,7 +124,7 @@ def _unknown(unit: str) -> str:
 def _meant(unit: str, example: str, target: pint.Unit) -> str:
     """Return a unit of the right dimension that a wrong one may stand for; "" where none is near.
 
-    It is that with the divisor of the example ("%/m" for "%"), or one of the same letters
+    The unit is the one with the divisor of the example ("%/m" for "%"), or one of the same letters
     ("W/(m K)" for "W/mK").
     """
     per = example.partition("/")[2]
@@ -382,7 +382,7 @@ def factor_and_zero(si: str, unit: str) -> tuple[float, float]:
 
 
 def in_mm(length: float) -> str:
-    """Return a length, m, as messages show it: in mm, with nine digits."""
+    """Format a length, m, as messages show it: in mm, with nine digits."""
     return f"{1e3 * length:.9g} mm"
 
 

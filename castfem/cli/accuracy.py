@@ -98,7 +98,7 @@ def _done(ladder: Ladder, options: Options, comm: MPI.Intracomm | None) -> int:
 
 
 def _propose(table: ErrorTable, options: Options) -> None:
-    """Print which sizes reach an error, how long a run with them takes, and its command."""
+    """Print the mesh sizes that reach an error, how long a run with them takes, and its command."""
     found = propose(table, main_names(table.quantities), read_share(options.to))
     case = load_case(shipped_cases.find(options.name), options.overrides)
     words = ", ".join(f"{axis} x {factor:.3g}" for axis, factor in found.factors.items())

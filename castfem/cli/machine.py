@@ -271,7 +271,7 @@ def ended(run: Path, case: Case) -> Ended:
     """Return how far the strand of a run is solid."""
     summary = Summary.load(run) if run.is_dir() else None
     if summary is None or not (run / CASE_NAME).is_file():
-        raise InputError(f"--run {run}: holds no run that has ended")
+        raise InputError(f"--run {run}: holds no finished run")
     table = load_case(run / CASE_NAME).machine
     theirs, ours = (None if one is None else one.pairs() for one in (table, case.machine))
     if ours is not None and (what := _other(ours, theirs)):

@@ -214,7 +214,7 @@ def above_zero(option: str, text: str, unit: str) -> float:
 
 @contextmanager
 def read_from(path: Path) -> Iterator[None]:
-    """Return a block in which what cannot be built of a case is said of its file."""
+    """Name the file in errors that are raised while a case is built from it."""
     try:
         yield
     except CaseError as error:

@@ -58,7 +58,7 @@ def operator(space: fem.FunctionSpace, cells: Indices, table: Array) -> sparse.c
 
     Args:
         space: Of the functions; the columns are this rank's degrees of freedom.
-        cells: On which they are (n,); one may stand there several times.
+        cells: On which they are (n,); a cell may appear several times.
         table: Derivatives of each value by the degrees of freedom of its cell (n, values, dofs).
 
     Returns:

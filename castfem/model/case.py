@@ -66,7 +66,7 @@ class Span:
     #: pairs of the boundary groups (or beginnings of their names) and the law on them
     laws: tuple[tuple[tuple[str, ...], HeatLaw], ...]
     whole: bool  #: whether that end is its own
-    roll_to_roll: bool = False  #: whether it is that of [secondary], whose laws are not told here
+    roll_to_roll: bool = False  #: whether it is that of [secondary], whose laws are not listed here
 
 
 class Case(TableModel):

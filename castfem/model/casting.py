@@ -353,7 +353,7 @@ def _fields(case: Case, output: Output) -> Faults:
     names = output.fields or ()
     for index, name in enumerate(names):
         if name in names[:index]:
-            yield "fields", f"'{name}' stands there twice"
+            yield "fields", f"'{name}' appears twice"
         if name in MECHANICAL_FIELDS and case.mechanics is None:
             yield "fields", f"'{name}' needs the table [mechanics], which is missing"
         if name in CONTACT_FIELDS and case.mould is None:

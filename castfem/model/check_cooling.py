@@ -97,7 +97,7 @@ def _clash(case: Case, zone: Zone) -> Faults:
 
 
 def _of_more(section: Any, on: tuple[str, ...] | None) -> str:
-    """Say on how much of the section faces are told apart which symmetry makes one: the least."""
+    """Name the symmetry whose section has these faces apart: the one that models the least."""
     here = getattr(section, "symmetry", "whole")
     for more in {"quarter": ("half", "whole"), "half": ("whole",)}.get(here, ()):
         known = section.model_copy(update={"symmetry": more}).outer_groups()

@@ -48,12 +48,12 @@ class Checks:
         return enter
 
     def run(self, case: Any, sound: bool = True) -> Iterator[Problem]:
-        """Yield what the checks find.
+        """Yield the faults that the checks find.
 
         Args:
             case: The case.
-            sound: Whether all its values could be read. Of another one, and where something was
-                found, a check that trips over it has nothing to add.
+            sound: Whether all its values could be read. If not, or if a fault was found, a check
+                may fail because of it, and its exception is dropped.
         """
         tripped: list[Exception] = []
         for path, found in self._entered:

@@ -257,7 +257,7 @@ def _repeated(case: Case, table: Machine) -> Faults:
     lost = {one.roll for one in defects if isinstance(one, Lost)}
     for i, defect in enumerate(defects):
         if defect in defects[:i]:
-            yield f"defect.{i}", "stands there twice; leave one of the two out"
+            yield f"defect.{i}", "appears twice; leave one of the two out"
         if isinstance(defect, RollDefect) and not isinstance(defect, Lost) and defect.roll in lost:
             fix = "leave one of the two out"
             yield f"defect.{i}.roll", f"({defect.roll}): this pair is lost as well; {fix}"

@@ -53,7 +53,7 @@ class Surroundings:
     clock: float = 0.0  #: when the slice leaves the meniscus, on the clock of flows over time, s
 
     def supplied(self, told: Watered) -> float | Table:
-        """Return the flow of water that is told as such, per mass of steel or as a share, m3/s."""
+        """Return the flow of water, m3/s, given as a flow, per mass of steel or as a share."""
         assert self.supply is not None, "the law asks for it"
         return self.supply.flow(told)
 

@@ -100,7 +100,7 @@ def _checked_shares(ends: tuple[str, ...]) -> tuple[str, ...]:
         raise ValueError('two shares are needed, such as ["-10 %", "10 %"]')
     low, high = (units.parse(end, "1", kind=("change", "10 %")) for end in ends)
     if not -1.0 < low < high:
-        raise ValueError('is empty, or goes to zero: write it as ["-10 %", "10 %"]')
+        raise ValueError('is empty or reaches zero: write it as ["-10 %", "10 %"]')
     return ends
 
 

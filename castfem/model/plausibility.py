@@ -325,7 +325,7 @@ def _clock(case: Case, start: Start) -> Faults:
 
 @caution("coupling")
 def _coupling(case: Case, table: Coupling) -> Faults:
-    """Yield what is told of windows that are not repeated, or of a coupling that is not there."""
+    """Yield keys for windows that are not repeated, or for a coupling that does not exist."""
     given = _changed(table)
     if case.mechanics is None:
         for name in given:

@@ -30,7 +30,7 @@ class Problem:
     path: Path  #: keys and indices down to what is wrong; () for the whole case
     text: str  #: what is wrong, what is allowed
     kind: str = ""  #: pydantic's name of the error, empty for what castfem's own checks find
-    inherited: bool = True  #: whether it is told of a case that has not written the key itself, too
+    inherited: bool = True  #: whether it is also reported for a case that inherits the key
 
 
 def at(data: Any, path: Path) -> Any:

@@ -91,7 +91,7 @@ def _coefficients(rows: Array, places: Sequence[str]) -> CoefficientTable:
     if len(temperatures) < 2 or len(water) < 2:
         raise ValueError("at least two temperatures and two flows are needed")
     if water[0] != 0.0:
-        raise ValueError("the flows must begin at 0: what holds at the edge of a spray")
+        raise ValueError("the flows must begin at 0, which holds at the edge of a spray")
     return CoefficientTable(temperatures, water, values)
 
 

@@ -67,7 +67,7 @@ class Section(Variants):
         return self.outer_groups()
 
     def barred(self) -> tuple[str, ...]:
-        """Return the tilts of the slice, of a1 and a2, that its symmetry keeps at zero."""
+        """Return which tilts of the slice (a1, a2) its symmetry keeps at zero."""
         symmetry = getattr(self, "symmetry", "whole")
         return {"quarter": ("a1", "a2"), "half": ("a1",)}.get(symmetry, ())
 

@@ -63,7 +63,7 @@ class Watered(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Supply:
-    """Turns what is told of water into its flow."""
+    """Converts the given amount of water to its flow."""
 
     mass: float  #: of the strand per length, kg/m
     travel: Travel  #: has the casting speed
@@ -135,7 +135,7 @@ def _total(case: Case, water: Water) -> Faults:
 
 @check()
 def _told(case: Case, _: object) -> Faults:
-    """Yield water that is told twice or not at all."""
+    """Yield water that is given twice or not at all."""
     for key, place in _places(case):
         ways = {way: text for way, text in _SAMPLES.items() if way in type(place).model_fields}
         for below, text in one_of(place, ways):

@@ -106,6 +106,6 @@ def _check_length(folder: Path, case: Case, resume: bool, fix: str, goes_on: boo
         )
     if not (resume or goes_on) and record.status != "finished" and reached > 0.0:
         log.logger.warning(
-            "%s: the run there had come to %g m (%s) and is replaced; --resume goes on with one",
+            "%s: the run there had reached %g m (%s) and is replaced; --resume would continue it",
             folder, reached, record.status,
         )  # fmt: skip

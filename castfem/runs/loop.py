@@ -78,7 +78,7 @@ class TimeLoop:
     Args:
         simulation: What to run.
         recorder: Where committed steps are written; None for a run in memory.
-        progress: What is told after each step; None for silence.
+        progress: Notified after each step; None for silence.
         interrupt: Asked after each step whether to stop there.
         unsampled: Takes in a committed step without results, and says whether it did; None where
             the results of each step are read.
@@ -270,7 +270,7 @@ def run(
         InputError: The case, the folder or the checkpoint cannot be used.
         RunFailure: The run cannot go on; the last good state is on disk.  It is so, too, after
             any other error of a run on one rank.  What one of several ranks meets alone ends all:
-            it is told on stderr, and the last checkpoint is on disk.
+            it is reported on stderr, and the last checkpoint is on disk.
     """
     comm = MPI.COMM_WORLD if comm is None else comm
     output = OutputFolder(folder)

@@ -25,21 +25,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshot:
-    """The fields of a run at one time.
+    """The fields of a run at one time."""
 
-    Attributes:
-        time: Since the meniscus, s.
-        position: Below the meniscus, m.
-        points: (n, 3) nodes, m.
-        cells: (m, k) nodes of the cells, in VTK order.
-        values: Name to field, in SI: (n,) of a scalar, (n, 3) of a vector, (n, 9) of a tensor; m
-            rows instead of n where a field lives in the cells.
-    """
-
-    time: float
-    position: float
-    points: NDArray[np.float64]
-    cells: NDArray[np.int32]
+    time: float  #: since the meniscus, s
+    position: float  #: below the meniscus, m
+    points: NDArray[np.float64]  #: (n, 3) nodes, m
+    cells: NDArray[np.int32]  #: (m, k) nodes of the cells, in VTK order
+    #: name to field, in SI: (n,) of a scalar, (n, 3) of a vector, (n, 9) of a tensor; m rows
+    #: instead of n where a field lives in the cells
     values: dict[str, NDArray[np.float64]]
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
@@ -71,7 +64,7 @@ class RunResult(Closing):
         self.folder = Path(folder)
         found = summary or Summary.load(self.folder)
         if found is None:
-            raise InputError(f"{self.folder}: holds no run that has ended (no summary.json)")
+            raise InputError(f"{self.folder}: holds no finished run (no summary.json)")
         self._summary = found
         self._remove = (
             weakref.finalize(self, shutil.rmtree, self.folder, ignore_errors=True)

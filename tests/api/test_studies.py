@@ -72,7 +72,7 @@ def test_comparison_at_places_is_that_of_the_results(runs: list[Path]) -> None:
     assert alone["slow"] == pytest.approx(there)
     with pytest.raises(castfem.InputError, match="two runs are needed"):
         castfem.comparison(runs[0])
-    with pytest.raises(castfem.InputError, match=r"^at 5\.0: none of the runs has been there"):
+    with pytest.raises(castfem.InputError, match=r"^at 5\.0: no run has reached this position"):
         castfem.comparison(runs, at=5.0)
     with pytest.raises(castfem.InputError, match=r"^at 3 kg: 'kg' is"):
         castfem.comparison(runs, at=["3 kg"])

@@ -5,18 +5,32 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
+import csv
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 import pytest
 
+from benchmarks.shell3d import Box, row_of, slice_of, solid_of
 from castfem.base.types import Array
-from castfem.physics.constitutive import Elasticity
-from castfem.physics.machine.bulging import Bulge, ElasticStrip, Shell, Span, ThesisPlate
-from castfem.physics.machine.bulging.plate import (
-    borne_share,
-    clamped_deflection,
-    free_deflection,
+from castfem.physics.constitutive import Elasticity, ThermoElastic, load_elasticity, load_law
+from castfem.physics.machine.bulging import (
+    Bulge,
+    CreepingStrip,
+    ElasticStrip,
+    Rolls,
+    Shell,
+    Span,
+    ThesisPlate,
+    over_rolls,
+    stiffness,
 )
+from castfem.physics.machine.bulging.plate import clamped_deflection
+
+pytestmark = pytest.mark.slow
+
 
 P, LENGTH, WIDTH = 0.2e6, 0.25, 1.2
 BENDING = 10e9 * 0.03**3 / 12.0 / (1.0 - 0.3**2)
@@ -25,16 +39,32 @@ SPAN = Span(LENGTH, P, 0.02)
 ELASTIC = Elasticity.constant(10e9, 0.3)
 
 
+def cosine(position: npt.ArrayLike, length: float) -> Array:
+    return np.asarray(1.0 - np.cos(2.0 * np.pi * np.asarray(position, float) / length))
+
+
+def free_deflection(pressure: npt.ArrayLike, across: npt.ArrayLike) -> Array:
+    """Deflection w1 of a plate that only its edges at the narrow faces hold (307), m."""
+    amplitude = np.asarray(pressure) * WIDTH**4 / (np.pi**4 * 12.0 * BENDING)
+    return np.asarray(1.5 * amplitude * cosine(across, WIDTH))
+
+
+def borne_share(along: npt.ArrayLike) -> Array:
+    """Share q/p of the pressure that the slice bears, its springs bearing the rest (315)."""
+    ratio = (WIDTH / LENGTH) ** 2
+    return np.asarray(cosine(along, LENGTH) / (1.5 * (ratio**2 + 2.0 / 3.0 * ratio + 1.0)))
+
+
 def spring_stiffness(along: npt.ArrayLike, across: npt.ArrayLike) -> Array:
     """Stiffness k of the springs that make a slice bulge as w2 (318) as corrected, Pa/m."""
-    share = borne_share(LENGTH, WIDTH, along)
+    share = borne_share(along)
     with np.errstate(divide="ignore"):
-        return (1.0 / share - 1.0) / free_deflection(1.0, BENDING, WIDTH, across)
+        return (1.0 / share - 1.0) / free_deflection(1.0, across)
 
 
 def test_numbers_of_the_thesis() -> None:
     """(309): about 40 and 0.1 mm."""
-    free = float(free_deflection(P, BENDING, WIDTH, 0.5 * WIDTH))
+    free = float(free_deflection(P, 0.5 * WIDTH))
     clamped = float(clamped_deflection(P, BENDING, LENGTH, WIDTH, 0.5 * LENGTH, 0.5 * WIDTH))
     assert 1e3 * free == pytest.approx(43.0, abs=0.05)
     assert 1e3 * clamped == pytest.approx(0.105, abs=5e-4)
@@ -46,13 +76,13 @@ def test_springs_make_the_slice_bulge_as_the_plate() -> None:
     """(313), (316), (317): the slice under q and the springs under f = p - q move alike."""
     along = np.linspace(0.01, 0.24, 24)[:, None]
     across = np.linspace(0.05, 1.15, 23)[None, :]
-    share = borne_share(LENGTH, WIDTH, along)
+    share = borne_share(along)
     wanted = clamped_deflection(P, BENDING, LENGTH, WIDTH, along, across)
-    assert free_deflection(P * share, BENDING, WIDTH, across) == pytest.approx(wanted, rel=1e-12)
+    assert free_deflection(P * share, across) == pytest.approx(wanted, rel=1e-12)
     force = spring_stiffness(along, across) * wanted
     assert force == pytest.approx(np.broadcast_to(P * (1.0 - share), force.shape), rel=1e-9)
     # The springs bear all but a quarter of a percent.
-    assert 0.0023 < float(borne_share(LENGTH, WIDTH, 0.5 * LENGTH)) < 0.0025
+    assert 0.0023 < float(borne_share(0.5 * LENGTH)) < 0.0025
     assert np.isinf(spring_stiffness(0.0, 0.5 * WIDTH))
 
 
@@ -60,7 +90,7 @@ def test_last_line_of_318_lacks_a_factor() -> None:
     """As printed it is not the first line: 1.5 of (315) is missing in p/q."""
     bracket = (WIDTH / LENGTH) ** 4 + 2.0 / 3.0 * (WIDTH / LENGTH) ** 2 + 1.0
     cosine = 1.0 - np.cos(2.0 * np.pi * 0.3)
-    per_pressure = free_deflection(1.0, BENDING, WIDTH, 0.5 * WIDTH)
+    per_pressure = free_deflection(1.0, 0.5 * WIDTH)
     printed = (bracket / cosine - 1.0) / per_pressure
     right = spring_stiffness(0.3 * LENGTH, 0.5 * WIDTH)
     assert right / printed == pytest.approx(1.5, rel=2e-3)
@@ -99,3 +129,154 @@ def test_strain_of_a_bulge() -> None:
     assert swing > 0.0
     assert bulge.strain(0.0)[middle] == pytest.approx(swing, rel=1e-9)
     assert bulge.strain(bulge.thickness)[middle] == pytest.approx(-swing, rel=1e-9)
+
+
+# Strip and slice against the whole shell in three dimensions, elastic.
+
+
+def test_a_wide_slab_bulges_as_strip_and_shear() -> None:
+    box = Box(1.2, 0.03, 0.5)
+    face, undented = solid_of(box)
+    assert box.by_shear / box.strip == pytest.approx(8 * 1.2 / 0.7 * (0.03 / 0.5) ** 2, rel=1e-9)
+    assert undented == pytest.approx(box.strip + box.by_shear, rel=1e-2)
+    assert 0.0 < face.moved[0] - undented < 10e-6  # the roll's dent
+    thicker = Box(1.2, 0.06, 0.5)
+    found = solid_of(thicker)[1]
+    assert found == pytest.approx(thicker.strip + thicker.by_shear, rel=3e-2)
+    assert found > 1.15 * thicker.strip
+
+
+def test_the_slice_knows_of_the_edges_what_the_strip_does_not() -> None:
+    row = row_of(Box(0.32, 0.03, 0.25))
+    assert row["strip"] > 1.3 * row["solid"]
+    assert row["slice"] == pytest.approx(row["solid"], rel=4e-2)
+    assert row["off"] < 3.0
+    assert row["half_slice"] == pytest.approx(row["half_solid"], abs=3.0)
+
+
+def test_cells_are_enough() -> None:
+    box = Box(0.32, 0.03, 0.25)
+    coarse, fine = (solid_of(box, k)[1] for k in (2, 3))
+    assert coarse == pytest.approx(fine, rel=5e-3)
+    faces = [slice_of(box, k) for k in (2, 3)]
+    assert np.interp(0.0, faces[0].x, faces[0].moved) == pytest.approx(faces[1].moved[0], rel=5e-3)
+
+
+# The strip that yields to shear: a Timoshenko beam, against closed forms and a continuum.
+
+
+DATA = Path(__file__).parents[2] / "docs" / "data" / "moving_strip.csv"
+STEEL = load_elasticity()
+EVEN = Shell(0.06, lambda depth: 1273.15)
+LONG_SPAN = Span(0.25, 0.3e6, 0.02)
+
+
+def uneven(thickness: float, surface: float) -> Shell:
+    """A shell whose front has 1490 degC, its surface so many degC."""
+    front, outside = 1763.15, surface + 273.15
+    return Shell(thickness, lambda depth: outside + (front - outside) * depth / thickness)
+
+
+def test_a_shell_of_one_temperature_has_five_sixths_of_its_section() -> None:
+    shear = STEEL.moduli(np.array([1273.15]))[0][0]
+    found = stiffness(STEEL, EVEN.points()).shear
+    assert found == pytest.approx(1.2 / (shear * EVEN.thickness), rel=2e-5)
+
+
+def test_its_compliance_is_the_energy_of_its_shear_flow() -> None:
+    """By a plain sum over 4000 strips, the shear flow from what each takes of a unit moment."""
+    shell = uneven(0.085, 940.0)
+    edges = np.linspace(0.0, shell.thickness, 4001)
+    depth, dn = 0.5 * (edges[1:] + edges[:-1]), edges[1]
+    shear, bulk, young = STEEL.moduli(np.asarray(shell.temperature(depth)))
+    poisson = (3.0 * bulk - 2.0 * shear) / (6.0 * bulk + 2.0 * shear)
+    plane, arm = young / (1.0 - poisson**2), 0.5 * shell.thickness - depth
+    sums = [[float((plane * f * g).sum() * dn) for g in (poisson, 1.0, arm)] for f in (1.0, arm)]
+    free = [float((plane * g).sum() * dn) for g in (np.ones_like(arm), poisson, poisson * arm)]
+    across, axial, bent = np.linalg.solve([free, *sums], [0.0, 0.0, 1.0])
+    stress = plane * (axial + bent * arm + poisson * across)
+    flow = np.cumsum(stress) * dn
+    assert abs(flow[-1]) < 1e-6 * np.abs(flow).max()
+    found = stiffness(STEEL, shell.points(96))
+    assert found.bending == pytest.approx(1.0 / bent, rel=1e-3)
+    assert found.shear == pytest.approx(float((flow**2 / shear).sum() * dn), rel=1e-3)
+
+
+@pytest.mark.parametrize("shell", [EVEN, uneven(0.03, 1000.0)], ids=["even", "uneven"])
+def test_between_rolls_that_are_alike_shear_adds_a_parabola(shell: Shell) -> None:
+    p, length, stiff = LONG_SPAN.pressure, LONG_SPAN.length, stiffness(STEEL, shell.points())
+    z = length * np.linspace(0.0, 1.0, 33)
+    inside = z * (length - z)
+    exact = p * inside**2 / (24.0 * stiff.bending) + 0.5 * p * stiff.shear * inside
+    elastic = ElasticStrip(STEEL, shear=True).bulge(LONG_SPAN, shell)
+    creeping = CreepingStrip(ThermoElastic(STEEL), shear=True).bulge(LONG_SPAN, shell)
+    stiffer = CreepingStrip(ThermoElastic(STEEL)).bulge(LONG_SPAN, shell)
+    assert exact.max() > 1.15 * stiffer.largest
+    for found in (elastic, creeping):
+        assert found.at(z) == pytest.approx(exact, abs=1.2e-3 * exact.max())
+    assert creeping.moment == pytest.approx(stiffer.moment, rel=1e-12)
+
+
+def three_moments(pitches: np.ndarray, p: float, bending: float, shear: float) -> np.ndarray:
+    """Moments over the rolls of an elastic beam that yields to shear, the outer two clamped.
+
+    The rotation of the section is continuous over a roll, the slope is not: each span's end
+    rotations are those of bending, tilted by what shear takes off its chord.
+    """
+    count = len(pitches) + 1
+    matrix, right = np.eye(count), np.full(count, -p * pitches[0] ** 2 / 12.0)
+    for i in range(1, count - 1):
+        one, other = pitches[i - 1], pitches[i]
+        tilt = 6.0 * bending * shear
+        matrix[i, i - 1] = one - tilt / one
+        matrix[i, i] = 2.0 * (one + other) + tilt / one + tilt / other
+        matrix[i, i + 1] = other - tilt / other
+        right[i] = -0.25 * p * (one**3 + other**3)
+    return np.asarray(np.linalg.solve(matrix, right))
+
+
+def test_over_a_lost_roll_the_moments_are_those_of_a_timoshenko_beam() -> None:
+    """Thick for its pitch, so that shear moves the moments, too."""
+    p, stiff = LONG_SPAN.pressure, stiffness(STEEL, EVEN.points())
+    pitches = np.array([0.25] * 4 + [0.5] + [0.25] * 4)
+    places = tuple(float(one) for one in np.concatenate([[0.0], np.cumsum(pitches)]))
+    rolls = Rolls(places, (0.0,) * len(places), p, 0.02)
+    found = over_rolls(CreepingStrip(ThermoElastic(STEEL), shear=True), rolls, EVEN)
+    exact = three_moments(pitches, p, stiff.bending, stiff.shear)
+    stiffer = three_moments(pitches, p, stiff.bending, 0.0)
+    assert np.abs(exact - stiffer).max() > 0.02 * np.abs(exact).max()
+    steps = len(found.z) // len(pitches)
+    assert found.moment[::steps] == pytest.approx(exact, abs=2e-3 * np.abs(exact).max())
+    middle = (
+        5.0 * p * 0.5**4 / (384.0 * stiff.bending)
+        + (exact[4] + exact[5]) * 0.5**2 / (16.0 * stiff.bending)
+        + stiff.shear * p * 0.5**2 / 8.0
+    )
+    assert found.at([1.25])[0] == pytest.approx(middle, rel=2e-3)
+    assert found.at(places) == pytest.approx(np.zeros(len(places)), abs=2e-4 * middle)
+
+
+@pytest.mark.parametrize(
+    ("what", "pitch", "off", "without"),
+    [
+        ("elastic", 250, 0.03, 0.13),
+        ("elastic", 320, 0.13, 0.40),
+        ("austenite", 310, 0.03, 0.11),
+        ("austenite", 500, 0.06, 0.07),
+    ],
+)
+def test_it_comes_near_a_continuum(what: str, pitch: int, off: float, without: float) -> None:
+    """Plane, creeping, its rolls moving along it: docs/data/moving_strip.csv."""
+    with DATA.open(newline="", encoding="utf-8") as file:
+        row = next(
+            r for r in csv.DictReader(file) if r["what"] == what and int(r["pitch"]) == pitch
+        )
+    shell = uneven(1e-3 * float(row["shell"]), float(row["surface"]))
+    law: Any = ThermoElastic(STEEL)
+    if what == "austenite":
+        law = load_law("kozlowski_zhu_signed", STEEL, carbon=0.1, delta_share=np.zeros_like)
+    span = Span(1e-3 * pitch, 1e6 * float(row["pressure"]), 0.02)
+    bulges = [CreepingStrip(law, shear=shear).bulge(span, shell) for shear in (True, False)]
+    limit = float(row["limit"])
+    missed = [abs(1e3 * one.largest / limit - 1.0) for one in bulges]
+    assert missed[0] < off and missed[1] > without

@@ -121,7 +121,7 @@ def test_a_run_that_was_not_finished_is_replaced_with_a_word(castfem, engine, ca
     _came_to(Path("out"), 0.1, "interrupted")
     told = castfem(*words)
     assert told.status == 0
-    assert "had come to 0.1 m" in told.err and "--resume" in told.err
+    assert "had reached 0.1 m" in told.err and "--resume" in told.err
     _came_to(Path("out"), 0.1, "interrupted")
     assert castfem(*words, "--resume").err == ""
 

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from itertools import pairwise
 from typing import Any
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
+from mechanics.casting import billet_mesh
 from mechanics.setups import SliceSetup, elastic, mapped, skewed
 
 from castfem.base.types import Array
+from castfem.fem.section import Section
+from castfem.physics.contact.facets import LENGTH, Facets, SurfaceMean
 from castfem.physics.contact.settings import Contact
 from castfem.physics.contact.state import OPEN
 from castfem.physics.contact.summary import summary
 from castfem.physics.mechanics.planes import PlainPlanes
 from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from castfem.physics.mould import Contour, GapFunction, Straight
-from contact.setups import LineWall
+from contact.setups import LineWall, tapered_block
 
 METHODS = ("penalty", "nitsche")
 CELLS = ("quadrilateral", "triangle")
@@ -139,3 +145,151 @@ def test_free_block_on_an_oblique_wall(method: str) -> None:
     touching = state.weight[state.status != OPEN].sum()
     assert 0.1 * WIDTH < touching < 0.9 * WIDTH
     assert found.share == pytest.approx(touching / WIDTH, rel=1e-12)
+
+
+# Contact pressure as a mean over a length: what finer cells leave, and what ranks agree on.
+
+
+HALF = 0.0625
+END = np.array([HALF - 5e-3, HALF])  # of the arc, where it goes over into the face
+
+
+def surface(size: float, comm: MPI.Comm = MPI.COMM_SELF) -> Facets:
+    """The surface of a quarter billet with cells of `size` (m) near the corner."""
+    mesh = billet_mesh(
+        corner_radius=5e-3, surface_size=size, core_size=2e-2, face_size=8e-3, order=2
+    )
+    section = Section(comm, mesh)
+    return Facets(section, section.matching(("wide", "narrow", "corner")), 2)
+
+
+def test_uniform_pressure_is_its_mean() -> None:
+    facets = surface(1e-3)
+    most, _ = SurfaceMean(facets).highest(np.full(facets.count, 3e6), facets.position)
+    assert most == pytest.approx(3e6, rel=1e-12)
+
+
+def test_the_mean_of_a_peak_stays_where_its_highest_point_grows() -> None:
+    """A pressure like the root of the distance, as at the edge of a stamp: 2 sqrt(2 / L)."""
+    points, means = [], []
+    for size in (1.6e-3, 0.8e-3, 0.4e-3, 0.2e-3):
+        facets = surface(size)
+        distance = np.hypot(*(facets.position - END).T)
+        pressure = 1.0 / np.sqrt(distance)
+        points.append(pressure.max())
+        mean, place = SurfaceMean(facets).highest(pressure, facets.position)
+        means.append(mean)
+        assert np.hypot(*(place - END)) < 2 * size
+    exact = 2.0 * np.sqrt(2.0 / LENGTH)
+    assert points[-1] > 2.0 * points[0]
+    assert means[-1] == pytest.approx(exact, rel=0.06)
+    errors = np.abs(np.array(means) / exact - 1.0)
+    assert (np.diff(errors) < 0.0).all() and errors[1] < 0.15
+
+
+def test_where_cells_are_long_three_of_them_count() -> None:
+    """At mid-face: a facet that for a moment touches nothing is no loss of pressure there."""
+    facets = surface(1e-3)
+    x = facets.position[:, 0]
+    top = facets.position[:, 1] > HALF - 1e-9
+    pressure = np.where(top & (x > np.unique(x[top])[1]), 1e5, 0.0)  # but for the first facet
+    around = SurfaceMean(facets).around(np.array([[0.0, HALF]]))
+    assert 0.2e5 < (around @ pressure)[0] < 0.8e5
+
+
+@pytest.mark.mpi
+def test_ranks_agree() -> None:
+    found = []
+    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+        facets = surface(1e-3, comm)
+        mean = SurfaceMean(facets)
+        pressure = 1e6 * np.sin(300.0 * facets.position[:, 0]) ** 2
+        start = mean.around(np.array([[0.0, HALF]])) @ mean.gathered(pressure)
+        most, place = mean.highest(pressure, facets.position)
+        found.append([most, *place, *start])
+    assert found[1] == pytest.approx(found[0], rel=1e-9)
+
+
+# An elastic block and a tapered wall that is pushed into it: resultant, iterations, units.
+
+
+# With the penalty the wall is a spring: to 0.05 % it must be 500 times as stiff as a cell.
+FACTORS = {"penalty": 1000.0, "nitsche": None}
+BLOCK_METHODS = tuple(FACTORS)
+FORCE = 40e9 / (1 - 0.3**2) * 0.03e-3  # E/(1 - nu^2) times the mean closure, per length of wall
+STEPS = np.linspace(0.1, 1.0, 10)
+
+
+@pytest.mark.parametrize(("method", "cell"), zip(BLOCK_METHODS, CELLS, strict=True))
+def test_resultant(method: str, cell: str) -> None:
+    setup = tapered_block(method, cell=cell, factor=FACTORS[method])
+    for time in STEPS:
+        result = setup.step(time)
+        assert result.newton <= 5
+    found = summary(setup.problem.contact, setup.state.contact, setup.state.generalized_strains)
+    assert -found.force[1] == pytest.approx(FORCE, rel=5e-4)
+    assert found.share == 1.0
+    assert found.penetration < 2e-8
+    assert found.points[0] == 0
+
+
+UNITS = ((1e-3, 1.0), (1.0, 1e6), (1e-3, 1e6), (1e3, 1e-6))  # m, Pa
+
+
+@pytest.mark.parametrize(("method", "cell"), zip(BLOCK_METHODS, CELLS, strict=True))
+def test_units_do_not_matter(method: str, cell: str) -> None:
+    """Units of length and stress, apart and together: the same iterations, the same numbers."""
+    setups = [tapered_block(method, *unit, cell=cell) for unit in ((1.0, 1.0), *UNITS)]
+    for time in STEPS:
+        one, *others = (setup.step(time) for setup in setups)
+        first = one.state.contact
+        top = first.pressure.max()
+        for other, (_, stress) in zip(others, UNITS, strict=True):
+            second = other.state.contact
+            assert other.newton == one.newton
+            assert np.array_equal(second.status, first.status)
+            assert second.pressure * stress == pytest.approx(first.pressure, abs=1e-6 * top)
+
+
+@pytest.mark.parametrize("method", BLOCK_METHODS)
+@pytest.mark.parametrize("factor", [300.0, 3e5])
+def test_three_decades_of_stiffness(method: str, factor: float) -> None:
+    setup = tapered_block(method, factor=factor / 100 if method == "nitsche" else factor)
+    for time in STEPS:
+        assert setup.step(time).newton <= 5
+    found = summary(setup.problem.contact, setup.state.contact, setup.state.generalized_strains)
+    assert -found.force[1] == pytest.approx(FORCE, rel=5e-4)
+
+
+@pytest.mark.parametrize("method", BLOCK_METHODS)
+def test_a_failed_step_leaves_nothing_behind(method: str) -> None:
+    """The old state is as it was, to the bit, and the next try goes as if nothing had been."""
+    setup = tapered_block(method, options={"snes_max_it": 6})
+    setup.step(0.1)
+    old = setup.state
+    assert old.contact is not None
+    kept = {f.name: np.copy(getattr(old.contact, f.name)) for f in fields(old.contact)}
+    moved = old.displacement.copy()
+    good = setup.stepper.step(old, 0.2, old.temperature)
+    bad = tapered_block(method, options={"snes_max_it": 1})
+    failed = bad.stepper.step(bad.state, 0.5, bad.state.temperature)
+    assert not failed.converged and failed.state is bad.state
+    setup.problem.solver.snes.setTolerances(max_it=1)
+    failed = setup.stepper.step(old, 0.5, old.temperature)
+    assert not failed.converged and failed.state is old
+    for name, value in kept.items():
+        assert np.array_equal(getattr(old.contact, name), value), name
+    assert np.array_equal(old.displacement, moved)
+    setup.problem.solver.snes.setTolerances(max_it=6)
+    again = setup.stepper.step(old, 0.2, old.temperature)
+    assert np.array_equal(again.state.displacement, good.state.displacement)
+    assert np.array_equal(again.state.contact.pressure, good.state.contact.pressure)
+    assert again.newton == good.newton
+
+
+def test_no_contact_compiles_no_contact() -> None:
+    from mechanics.setups import SliceSetup, box, mapped
+
+    setup = SliceSetup(mapped(2, 2, box(1.0, 1.0)))
+    assert setup.problem.contact is None and setup.state.contact is None
+    assert not [name for name in setup.section.compiled if "contact" in name]

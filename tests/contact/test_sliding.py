@@ -7,17 +7,21 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mechanics.setups import SliceSetup, box, elastic, mapped
+from mechanics.setups import SliceSetup, box, elastic, expansion, mapped
 from scipy.optimize import brentq
 
 from castfem.base.types import Array
-from castfem.physics.contact.friction import Coulomb, Lubricant, Tresca, Viscous
+from castfem.physics.constitutive.elasticity import Elasticity, Solidity
+from castfem.physics.constitutive.flow_laws import NortonCreep, ThermoElastic
+from castfem.physics.contact.friction import Coulomb, Friction, Lubricant, Tresca, Viscous
 from castfem.physics.contact.settings import Contact
 from castfem.physics.contact.state import SLIP, STICK
 from castfem.physics.contact.summary import summary
+from castfem.physics.mechanics.definition import Ferrostatic
 from castfem.physics.mechanics.planes import PlainPlanes
 from castfem.physics.mechanics.supports import PrescribedDisplacement, SurfacePressure
-from contact.setups import FOOT, LineWall, dragged_block
+from castfem.physics.mould.wall import GapFunction
+from contact.setups import FOOT, PLANE_STRAIN, LineWall, dragged_block
 
 METHODS = ("penalty", "nitsche")
 YOUNG, WIDTH, HEIGHT, PRESSURE = 40e9, 20e-3, 10e-3, 5e6
@@ -198,3 +202,117 @@ def test_a_point_at_the_edge_of_contact(method: str, law: Any) -> None:
         size, limit = np.hypot(*state.friction.T), law.threshold(state.pressure)[0]
         assert np.all(size <= limit + (1.0 + 1e-9) * law.cap * state.pressure)
     assert len(touching) > 2 and max(touching) == 16
+
+
+# Liquid at the wall: it is told as what it does, which is to slide without friction.
+
+
+SOLIDUS, LIQUIDUS, HEAD = 1700.0, 1750.0, 2e5
+
+
+@pytest.mark.parametrize("law", [Coulomb(0.3), Lubricant(1e6, 1.0)])
+def test_liquid_at_the_wall_does_not_stick(law: Friction) -> None:
+    """Half of the foot is liquid: its pressure touches there, and no more than that."""
+
+    def heat(x: Array, y: Array) -> Array:
+        return np.where(x > 0.01 + 1e-9, LIQUIDUS + 10.0, SOLIDUS - 100.0)
+
+    def fraction(temperature: Array) -> Array:
+        return np.clip((LIQUIDUS - temperature) / (LIQUIDUS - SOLIDUS), 0.0, 1.0)
+
+    solidity = Solidity.between(
+        SOLIDUS, LIQUIDUS, stiffness_ratio=1e-5, mushy_zone="none", memory=False
+    )
+    contact = Contact(FOOT, ("foot",), lambda t: 1e-2 * t, friction=law)
+    walls = tuple(PrescribedDisplacement((name,), 0) for name in ("left", "right"))
+    down = PrescribedDisplacement(("top",), 1, lambda x, t: np.full(len(x), -1e-6))
+    setup = SliceSetup(
+        mapped(8, 4, box(0.02, 0.01), groups=("left", "foot", "right", "top")),
+        ThermoElastic(Elasticity.constant(10e9, 0.3, solidity)),
+        start=heat,
+        given={
+            "ferrostatic": Ferrostatic(lambda t: HEAD, fraction, "full", "free"),
+            "planes": PlainPlanes(()),
+            "liquid": "fed",
+            "held": (*walls, down),
+            "pin": False,
+            "interactions": (contact,),
+        },
+    )
+    setup.step(1.0)
+    state = setup.state.contact
+    assert state is not None
+    liquid = state.place[:, 0] > 0.0125
+    assert liquid.sum() == 6 and np.all(state.pressure[liquid] > 0.9 * HEAD)
+    solid = state.place[:, 0] < 0.01
+    assert not state.friction[liquid].any() and np.all(state.friction[solid, 1] < 0.0)
+    assert np.all(state.status == SLIP)
+    assert summary(setup.problem.contact, state, setup.state.generalized_strains).sticking == 0.0
+
+
+# A block that creeps between jaws and slides in its plane alone: nothing else holds it there.
+
+
+JAW_WIDTH, JAW_HEIGHT, CLOSURE, JAW_MU = 20e-3, 14e-3, 0.3e-3, 0.2
+LAW = NortonCreep.constant(Elasticity.constant(40e9, 0.3), 1e-2, 1e8, 3.0)
+
+
+class Jaws:
+    """Two flat walls that close in on the origin by 0.3 mm a second, turned by an angle."""
+
+    def __init__(self, angle: float) -> None:
+        self.up = np.array([-np.sin(angle), np.cos(angle)])
+
+    def gap_function(self, points: Array, normals: Array, position: float) -> GapFunction:
+        cosine = normals @ self.up
+        side = np.sign(cosine)
+        away = 0.5 * JAW_HEIGHT - CLOSURE * position - side * (points @ self.up)
+        met = np.abs(cosine) > 1e-9
+        gap = np.where(met, away / np.where(met, np.abs(cosine), 1.0), np.inf)
+        return GapFunction(gap, np.where(met[:, None], side[:, None] * self.up, normals))
+
+    def temperature(self, position: float) -> float:
+        return 400.0
+
+
+@pytest.mark.parametrize(
+    ("method", "large", "angle"),
+    [ ("penalty", True, 0.6),
+     ("nitsche", True, 0.0), ("nitsche", True, 0.6)],
+)  # fmt: skip
+def test_block_that_only_friction_holds(method: str, large: bool, angle: float) -> None:
+    """All points slide: a full Newton step may turn friction round, and the block run away."""
+
+    def shape(s: Array, t: Array) -> tuple[Array, Array]:
+        x, y = JAW_WIDTH * (s - 0.5), JAW_HEIGHT * (t - 0.5)
+        c, sine = np.cos(angle), np.sin(angle)
+        return c * x - sine * y, sine * x + c * y
+
+    contact = Contact(
+        Jaws(angle),
+        ("lower", "upper"),
+        lambda time: time,
+        method=method,  # type: ignore[arg-type]
+        friction=Coulomb(JAW_MU),
+        stroke=lambda time: time,  # the jaws go with the strand
+    )
+    setup = SliceSetup(
+        mapped(5, 4, shape, groups=("left", "lower", "right", "upper")),
+        LAW,
+        expansion(0.0),
+        given={"planes": PLANE_STRAIN, "large_strain": large, "interactions": (contact,)},
+        springs=1e-7,
+    )
+    for time in (0.1, 0.3, 0.6, 1.0):
+        assert setup.step(time).newton <= 16
+    state = setup.state.contact
+    assert state is not None
+    found = summary(setup.problem.contact, state, setup.state.generalized_strains)
+    load = state.weight @ state.pressure
+    assert np.abs(found.force).max() < 1e-4 * load and found.axial == 0.0
+    # It flows out of the middle.
+    along = np.column_stack([-state.normal[:, 1], state.normal[:, 0]])
+    x = np.einsum("ni,ni->n", along, state.place)
+    outer = np.abs(x) > 0.1 * JAW_WIDTH
+    assert np.all(state.friction[outer, 0] * x[outer] < 0.0)
+    assert np.abs(state.friction[outer, 0]) == pytest.approx(JAW_MU * state.pressure[outer])

@@ -311,7 +311,7 @@ def test_a_pair_that_is_lost_is_neither_off_nor_locked(lost_first: bool) -> None
 
 def test_two_of_the_same_and_no_roll_left() -> None:
     locked = {"kind": "locked", "roll": 48}
-    with pytest.raises(InputError, match=r"machine\.defect\.1: stands there twice"):
+    with pytest.raises(InputError, match=r"machine\.defect\.1: appears twice"):
         slab(locked, locked)
     with pytest.raises(InputError, match="fewer than two pairs"):
         slab(*({"kind": "lost", "roll": n} for n in range(1, 87)))

@@ -57,7 +57,7 @@ def test_where_the_strand_is_solid(
     monkeypatch.setattr(picture, "_marks", lambda ax, side, given: marks.append(list(given)))
     case, run = load_case(CASES / "slab1200" / "thermal.toml"), tmp_path / "run"
     run.mkdir()
-    with pytest.raises(InputError, match=r"--run .*run: holds no run that has ended"):
+    with pytest.raises(InputError, match=r"--run .*run: holds no finished run"):
         draw_machine(case, tmp_path / "m.png", "slab", run)
     end, unfinished = {"position": 20.5}, "not down to 20.5 m, where the run ends; liquid to"
     for found, said, marked in (

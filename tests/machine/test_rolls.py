@@ -244,7 +244,7 @@ def test_liquid_presses_with_its_height_in_a_bent_machine() -> None:
         (("0.9, 150, 222, 8, maybe,",), HEADER, r"roll 1: driven \(maybe\): yes or no"),
 
 
-        ((), HEADER, r"holds no rolls; a header and a row a pair"),
+        ((), HEADER, r"has no rolls; it needs a header and one row per pair"),
         (ROWS, HEADER.replace("_extrados", ""), r"line 2: column 'radius': say which face"),
 
 

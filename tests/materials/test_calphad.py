@@ -7,6 +7,7 @@ chosen more coarsely than in use, to be quick.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,7 @@ def coarse(monkeypatch, tmp_path):
     """Few temperatures, and a cache of the test's own."""
     settings = replace(
         equilibria.SETTINGS, longest=80.0, fraction=0.01, enthalpy=3e3, narrowest=0.05,
-        freezing=0.04, step=3.0,
+        freezing=0.08, step=3.0,
     )  # fmt: skip
     for module in (equilibria, freezing_paths):
         monkeypatch.setattr(module, "SETTINGS", settings)
@@ -37,6 +38,7 @@ def coarse(monkeypatch, tmp_path):
     calphad._cached.cache_clear()
 
 
+@cache
 def table(carbon: float, scheil: Scheil | None = None) -> PhaseTable:
     return calphad.compute(Request(str(DATABASE), PHASES, scheil), {"C": carbon})
 
@@ -75,7 +77,7 @@ def test_scheil_without_diffusion_is_that_of_the_package():
     carbon = 0.6 / 12.011 / (0.6 / 12.011 + 99.4 / 55.847)
     theirs = scheil.simulate_scheil_solidification(
         pycalphad.Database(str(DATABASE)), ["FE", "C", "VA"], list(PHASES),
-        {pycalphad.variables.X("C"): carbon}, ours.liquidus + 1.0, step_temperature=1.0, stop=0.04,
+        {pycalphad.variables.X("C"): carbon}, ours.liquidus + 1.0, step_temperature=2.0, stop=0.04,
     )  # fmt: skip
     t, solid = np.array(theirs.temperatures[1:-1]), np.array(theirs.fraction_solid[1:-1])
     inside = (t > ours.solidus) & (t < ours.liquidus - 2.0)
@@ -164,7 +166,7 @@ def test_states_that_do_not_fit_together_are_sought_from_more_starts(monkeypatch
 
     honest = table(0.6)
     monkeypatch.setattr(equilibria.Equilibria, "_solve", deceived)
-    found = table(0.6)
+    found = table.__wrapped__(0.6)
     t = np.linspace(300.0, 1800.0, 60)
     assert found.value("enthalpy", t) == pytest.approx(honest.value("enthalpy", t), abs=3e3)
     for name in ("alpha", "carbides", "liquid"):

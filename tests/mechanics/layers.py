@@ -49,15 +49,14 @@ def mixture(stress: Array, strain: Array, kelvin: Array, carbon: float) -> Array
     delta = np.clip((0.18 * beside - carbon) / (0.08 * beside), 0.0, 1.0)
     slow, fast = np.full_like(stress, -60.0), np.full_like(stress, 5.0)
     back = (130.5 - 5.128e-3 * kelvin) * strain ** (-0.6289 + 1.114e-3 * kelvin)
-    by_austenite = austenite(back + 1.0, strain, kelvin, carbon)  # 1/s at 1 MPa beyond
-    by_delta = delta_ferrite(np.ones_like(stress), strain, kelvin, carbon)
-    for _ in range(50):
+    # Each phase bears (rate / its own at 1 MPa)^exponent, taken by logarithms.
+    own = [np.log(austenite(back + 1.0, strain, kelvin, carbon)),
+           np.log(delta_ferrite(np.ones_like(stress), strain, kelvin, carbon))]  # fmt: skip
+    power = 1.0 / (8.132 - 1.540e-3 * kelvin), 1.617e-4 * kelvin - 0.06166
+    for _ in range(36):  # to 1e-9 of the rate
         middle = 0.5 * (slow + fast)
-        rate = np.exp(middle)
-        borne = (1.0 - delta) * (
-            back + (rate / by_austenite) ** (1.0 / (8.132 - 1.540e-3 * kelvin))
-        )
-        borne += delta * (rate / by_delta) ** (1.617e-4 * kelvin - 0.06166)
+        borne = (1.0 - delta) * (back + np.exp(power[0] * (middle - own[0])))
+        borne += delta * np.exp(power[1] * (middle - own[1]))
         slow, fast = np.where(borne < stress, middle, slow), np.where(borne < stress, fast, middle)
     return np.exp(slow)
 

@@ -28,7 +28,7 @@ class Strip(CooledSlice):
 
     Args:
         size: Of the cells, m. ratio: Stiffness of the liquid. cell: Kind. law: By name.
-        carbon: wt%, for laws that go by it.
+        carbon: wt%, for laws that go by it. length: Of the strip, m.
         given: Changes to the `Slice`.
     """
 
@@ -40,11 +40,12 @@ class Strip(CooledSlice):
         law: str = "weiner_boley",
         carbon: float = 0.1,
         options: dict[str, Any] | None = None,
+        length: float = 0.03,
         **given: Any,
     ) -> None:
         steel = load_steel("weiner_boley")
         mesh = meshes.build(
-            "strip", length=0.03, width=size, surface_size=size, core_size=size, cell=cell
+            "strip", length=length, width=size, surface_size=size, core_size=size, cell=cell
         )
         curve = steel.thermal_curve(1200.0, 1800.0, POURED + ZERO_CELSIUS)
         thermal = ThermalSetup(mesh, curve, POURED + ZERO_CELSIUS)

@@ -159,7 +159,7 @@ MISTAKES = {
         "[mesh]",
         '[output]\nfields = ["temperature", "temperature"]\n[mesh]',
         "output.fields",
-        ["stands there twice"],
+        ["appears twice"],
     ),
     "text for a truth value": (
         "[mesh]",

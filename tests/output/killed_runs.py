@@ -1,6 +1,6 @@
 """Runs of castfem, each killed in another call that changes a file, looked at and resumed.
 
-Started by test_killed.py with its library loaded before the C library:
+Started by test_checkpoint.py with its library loaded before the C library:
 `killed_runs.py FOLDER EVERY`.
 """
 

@@ -428,7 +428,7 @@ def test_the_criteria_move_nothing_of_the_run(tmp_path: Path, whole: Path) -> No
         ({"ductility": DUCTILITY}, "quality.ductility", "[mechanics]"),
         (
             {"ductility": DUCTILITY | {"strain_rate": [1e-4, 1e-4, 1e-4, 1e-2]}},
-            "quality.ductility", "row 2: this temperature and rate stand there twice",
+            "quality.ductility", "row 2: this temperature and rate appear twice",
         ),
         (
             {"ductility": DUCTILITY | {"reduction_of_area": [0.4] * 4}},

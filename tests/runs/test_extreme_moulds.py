@@ -249,7 +249,7 @@ def test_a_strand_that_touches_nowhere() -> None:
 def test_contact_lost_and_regained() -> None:
     """Waves of 0.1 mm in the wall, less than three windows long: contact comes and goes."""
     waves = [(20.0 * i, 0.1 * (i % 2)) for i in range(13)]
-    kept = sound(run_in_memory(billet("taper_1", 'casting.length="160 mm"', wall(*waves))))
+    kept = sound(run_in_memory(billet("taper_1", 'casting.length="130 mm"', wall(*waves))))
     change = np.diff(contact(kept, "share"))
     assert (change > 0.1).sum() >= 3 and (change < -0.1).sum() >= 3
     assert kept.summary is not None and kept.summary.steps["coupling windows cut back"] < 5

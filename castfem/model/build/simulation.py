@@ -267,7 +267,7 @@ def _reach(section: Section) -> tuple[float, float]:
 
 
 def case_steel(case: Case) -> Steel:
-    """The steel of the case, with its composition and its changes."""
+    """The steel of the case, with its composition and overrides."""
     from castfem.physics.materials import load_steel
 
     given = case.steel
@@ -322,13 +322,13 @@ def stations(case: Case) -> list[float]:
 
 
 def _milestones(case: Case, machine: Machine, zones: Zones, ends: list[float]) -> list[float]:
-    """Instants to be hit exactly: output, stations, changes of cooling, mould, speed; s.
+    """Times at which a step has to end, s: output, stations, changes of cooling, mould and speed.
 
     Args:
         case: The case.
         machine: Turns positions into instants.
-        zones: Of the cooling.
-        ends: Positions where what acts on the slice begins, ends or bends, m.
+        zones: Cooling zones.
+        ends: Positions where an interaction with the slice begins, ends or changes its slope, m.
     """
     due = [machine.time_at(p) for p in stations(case)]
     if case.output_fields or case.output.by_clock:

@@ -1,8 +1,8 @@
 """What acts on the strand's surface, a wall or rolls: one interface for all.
 
-A slice is told of each by an object of settings (`SurfaceInteraction`), which builds what computes
-it (`Interaction`). A kind of support that is new is a subclass of `Interaction` with its forms, and
-its settings; docs/architecture.md counts the lines.
+Each is described to a slice by an object of settings (`SurfaceInteraction`), which builds the
+object that computes it (`Interaction`). A new kind of support is a subclass of `Interaction` with
+its forms, and its settings; docs/architecture.md counts the lines.
 
 What contact has to know of the strand, `Motion` and `Solid`, the mechanics have, which build on it.
 """

@@ -34,24 +34,20 @@ class Bed:
 
     All are of the slice's place then, the same all over the face.
 
-    Attributes:
-        pressure: p that the shell hands on to the rolls where it is at rest, Pa: that of the core
-            within, as the slice's `Ferrostatic.pressure` gives it; nothing where it is solid.
-        stiffness: K, Pa/m: of the order of the pressure over the bulge.
-        bulge: w of the middle of the face, outward, m; negative where the shell dips.
-        offset: s of the rolls, outward, from the face of the undeformed section, m: half of the
-            change of the aperture, and what a roll is out of line.
-        within: c, the share of K that the face meets within its rest: that of the pressure which
-            the shell hands on. 1 under a liquid core, 0 of a solid strand, which rolls cannot pull.
-
     Raises:
         InputError: If the stiffness is negative, the share not one, or a value no number.
     """
 
+    #: p that the shell hands on to the rolls where it is at rest, Pa: that of the core within, as
+    #: the slice's `Ferrostatic.pressure` gives it; nothing where it is solid
     pressure: float = 0.0
-    stiffness: float = 0.0
-    bulge: float = 0.0
+    stiffness: float = 0.0  #: K, Pa/m: of the order of the pressure over the bulge
+    bulge: float = 0.0  #: w of the middle of the face, outward, m; negative where the shell dips
+    #: s of the rolls, outward, from the face of the undeformed section, m: half of the change of
+    #: the aperture, and what a roll is out of line
     offset: float = 0.0
+    #: c, the share of K that the face meets within its rest: that of the pressure which the shell
+    #: hands on. 1 under a liquid core, 0 of a solid strand, which rolls cannot pull.
     within: float = 1.0
 
     def __post_init__(self) -> None:
@@ -151,30 +147,25 @@ class GivenFoundation:
 class RollSupport(SurfaceInteraction):
     """Support of boundary groups by rolls.
 
-    Attributes:
-        on: Groups, such as "wide_face_intrados"; a name covers all that begin with it.
-        foundation: Tells their beds.
-        position: Of the slice below the meniscus over time (s), m.
-        between: First and last roll, m: a step that ends beyond the first, or at the last, is
-            borne. Without ends it holds the section in every step, and no point is held beside it.
-        knots: Further positions at which a coupling window has to end, m: rolls, say.
-        pull: Whether the bed of a face above a liquid core pulls where the face is far within its
-            rest; otherwise the face leaves it.
-        points: Quadrature points a facet.
-        loose: Groups of `on` whose beds have no stiffness in some of the steps: what they alone
-            would hold is left to points.
-
     Raises:
         InputError: If the range is empty.
     """
 
+    #: groups, such as "wide_face_intrados"; a name covers all that begin with it
     on: tuple[str, ...]
-    foundation: Foundation
-    position: Callable[[float], float] = still
+    foundation: Foundation  #: tells their beds
+    position: Callable[[float], float] = still  #: of the slice below the meniscus over time (s), m
+    #: first and last roll, m: a step that ends beyond the first, or at the last, is borne. Without
+    #: ends it holds the section in every step, and no point is held beside it.
     between: tuple[float, float] = ALWAYS
+    #: further positions at which a coupling window has to end, m: rolls, say
     knots: tuple[float, ...] = ()
+    #: whether the bed of a face above a liquid core pulls where the face is far within its rest;
+    #: otherwise the face leaves it
     pull: bool = True
-    points: int = POINTS
+    points: int = POINTS  #: quadrature points a facet
+    #: groups of `on` whose beds have no stiffness in some of the steps: what they alone would hold
+    #: is left to points
     loose: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -296,7 +287,9 @@ class WinklerFoundation(Interaction):
             told = old.memory, start, end, before, after
             self._beds, self._memory = self.given.foundation.beds(*told)
             if missing := [name for name in self._faces if name not in self._beds]:
-                raise InputError(f"{', '.join(missing)}: rolls are to bear it, but it has no bed")
+                raise InputError(
+                    f"{', '.join(missing)}: rolls are to support it, but it has no bed"
+                )
         for name, value in self._values.items():
             bed = self._beds[name]
             value.value[:] = bed.pressure, bed.stiffness, bed.rest, bed.within

@@ -1,4 +1,4 @@
-"""What a slice is told of what acts on its surface; how contact with a wall is to be computed.
+"""Settings of what acts on the surface of a slice, and of contact with a wall.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -81,29 +81,22 @@ def still(time: float) -> float:
 class Contact(SurfaceInteraction):
     """Contact of boundary groups with a rigid wall.
 
-    Attributes:
-        wall: The wall.
-        on: Groups; a name covers all that begin with it.
-        position: Of the slice below the meniscus over time (s), m.
-        method: "penalty" (239) or "nitsche".
-        factor: Contact stiffness K_p over bulk modulus (of the place and moment) / mean height of
-            the surface cells; `FACTOR` if None.
-        friction: Law; None for a wall without friction.
-        stroke: Displacement of the wall itself along the strand over time (s), m: its oscillation.
-        points: Quadrature points a facet; two for each of the two displacements that a facet adds
-            to the surface is as many as can be met by a wall of any shape.
-
     Raises:
         InputError: If a value is not possible.
     """
 
-    wall: Wall
-    on: tuple[str, ...]
-    position: Callable[[float], float] = still
-    method: Literal["penalty", "nitsche"] = "penalty"
+    wall: Wall  #: the wall
+    on: tuple[str, ...]  #: groups; a name covers all that begin with it
+    position: Callable[[float], float] = still  #: of the slice below the meniscus over time (s), m
+    method: Literal["penalty", "nitsche"] = "penalty"  #: "penalty" (239) or "nitsche"
+    #: contact stiffness K_p over bulk modulus (of the place and moment) / mean height of the
+    #: surface cells; `FACTOR` if None
     factor: float | None = None
-    friction: Friction | None = None
+    friction: Friction | None = None  #: law; None for a wall without friction
+    #: displacement of the wall itself along the strand over time (s), m: its oscillation
     stroke: Callable[[float], float] = still
+    #: quadrature points a facet; two for each of the two displacements that a facet adds to the
+    #: surface is as many as can be met by a wall of any shape
     points: int = 2
 
     def __post_init__(self) -> None:

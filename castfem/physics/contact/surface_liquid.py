@@ -64,7 +64,7 @@ class SurfaceLiquid:
     Attributes:
         surface: As given.
         temperatures: At the points (n,), at the start and the end of the step, K.
-        molten: Points that bear no friction (n,); of a step without friction none is told.
+        molten: Points that bear no friction (n,); none in a step without friction.
         fed: Whether the liquid is.
         pool: Pressure of fed liquid that is at the surface (n,), Pa; 0 elsewhere.
     """

@@ -128,7 +128,9 @@ def _from_file(path: Path) -> Rolls:
     except UnreadableError as error:
         raise ValueError(f"cannot read the rolls '{path}': {error}") from None
     if not file.rows:
-        raise ValueError(f"'{path}' holds no rolls; a header and a row a pair: {_HEADER}")
+        raise ValueError(
+            f"'{path}' has no rolls; it needs a header and one row per pair: {_HEADER}"
+        )
     width = len(file.headings)
     for row in file.rows:
         if len(row.cells) != width:
@@ -138,7 +140,7 @@ def _from_file(path: Path) -> Rolls:
             )
     names = [heading.name for heading in file.headings]
     if twice := next((name for name in names if names.count(name) > 1), None):
-        raise ValueError(f"'{path}' line {file.line}: column '{twice}' stands there twice")
+        raise ValueError(f"'{path}' line {file.line}: column '{twice}' appears twice")
     columns = {name: [row.cells[i] for row in file.rows] for i, name in enumerate(names)}
     units = {heading.name: heading.unit for heading in file.headings}
     places = tuple(f"'{path}' line {row.line}, " for row in file.rows)
@@ -173,7 +175,7 @@ def _from_columns(
     face: Face = "extrados" if radius is None else FACES[RADII.index(radius)]
     (wide, wide_places), (narrow, narrow_places) = found[False], found[True]
     if not wide:
-        raise ValueError("no rolls of the wide faces; those at the narrow faces stand beside them")
+        raise ValueError("no rolls of the wide faces; rolls at the narrow faces need them")
     edges = Rolls(tuple(narrow), places=tuple(narrow_places)) if narrow else None
     return Rolls(tuple(wide), face, tuple(wide_places), edges)
 

@@ -29,7 +29,7 @@ _STATUS = {
 def describe_steel(steel: Steel) -> list[tuple[str, str]]:
     """Return label and value of what characterises a steel, values written with their units.
 
-    Properties that change are told at 1000 degC, the solidus and the liquidus; each is followed by
+    Properties that change are given at 1000 degC, the solidus and the liquidus; each is followed by
     its status and source.
     """
     rows = [("steel", steel.name), ("description", steel.description)]

@@ -94,7 +94,7 @@ class SensibleHeat:
 
     @property
     def kinks(self) -> tuple[float, ...]:
-        """Where it changes."""
+        """Temperatures at which it changes, K."""
         return self.jumps
 
     def __call__(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:

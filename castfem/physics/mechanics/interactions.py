@@ -105,7 +105,7 @@ class Interactions:
             one.begin(state, old.time, time, old.temperature, temperature)
 
     def axial_strain(self, places: Array) -> Array | None:
-        """Axial strain (n,) that they add in the step begun at places (n, 2), m; None for none."""
+        """Axial strain (n,) that they add in this step at places (n, 2), m; None if none does."""
         found = [part for one in self._each if (part := one.axial_strain(places)) is not None]
         return sum(found[1:], found[0]) if found else None
 

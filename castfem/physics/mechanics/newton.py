@@ -48,26 +48,18 @@ def split_options(
 
 @dataclass(frozen=True, slots=True)
 class LineSearchLimits:
-    """When a correction is cut, and when a search ends.
+    """When a correction is cut, and when a search ends."""
 
-    Attributes:
-        overshoot: Of the work at the start: less is Newton's own business.
-        close: What is left of the work at the start when the search ends.
-        trials: Of one search.
-        nearly: Of the square of the imbalance: what leaves less of it has not overshot, whatever
-            its work: along a correction that is no longer than rounding that may have any sign.
-        almost: Times what may be out of balance: from there on what makes it smaller is taken.
-        patience: Newton iterations in which contact may overshoot.
-        near: Times the tolerance: how near the solution contacts become free to open.
-    """
-
-    overshoot: float = 0.05
-    close: float = 0.05
-    trials: int = 40
+    overshoot: float = 0.05  #: of the work at the start: less is Newton's own business
+    close: float = 0.05  #: what is left of the work at the start when the search ends
+    trials: int = 40  #: of one search
+    #: of the square of the imbalance: what leaves less of it has not overshot, whatever its work:
+    #: along a correction that is no longer than rounding that may have any sign
     nearly: float = 1e-2
+    #: times what may be out of balance: from there on what makes it smaller is taken
     almost: float = 10.0
-    patience: int = 8
-    near: float = 1e4
+    patience: int = 8  #: Newton iterations in which contact may overshoot
+    near: float = 1e4  #: times the tolerance: how near the solution contacts become free to open
 
 
 LIMITS = LineSearchLimits()
@@ -83,15 +75,11 @@ class LineSearch:
     falls steadily: the step is cut where it would turn clearly negative.  The size of the residual,
     which other line searches go by, says nothing here, until it is almost as small as it has to be:
     then the sign of its work is that of rounding.
-
-    Attributes:
-        comm: Ranks.
-        interactions: What acts on its surface.
-        residual: Of local unknowns, N/m; leaves the interactions evaluated there.
     """
 
-    comm: MPI.Comm
-    interactions: Interactions
+    comm: MPI.Comm  #: ranks
+    interactions: Interactions  #: what acts on its surface
+    #: of local unknowns, N/m; leaves the interactions evaluated there
     residual: Callable[[Array], Array]
 
     def share(self, local: Array, step: Array, iteration: int, imbalance: float) -> float:
@@ -99,9 +87,9 @@ class LineSearch:
 
         Args:
             local: Unknowns.
-            step: Newton's correction, to be taken off them.
-            iteration: Its number in the solve, from 0.
-            imbalance: What is out of balance at the unknowns, over what may be.
+            step: Newton's correction, which is subtracted from them.
+            iteration: Number of the correction in the solve, from 0.
+            imbalance: Imbalance at the unknowns, relative to the tolerance.
 
         Returns:
             The part (collective).
@@ -164,35 +152,23 @@ def step_share(first: float, work: Callable[[float], float]) -> float:
 
 @dataclass(slots=True)
 class ResidualState:
-    """The residual at one set of unknowns, and what was found with it.
+    """The residual at one set of unknowns, and what was found with it."""
 
-    Attributes:
-        local: The unknowns of this rank. generalized_strains: Generalized strains (4,).
-        forces: Nodal forces (owned,), N/m; at supports what they carry.
-        balance: Work of the stress less that of the load along each test direction, N/m.
-        scale: How large the stress is.
-    """
-
-    local: Array
-    generalized_strains: Array
-    forces: Array
-    balance: Array
-    scale: StressScale
+    local: Array  #: the unknowns of this rank
+    generalized_strains: Array  #: generalized strains (4,)
+    forces: Array  #: nodal forces (owned,), N/m; at supports what they carry
+    balance: Array  #: work of the stress less that of the load along each test direction, N/m
+    scale: StressScale  #: how large the stress is
 
 
 @dataclass(frozen=True, slots=True)
 class Criteria:
-    """What may be out of balance in a section.
+    """What may be out of balance in a section."""
 
-    Attributes:
-        comm: Its ranks. scales: Sizes. constraints: Supports.
-        tolerance: Out-of-balance stress left, relative to the stress there is.
-    """
-
-    comm: MPI.Comm
-    scales: Scales
-    constraints: Constraints
-    tolerance: float
+    comm: MPI.Comm  #: its ranks
+    scales: Scales  #: sizes
+    constraints: Constraints  #: supports
+    tolerance: float  #: out-of-balance stress left, relative to the stress there is
 
     def sizes(
         self, residual_state: ResidualState, residual: Array, load: Array

@@ -56,7 +56,7 @@ STRAIGHT = Bending()
 
 @dataclass(frozen=True, slots=True)
 class StepTaken:
-    """What planes are told of a step that is kept."""
+    """What planes get to know of an accepted step."""
 
     time: float  #: at its end, s
     #: computes M at its end, N m (collective); called only for planes that are bent
@@ -198,7 +198,7 @@ class PlainPlanes(Planes):
     imposed: Mapping[str, TimeHistory] = field(default_factory=dict)
     force: TimeHistory = zero  #: external axial force, N
     moment_x: TimeHistory = zero  #: external moment of sigma_zz with x, N m (thesis' M_y)
-    moment_y: TimeHistory = zero  #: The same with y (M_x). Each over time
+    moment_y: TimeHistory = zero  #: the same with y (M_x); each over time
 
     def __post_init__(self) -> None:
         """Check the names."""
@@ -209,7 +209,8 @@ class PlainPlanes(Planes):
                 )
         both = [n for n in self.free if n in self.imposed]
         if both or len(set(self.free)) < len(self.free):
-            raise InputError(f"{', '.join(both or self.free)}: either free or imposed, once")
+            named = ", ".join(both or self.free)
+            raise InputError(f"{named}: must be either free or imposed, and given once")
 
     @property
     def steady(self) -> bool:

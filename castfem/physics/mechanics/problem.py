@@ -244,7 +244,7 @@ class MechanicalProblem(SliceParts):
         scalars = self.bordered.share(local)
         generalized_strains = self.planes.scaled.generalized_strains(scalars)
         fields.generalized_strains.value[:] = generalized_strains
-        # Contacts that are let go of change nothing of what the law has said.
+        # Contacts that are released do not change the response of the law.
         if not self._same(local, self._integrated):
             self._integrated = None
             self._integrate()

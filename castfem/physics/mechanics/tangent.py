@@ -118,11 +118,11 @@ class Tangent:
         self.kinematics.volume.take(bulk)
 
     def fill(self, response: Response, matrix: PETSc.Mat) -> None:
-        """Assemble it at the displacement the fields hold (collective).
+        """Assemble the tangent at the displacement in the fields (collective).
 
         Args:
-            response: Of the law there, at the active points.
-            matrix: Gets it, N/m2.
+            response: Response of the law there, at the active points.
+            matrix: Output, N/m2.
         """
         self._take(response)
         assemble_into(matrix, self.kinematics.forms.stiffness, self.constraints.every)

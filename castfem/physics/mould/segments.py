@@ -135,7 +135,7 @@ class Straights:
 
     @classmethod
     def of(cls, segments: list[Straight]) -> Straights:
-        """Gather segments."""
+        """Collect the coefficients of segments in arrays."""
         start = np.array([s.start for s in segments])
         along = np.array([s.end for s in segments]) - start
         length = np.hypot(along[:, :1], along[:, 1:])
@@ -168,7 +168,7 @@ class Circulars:
 
     @classmethod
     def of(cls, segments: list[Circular]) -> Circulars:
-        """Gather segments."""
+        """Collect the coefficients of segments in arrays."""
         chord = np.array([s.end for s in segments]) - np.array([s.start for s in segments])
         length = np.hypot(chord[:, :1], chord[:, 1:])
         return cls(
@@ -209,7 +209,7 @@ class Parabolics:
 
     @classmethod
     def of(cls, segments: list[Parabolic]) -> Parabolics:
-        """Gather segments."""
+        """Collect the coefficients of segments in arrays."""
         powers = [s._powers() for s in segments]
         square, linear, middle = (_columns(np.array([p[i] for p in powers])) for i in range(3))
         return cls(square, linear, middle)

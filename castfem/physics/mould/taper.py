@@ -48,12 +48,9 @@ class TaperProfile(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Taper:
-    """Taper in segments: one for a single taper, two for a double one, and so on.
+    """Taper in segments: one for a single taper, two for a double one, and so on."""
 
-    Attributes:
-        segments: In casting order, each with its end; the last one ends with the mould.
-    """
-
+    #: in casting order, each with its end; the last one ends with the mould
     segments: tuple[TaperSegment, ...]
 
     def __post_init__(self) -> None:
@@ -99,12 +96,9 @@ class Taper:
 
 @dataclass(frozen=True, slots=True)
 class Displaced:
-    """A wall that is displaced by a table: a measured profile, or a step.
+    """A wall that is displaced by a table: a measured profile, or a step."""
 
-    Attributes:
-        closing: Displacement of the wall into the cavity, m, over the position below the meniscus.
-    """
-
+    #: displacement of the wall into the cavity, m, over the position below the meniscus
     closing: Table
 
     def half(self, position: float, start: float) -> float:

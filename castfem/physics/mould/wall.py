@@ -19,19 +19,17 @@ class GapFunction:
     """Where n points of the strand's surface meet the wall along their outward normals.
 
     A displacement u of a point changes its gap by -(normal . u) / (normal . strand normal).
-
-    Attributes:
-        gap: Distance (n,), m, from the point along the strand's outward normal to the wall
-            (268)-(273): positive where open, negative where the point has penetrated, infinite
-            where no wall lies that way.
-        normal: Unit normal (n, 2) of the wall where it is met, pointing out of the cavity, so
-            that normal . strand normal > 0; where no wall is met, the strand's own normal.
-        curvature: Of the wall there (n,), 1/m, or of all of it: how fast its normal turns
-            along (-normal_y, normal_x); positive where the cavity is hollow.
     """
 
+    #: distance (n,), m, from the point along the strand's outward normal to the wall (268)-(273):
+    #: positive where open, negative where the point has penetrated, infinite where no wall lies
+    #: that way
     gap: Array
+    #: unit normal (n, 2) of the wall where it is met, pointing out of the cavity, so that normal .
+    #: strand normal > 0; where no wall is met, the strand's own normal.
     normal: Array
+    #: of the wall there (n,), 1/m, or of all of it: how fast its normal turns along (-normal_y,
+    #: normal_x); positive where the cavity is hollow
     curvature: Array | float = 0.0
 
 

@@ -301,7 +301,7 @@ def _number(value: float) -> str:
 
 
 def in_si(runs: Sequence[Run], found: Sequence[Line]) -> pandas.DataFrame:
-    """Return the lines of a comparison in SI, a row each."""
+    """Return the lines of a comparison in SI, one row each."""
     import pandas
 
     rows: list[dict[str, Any]] = []

@@ -61,7 +61,7 @@ class Progress:
 
 @dataclass(frozen=True, slots=True)
 class AtWork:
-    """What stands at the head of a page of runs at work."""
+    """Head of the page of runs that are in progress."""
 
     title: str  #: of the page
     status: str  #: how the runs stand

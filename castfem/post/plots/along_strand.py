@@ -199,7 +199,7 @@ def _powers_of_ten(panel: Axes) -> None:
 
 
 def _log_scale(values: Array) -> Callable[[Axes], None]:
-    """A logarithmic axis with plain numbers, if there is anything to tell apart; else from zero."""
+    """A logarithmic axis if the values span a decade, otherwise a linear one from zero."""
     from matplotlib.ticker import FuncFormatter, LogLocator
 
     positive = values[values > 0]

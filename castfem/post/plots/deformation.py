@@ -98,9 +98,10 @@ def draw_shape(fields: Fields, steel: Steel | None) -> Figure | None:
 
 
 def fill_stress(axes: Axes, mesh: Triangulation, values: Array, levels: Array) -> TriContourSet:
-    """Fills a section with the colours of a stress [MPa].
+    """Fill a section with the colours of a stress [MPa].
 
-    What lies beyond the scale is soft, and covered; its very end would not be drawn.
+    Values beyond the scale are those of soft material, which is covered afterwards. They are cut
+    just below its end, which matplotlib would not draw.
     """
     within = np.clip(values, levels[0], (1 - 1e-6) * levels[-1])
     return axes.tricontourf(mesh, within, levels=levels, cmap=STRESS_MAP)
@@ -137,7 +138,7 @@ def cover_soft(axes: Axes, mesh: Triangulation, kelvin: Array, steel: Steel) -> 
 
 
 def fill_soft(axes: Axes, mesh: Triangulation, kelvin: Array, steel: Steel, hottest: float) -> None:
-    """Fills what is mushy and what is liquid, of temperatures up to the hottest."""
+    """Fill what is mushy and what is liquid, up to the hottest temperature."""
     liquidus = max(steel.liquidus, float(np.nextafter(steel.solidus, np.inf)))
     levels = [steel.solidus, liquidus, max(hottest, liquidus) + 1.0]
     axes.tricontourf(mesh, kelvin, levels=levels, colors=SOFT)

@@ -90,7 +90,7 @@ def drawn(panels: Sequence[Panel], height: float, abscissa: Abscissa) -> Figure 
 
 
 def column(table: Columns, name: str, label: str = "", **style: Any) -> list[Line]:
-    """The line of a column; none where it is not there or holds no number."""
+    """The line of a column; empty if the column is missing or holds no number."""
     return [Line(np.asarray(table[name]), label, style)] if has_values(table, name) else []
 
 

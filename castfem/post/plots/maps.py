@@ -214,7 +214,7 @@ def index_values(maps: SurfaceMaps, one: SurfaceMap) -> Array:
 
 
 def index_label(one: SurfaceMap) -> str:
-    """Name and unit of an index; rates of strain are told in 1e-5 1/s."""
+    """Name and unit of an index; rates of strain are shown in 1e-5 1/s."""
     rounded = "1e-5 " if one.shown in _ROUNDED else ""
     return f"{_WORDS.get(one.name, one.name)} [{rounded}{plain_unit(one.shown)}]"
 

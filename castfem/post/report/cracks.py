@@ -113,9 +113,9 @@ class CrackReport:
         return kept
 
     def _beside(self, one: Maximum, other: Maximum) -> bool:
-        """Whether two places are one: less than two pitches and half a thickness apart.
+        """Whether two places count as one: less than two pitches and half a thickness apart.
 
-        So is what a place keeps that has come to it before.
+        A value that a vertex keeps from an earlier row counts as the same place, too.
         """
         if one.vertex == other.vertex and one.value == other.value:
             return True

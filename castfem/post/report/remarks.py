@@ -81,7 +81,7 @@ def at_place(position: float, table: Columns) -> str:
 def remarks_of(folder: Path, summary: Summary | None) -> list[Remark]:
     """What is worth a look in the run in a folder, with its fields if it has written some.
 
-    Nothing without a history, or of a damaged one: that is told of where its figures are drawn.
+    Nothing without a history or with a damaged one, which is reported where figures are drawn.
     """
     try:
         table, loads = read_columns(folder / HISTORY_NAME), RollLoads.of(folder)

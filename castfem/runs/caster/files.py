@@ -97,7 +97,7 @@ def _line(cells: Sequence[str]) -> str:
 
 
 def definition(column: str) -> tuple[QuantityDefinition, str]:
-    """Return the quantity in a column of a slice's rows, and its probe."""
+    """Return the definition of the quantity in a column of a slice's rows, and its probe."""
     found = find(column)
     assert found is not None, "castfem has written the column"
     return found

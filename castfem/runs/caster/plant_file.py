@@ -204,9 +204,9 @@ def _full(cell: str, heading: Heading) -> str:
 
 
 def recent(case: Case, since: float) -> Case:
-    """Return the case of a caster with the rows alone that a slice meets which began at a time, s.
+    """Return the case of a caster with only the rows that matter to a slice begun at a time, s.
 
-    A record of days would be read by each slice at each row otherwise.
+    Without this, each slice would read a record of days at each of its rows.
     """
     assert case.caster is not None
     plant = case.caster.plant

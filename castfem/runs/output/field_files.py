@@ -192,7 +192,7 @@ def singles(folder: Path) -> list[Path]:
 
 
 def remove_singles(folder: Path, keep: Iterable[Step] = ()) -> None:
-    """Removes the files of single times but those to keep, the last first; no file of the user."""
+    """Remove the files of single times except those to keep, the last first; user files stay."""
     kept = {folder / step.file for step in keep}
     for path in [*reversed(singles(folder)), *_named(folder, _LEFTOVER)]:
         if path not in kept:

@@ -193,7 +193,7 @@ class OutputFolder(Closing):
         self.update(status="finished", reason="", ended=_now(), **changes)
 
     def interrupt(self, reason: str, **changes: Any) -> None:
-        """Notes in run.json that the run was stopped, and by what; it may be resumed."""
+        """Note in run.json that the run was stopped, and by what; it can be resumed."""
         self.update(status="interrupted", reason=reason, ended=_now(), **changes)
 
     def fail(self, reason: str, **changes: Any) -> None:

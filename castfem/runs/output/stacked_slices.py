@@ -34,8 +34,8 @@ def write_strand(folder: Path, target: Path, side: Side, every: float) -> tuple[
 
     Args:
         folder: Of the run.
-        target: The file, its ending .vtu.
-        side: The strand from its side.
+        target: The file, with the ending .vtu.
+        side: The strand seen from its side.
         every: Distance of the rows of cells along the strand, at most, m.
 
     Returns:

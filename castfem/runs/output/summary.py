@@ -63,7 +63,7 @@ CUT = "coupling windows cut for their error"
 
 
 def renamed(entries: Mapping[str, Any]) -> dict[str, Any]:
-    """Counts or stages of a file, by the names of today."""
+    """Counts or stages of a file, old names replaced by the current ones."""
     return {RENAMED.get(name, name): value for name, value in entries.items()}
 
 
@@ -141,36 +141,26 @@ class Zone:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """The content of summary.json, in SI.
+    """The content of summary.json, in SI."""
 
-    Attributes:
-        title: Of the case.
-        status: "finished", "failed" or "interrupted".
-        quantities: Name to result; `solidus` and `liquidus` of the steel are among them.
-        references: Comparisons, from `compare`.
-        balances: Name of what is conserved to its terms.
-        steps: Counts and sizes [s] of the steps.
-        wall_time: Stage to seconds.
-        zones: The cooling, in casting order.
-        mould_exit: Where the mould ends, below the meniscus [m], though the run may end before;
-            None if there is no mould.
-        unchecked: Data of steel, law and cooling that the run used and that are from memory of
-            their source (status M), each with the source.
-        warnings: What is not right in a run that has finished, a line each.
-        errors_at: Errors on the way, in SI (K of temperatures), by position [m] and name.
-    """
-
-    title: str
-    status: str
+    title: str  #: of the case
+    status: str  #: "finished", "failed" or "interrupted"
+    #: name to result; `solidus` and `liquidus` of the steel are among them
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
-    references: tuple[Comparison, ...] = ()
+    references: tuple[Comparison, ...] = ()  #: comparisons, from `compare`
+    #: name of what is conserved to its terms
     balances: Mapping[str, Mapping[str, Quantity]] = field(default_factory=dict)
-    steps: Mapping[str, float] = field(default_factory=dict)
-    wall_time: Mapping[str, float] = field(default_factory=dict)
-    zones: tuple[Zone, ...] = ()
+    steps: Mapping[str, float] = field(default_factory=dict)  #: counts and sizes [s] of the steps
+    wall_time: Mapping[str, float] = field(default_factory=dict)  #: stage to seconds
+    zones: tuple[Zone, ...] = ()  #: the cooling, in casting order
+    #: where the mould ends, below the meniscus [m], though the run may end before; None if there is
+    #: no mould
     mould_exit: float | None = None
+    #: data of steel, law and cooling that the run used and that are from memory of their source
+    #: (status M), each with the source
     unchecked: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()  #: what is not right in a run that has finished, a line each
+    #: errors on the way, in SI (K of temperatures), by position [m] and name
     errors_at: Mapping[float, Mapping[str, float]] = field(default_factory=dict)
 
     @property

@@ -202,7 +202,7 @@ class FieldWriter(Closing):
         field_files.remove_singles(self._folder)
 
     def _name_all(self, steps: list[Step]) -> None:
-        """Replaces the XDMF by one with these times; of none there is no file: few can read it."""
+        """Rewrite the XDMF file for these times; remove it if there are none: few can read it."""
         path = self._folder / XDMF_NAME
         self._xdmf = GrowingFile(path, _HEAD, _FOOT)
         self._steps = []

@@ -38,39 +38,28 @@ BENDS = ("bending", "straightening")
 
 @dataclass(frozen=True, slots=True)
 class SliceStep:
-    """The slice before and after a step, at this rank's own vertices.
+    """The slice before and after a step, at this rank's own vertices."""
 
-    Attributes:
-        settings: The table [quality] of the case. steel: Of the strand.
-        duration: Of the step, s; 0 at the meniscus.
-        rated: What the rates are means over: the step, or if that is a very short one, what was
-            before it as well, s.
-        place: x and y (n, 2), m, of the undeformed section.
-        temperature: After the step (n,), K. earlier: Before it. rated_from: Where `rated` begins.
-        axial_stress: After the step (n,), Pa, positive in tension; recovered from the points as
-            their mean around each vertex, by area and nearness; zero without mechanics.
-        strain_rate: Axial, over `rated` (n,), 1/s: exact, from the motion of the planes.
-        step_rate: The same over the step.
-        pitch_rate: Axial, mean over the last pitch of rolls (n,), 1/s.
-        value: Of the index before the step (n,); zero at the meniscus.
-        brittle: Temperatures between which the solid fraction lies in the brittle range, K.
-        tearing: What the criteria of hot tearing say; None in a case that names none.
-    """
-
-    settings: Quality
-    steel: Steel
-    duration: float
+    settings: Quality  #: the table [quality] of the case
+    steel: Steel  #: of the strand
+    duration: float  #: of the step, s; 0 at the meniscus
+    #: what the rates are means over: the step, or if that is a very short one, what was before it
+    #: as well, s
     rated: float
-    place: Array
-    temperature: Array
-    earlier: Array
-    rated_from: Array
+    place: Array  #: x and y (n, 2), m, of the undeformed section
+    temperature: Array  #: after the step (n,), K
+    earlier: Array  #: before it
+    rated_from: Array  #: where `rated` begins
+    #: after the step (n,), Pa, positive in tension; recovered from the points as their mean around
+    #: each vertex, by area and nearness; zero without mechanics
     axial_stress: Array
-    strain_rate: Array
-    step_rate: Array
-    pitch_rate: Array
-    value: Array
+    strain_rate: Array  #: axial, over `rated` (n,), 1/s: exact, from the motion of the planes
+    step_rate: Array  #: the same over the step
+    pitch_rate: Array  #: axial, mean over the last pitch of rolls (n,), 1/s
+    value: Array  #: of the index before the step (n,); zero at the meniscus
+    #: temperatures between which the solid fraction lies in the brittle range, K
     brittle: tuple[float, float]
+    #: what the criteria of hot tearing say; None in a case that names none
     tearing: Tearing | None = None
 
     @property
@@ -116,27 +105,21 @@ class CrackIndex:
     """What a crack index is called, and how it is computed.
 
     As a decorator, `crack_index`, it declares a function: a map, columns and results.
-
-    Attributes:
-        name: Of the index and its map.
-        unit: In which it is shown.
-        label: In tables.
-        needs: What a simulation must have, of `castfem.runs.results.needs.NEEDS`.
-        on: Where it counts: at the surface, or in the whole section; then it has no map.
-        accumulates: Whether it continues from its own values before the step.
-        followed: Whether it is of what `tearing` has followed: such an index is differentiated, and
-            has a map over the depth.
-        compute: The function: its value in SI after a step for each vertex of the surface, or each
-            point of the section (n,).
     """
 
-    name: str = field(kw_only=False)
-    unit: str = field(kw_only=False)
-    label: str = field(kw_only=False)
+    name: str = field(kw_only=False)  #: of the index and its map
+    unit: str = field(kw_only=False)  #: in which it is shown
+    label: str = field(kw_only=False)  #: in tables
+    #: what a simulation must have, of `castfem.runs.results.needs.NEEDS`
     needs: tuple[str, ...] = ()
+    #: where it counts: at the surface, or in the whole section; then it has no map
     on: Where = "surface"
-    accumulates: bool = False
+    accumulates: bool = False  #: whether it continues from its own values before the step
+    #: whether it is of what `tearing` has followed: such an index is differentiated, and has a map
+    #: over the depth
     followed: bool = False
+    #: the function: its value in SI after a step for each vertex of the surface, or each point of
+    #: the section (n,)
     compute: Computed = _nothing
 
     def __call__(self, compute: Computed) -> Computed:

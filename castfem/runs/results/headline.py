@@ -179,17 +179,11 @@ def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
 
 @dataclass(frozen=True, slots=True)
 class Spell:
-    """A stretch without contact, between two positions [m].
+    """A stretch without contact, between two positions [m]."""
 
-    Attributes:
-        start: Where contact was lost.
-        end: Where it was found again, or where the history ends.
-        regained: Whether it was found again.
-    """
-
-    start: float
-    end: float
-    regained: bool
+    start: float  #: where contact was lost
+    end: float  #: where it was found again, or where the history ends
+    regained: bool  #: whether it was found again
 
     @property
     def length(self) -> float:

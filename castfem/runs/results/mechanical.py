@@ -31,18 +31,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits of what is read off the strained slice.
+    """Limits of what is read off the strained slice."""
 
-    Attributes:
-        shell: Share of the section that is solid before its shell is spoken of.
-        opposite: How near to the opposite place a probe begins, of its distance from the centre.
-        gap: Largest gap, m; what is larger has a vertex without a wall in it.
-        no_wall: Stands for the distance to no wall where vertices are interpolated between, m.
-    """
-
-    shell: float = 0.05
+    shell: float = 0.05  #: share of the section that is solid before its shell is spoken of
+    #: how near to the opposite place a probe begins, of its distance from the centre
     opposite: float = 1e-6
-    gap: float = 1.0
+    gap: float = 1.0  #: largest gap, m; what is larger has a vertex without a wall in it
+    #: stands for the distance to no wall where vertices are interpolated between, m
     no_wall: float = 1e6
 
 

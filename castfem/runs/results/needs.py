@@ -20,14 +20,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Need:
-    """One of them.
+    """One of them."""
 
-    Attributes:
-        tables: Tables of the case without which it cannot be met.
-        also: What its simulation must have besides; None for nothing.
-    """
-
-    tables: tuple[str, ...]
+    tables: tuple[str, ...]  #: tables of the case without which it cannot be met
+    #: what its simulation must have besides; None for nothing
     also: Callable[[Simulation], bool] | None = None
 
     def missing(self, case: Case) -> list[str]:

@@ -7,7 +7,7 @@ import math
 from castfem.base.shown_quantity import Quantity
 from castfem.base.shown_units import Scale, documented, plain_unit, scale_of
 
-_RATE, _SMALL_RATE, _PARTS = "1/s", 1e-2, "e-5"  # a smaller rate of strain is told in 1e-5 1/s
+_RATE, _SMALL_RATE, _PARTS = "1/s", 1e-2, "e-5"  # a smaller rate of strain is shown in 1e-5 1/s
 _DECIMALS = {"degC": 1, "K": 1, "degF": 1, "delta_degF": 1, "mm": 2}
 
 

@@ -40,51 +40,39 @@ TimedStrains = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Worst:
-    """The largest value of an index, and where and when it was.
+    """The largest value of an index, and where and when it was."""
 
-    Attributes:
-        value: In SI. x, y: On the undeformed section, m. time: s. position: m.
-    """
-
-    value: float = 0.0
-    x: float = 0.0
-    y: float = 0.0
-    time: float = 0.0
-    position: float = 0.0
+    value: float = 0.0  #: in SI
+    x: float = 0.0  #: on the undeformed section, m
+    y: float = 0.0  #: on the undeformed section, m
+    time: float = 0.0  #: s
+    position: float = 0.0  #: m
 
 
 @dataclass(frozen=True, slots=True)
 class QualityState:
-    """What is known of the indexes at one time; nothing ever writes into its arrays.
+    """What is known of the indexes at one time; nothing ever writes into its arrays."""
 
-    Attributes:
-        line: The surface. caster: The rolls.
-        time: s; -1 before the first sample. temperature: At the owned vertices, K.
-        strain_history: Generalized strains from one pitch ago to now.
-        recent: The sample that rates were last counted from, and those since: time, temperature at
-            the owned vertices, K.
-        values: Of each index at the owned vertices.
-        largest: Of each index here. worst: From the meniscus to here. in_phase: Within bending and
-            straightening, as far as the slice has come there.
-        centre: Temperature on the centre line, K; NaN in a section without a probe to it.
-        solid_fraction: There; None likewise.
-        passed: Solid fraction to the position at which the centre line came to it, m.
-        tearing: What the criteria of hot tearing say; None in a case that names none.
-    """
-
-    line: SurfaceLine
-    caster: Stations
-    time: float = -1.0
-    temperature: Array = field(default_factory=lambda: np.zeros(0))
-    strain_history: tuple[TimedStrains, ...] = ()
+    line: SurfaceLine  #: the surface
+    caster: Stations  #: the rolls
+    time: float = -1.0  #: s; -1 before the first sample
+    temperature: Array = field(default_factory=lambda: np.zeros(0))  #: at the owned vertices, K
+    strain_history: tuple[TimedStrains, ...] = ()  #: generalized strains from one pitch ago to now
+    #: the sample that rates were last counted from, and those since: time, temperature at the owned
+    #: vertices, K
     recent: tuple[tuple[float, Array], ...] = ()
+    #: of each index at the owned vertices
     values: Mapping[str, Array] = field(default_factory=dict)
-    largest: Mapping[str, Worst] = field(default_factory=dict)
-    worst: Mapping[str, Worst] = field(default_factory=dict)
+    largest: Mapping[str, Worst] = field(default_factory=dict)  #: of each index here
+    worst: Mapping[str, Worst] = field(default_factory=dict)  #: from the meniscus to here
+    #: within bending and straightening, as far as the slice has come there
     in_phase: Mapping[str, Mapping[str, Worst]] = field(default_factory=dict)
+    #: temperature on the centre line, K; NaN in a section without a probe to it
     centre: float = np.nan
-    solid_fraction: float | None = None
+    solid_fraction: float | None = None  #: there; None likewise
+    #: solid fraction to the position at which the centre line came to it, m
     passed: Mapping[float, float] = field(default_factory=dict)
+    #: what the criteria of hot tearing say; None in a case that names none
     tearing: Tearing | None = None
 
     def words(self, worst: Worst | None) -> str:
@@ -264,7 +252,7 @@ class QualitySampler:
         return Worst(*reductions.peak(comm, values[counted], self.place[counted]), time, position)
 
     def _passed(self, centre: float, time: float) -> dict[float, float]:
-        """Where the centre line came to each solid fraction, linear in time between two steps."""
+        """Where the centre line reached each solid fraction, linear in time between two steps."""
         old, found = self.state, dict(self.state.passed)
         for fraction, level in self._levels.items():
             if not centre < level:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from castfem.runs.results.sample import Sample
 
 POOL = (0.1, 0.3, 0.7, 1.0)
-"""Solid fractions on the centre line whose places are told."""
+"""Solid fractions on the centre line whose positions are reported."""
 
 
 @crack_index("I1", "MPa", "I1, axial tension in the band", needs=("mechanics",))

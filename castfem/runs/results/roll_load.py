@@ -25,17 +25,12 @@ _NAMES = {_FORCE: "force on roll {}, a metre of width", BULGE: "bulge below roll
 
 @dataclass(frozen=True, slots=True)
 class RollLoads:
-    """What each pair of rolls bears, and the largest bulge of the pitch below it.
+    """What each pair of rolls bears, and the largest bulge of the pitch below it."""
 
-    Attributes:
-        stations: The rolls.
-        values: By the name of the column the number of each pair, from 1 on, to its value.
-        units: Of the columns.
-    """
-
-    stations: Stations
+    stations: Stations  #: the rolls
+    #: by the name of the column the number of each pair, from 1 on, to its value
     values: Mapping[str, Mapping[int, float]]
-    units: Mapping[str, str]
+    units: Mapping[str, str]  #: of the columns
 
     @classmethod
     def of(cls, folder: Path) -> RollLoads | None:

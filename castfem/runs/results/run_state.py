@@ -30,30 +30,22 @@ STORED = {
 
 @dataclass(slots=True)
 class Counts:
-    """Counts of a run, those before it was resumed included.
+    """Counts of a run, those before it was resumed included."""
 
-    Attributes:
-        steps: Thermal steps. rejected: Tried and not kept. limited: Taken by backward Euler because
-            the second-order scheme left the physical bounds, or would have come back.
-        windows: Of the coupling. cut_back: That failed. cut_for_error: Whose error was too large.
-        coupling_iterations: In windows that were kept. gap_not_converged: Windows repeated as often
-            as allowed, as short as sensible, whose gap still changed.
-        alone: Commits of the temperature alone.
-        newton: Newton iterations of the temperature, those of what was not kept included.
-        newton_mechanics: Likewise of the mechanics.
-    """
-
-    steps: int = 0
-    rejected: int = 0
+    steps: int = 0  #: thermal steps
+    rejected: int = 0  #: tried and not kept
+    #: taken by backward Euler because the second-order scheme left the physical bounds, or would
+    #: have come back
     limited: int = 0
-    windows: int = 0
-    cut_back: int = 0
-    cut_for_error: int = 0
-    coupling_iterations: int = 0
+    windows: int = 0  #: of the coupling
+    cut_back: int = 0  #: that failed
+    cut_for_error: int = 0  #: whose error was too large
+    coupling_iterations: int = 0  #: in windows that were kept
+    #: windows repeated as often as allowed, as short as sensible, whose gap still changed
     gap_not_converged: int = 0
-    alone: int = 0
-    newton: int = 0
-    newton_mechanics: int = 0
+    alone: int = 0  #: commits of the temperature alone
+    newton: int = 0  #: Newton iterations of the temperature, those of what was not kept included
+    newton_mechanics: int = 0  #: likewise of the mechanics
 
     @property
     def taken(self) -> int:
@@ -73,49 +65,33 @@ class Counts:
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """All that a run goes on from, as it stood when its files were written last.
+    """All that a run goes on from, as it stood when its files were written last."""
 
-    Attributes:
-        state: The committed state. sample: Taken of it. counts: So far.
-        zone: Index of the cooling.
-        memory: Of the sampler. snapshots: Results at the references' positions.
-        quality: Crack indexes; None in a case without [quality].
-    """
-
-    state: StrandState
-    sample: Sample
-    counts: Counts
-    zone: int
-    memory: dict[str, float | None]
-    snapshots: dict[float, dict[str, Quantity]]
-    quality: QualityState | None
+    state: StrandState  #: the committed state
+    sample: Sample  #: taken of it
+    counts: Counts  #: so far
+    zone: int  #: index of the cooling
+    memory: dict[str, float | None]  #: of the sampler
+    snapshots: dict[float, dict[str, Quantity]]  #: results at the references' positions
+    quality: QualityState | None  #: crack indexes; None in a case without [quality]
 
 
 @dataclass(slots=True)
 class RunState:
-    """A run between two steps. It holds nothing that is not committed.
+    """A run between two steps. It holds nothing that is not committed."""
 
-    Attributes:
-        simulation: The objects of the run.
-        state: The committed state.
-        sampler: Takes samples of the state, and knows the extremes of the whole run.
-        mechanical_checkpoint: Takes the mechanical state apart; None without mechanics.
-        counts: Of steps and iterations.
-        sample: The last one; None before the first.
-        zone: Index of the cooling; -1 before the first.
-        snapshots: Results at the positions (m) for which the case has references.
-        restored: Results and balances of forces as a checkpoint has them, until the next step: what
-            a step finds out, and the heat flux through its gap, are no part of the state.
-    """
-
-    simulation: Simulation
-    state: StrandState
-    sampler: Sampler
+    simulation: Simulation  #: the objects of the run
+    state: StrandState  #: the committed state
+    sampler: Sampler  #: takes samples of the state, and knows the extremes of the whole run
+    #: takes the mechanical state apart; None without mechanics
     mechanical_checkpoint: MechanicalCheckpoint | None = None
-    counts: Counts = field(default_factory=Counts)
-    sample: Sample | None = None
-    zone: int = -1
+    counts: Counts = field(default_factory=Counts)  #: of steps and iterations
+    sample: Sample | None = None  #: the last one; None before the first
+    zone: int = -1  #: index of the cooling; -1 before the first
+    #: results at the positions (m) for which the case has references
     snapshots: dict[float, dict[str, Quantity]] = field(default_factory=dict)
+    #: results and balances of forces as a checkpoint has them, until the next step: what a step
+    #: finds out, and the heat flux through its gap, are no part of the state
     restored: tuple[dict[str, Quantity], dict[str, dict[str, Quantity]]] | None = None
     _recorded: Recorded | None = None
 

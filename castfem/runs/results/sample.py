@@ -48,24 +48,16 @@ class Extremes:
 
 @dataclass(slots=True)
 class MouldExtremes(Extremes):
-    """What the slice has met in its mould.
-
-    Attributes:
-        length: Of the mould, m.
-        gap: Largest so far, m. share: Least part of the surface in contact.
-        pressure: Largest of the contact at a point, Pa. mean_pressure: As mean over a length.
-        penetration: Deepest of the surface into the wall, m.
-        heat: Removed per length of strand, J/m.
-    """
+    """What the slice has met in its mould."""
 
     prefix: ClassVar[str] = "mould"
-    length: float
-    gap: float = 0.0
-    share: float = 1.0
-    pressure: float = 0.0
-    mean_pressure: float = 0.0
-    penetration: float = 0.0
-    heat: float = 0.0
+    length: float  #: of the mould, m
+    gap: float = 0.0  #: largest so far, m
+    share: float = 1.0  #: least part of the surface in contact
+    pressure: float = 0.0  #: largest of the contact at a point, Pa
+    mean_pressure: float = 0.0  #: as mean over a length
+    penetration: float = 0.0  #: deepest of the surface into the wall, m
+    heat: float = 0.0  #: removed per length of strand, J/m
 
     def note(self, sample: Sample) -> None:
         """Take in one more coupling window."""
@@ -83,17 +75,13 @@ class MouldExtremes(Extremes):
 
 @dataclass(slots=True)
 class LargestStress(Extremes):
-    """The largest von Mises stress on the way, and where it was.
-
-    Attributes:
-        stress: Pa. position: Of the slice below the meniscus, m. x, y: On the undeformed mesh, m.
-    """
+    """The largest von Mises stress on the way, and where it was."""
 
     prefix: ClassVar[str] = "strained"
-    stress: float = 0.0
-    position: float = 0.0
-    x: float = 0.0
-    y: float = 0.0
+    stress: float = 0.0  #: Pa
+    position: float = 0.0  #: of the slice below the meniscus, m
+    x: float = 0.0  #: on the undeformed mesh, m
+    y: float = 0.0  #: on the undeformed mesh, m
 
     def note(self, sample: Sample) -> None:
         """Take in one more coupling window."""
@@ -105,17 +93,11 @@ class LargestStress(Extremes):
 
 @dataclass(frozen=True, slots=True)
 class SmoothPeak:
-    """The smooth twin of the largest von Mises stress of a section: a ratio of two integrals.
+    """The smooth twin of the largest von Mises stress of a section: a ratio of two integrals."""
 
-    Attributes:
-        peak: The largest, Pa.
-        above: Integral over the section of (stress / peak)^32, m2.
-        below: Of that to the power of 31.
-    """
-
-    peak: float
-    above: float
-    below: float
+    peak: float  #: the largest, Pa
+    above: float  #: integral over the section of (stress / peak)^32, m2
+    below: float  #: of that to the power of 31
 
     @property
     def stress(self) -> float:
@@ -128,25 +110,16 @@ class SmoothStress(Extremes):
     """The smooth twin of the largest von Mises stress on the way: both integrals along it, too.
 
     By the trapezoidal rule between slices; stresses over the largest so far.
-
-    Attributes:
-        peak: The largest so far, Pa.
-        above: Integral of (stress / peak)^32 over section and way, m3.
-        below: Of that to the power of 31.
-        position: Of the last slice, m; None before the first one.
-        last_peak: Its own largest, Pa.
-        last_above: Its own integral, m2.
-        last_below: Likewise.
     """
 
     prefix: ClassVar[str] = "smooth"
-    peak: float = 0.0
-    above: float = 0.0
-    below: float = 0.0
-    position: float | None = None
-    last_peak: float = 0.0
-    last_above: float = 0.0
-    last_below: float = 0.0
+    peak: float = 0.0  #: the largest so far, Pa
+    above: float = 0.0  #: integral of (stress / peak)^32 over section and way, m3
+    below: float = 0.0  #: of that to the power of 31
+    position: float | None = None  #: of the last slice, m; None before the first one
+    last_peak: float = 0.0  #: its own largest, Pa
+    last_above: float = 0.0  #: its own integral, m2
+    last_below: float = 0.0  #: likewise
 
     @property
     def stress(self) -> float:
@@ -177,13 +150,10 @@ class SmoothStress(Extremes):
 
 @dataclass(slots=True)
 class BeyondData:
-    """The largest share of the shell on the way beyond the data of its law, and where it was.
+    """The largest share of the shell on the way beyond the data of its law, and where it was."""
 
-    Attributes:
-        worst: By kind (`castfem.physics.constitutive.base.KINDS`) the share, and the position
-            of the slice below the meniscus, m.
-    """
-
+    #: by kind (`castfem.physics.constitutive.base.KINDS`) the share, and the position of the slice
+    #: below the meniscus, m
     worst: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     def note(self, sample: Sample) -> None:
@@ -216,101 +186,75 @@ class BeyondData:
 
 @dataclass(frozen=True, slots=True)
 class MechanicalSample:
-    """What is known of the strained slice at one time, in SI.
+    """What is known of the strained slice at one time, in SI."""
 
-    Attributes:
-        newton: Newton iterations of the step. flowing: Share of the area that flows.
-        peak: Largest von Mises stress at a point, Pa. peak_at: Where, on the undeformed mesh, m.
-        surface_stress: Von Mises stress at the start of each probe, Pa.
-        moved: Outward displacement of the start of each probe, m.
-        across: Size of the section through each probe that ends in its centre, m.
-        strain: Axial strain of the slice at the origin.
-        gradients: Of the axial strain along x and y, a1 and a2, 1/m: the slice's tilt.
-        balance: Forces of the step; None at the start.
-        load: External axial force, N.
-        withdrawal_resistance: Friction of the strand above, accumulated, N. The sum of
-            both is the force of the stress where the planes are free: (38).
-        contact: With the mould, all of it together; None without a mould.
-        gap: To the wall at the start of each probe, m, NaN where there is none, as below the end
-            of the mould; empty without a mould.
-        pressure: Contact pressure there, a mean over a length of the surface, Pa; likewise.
-        beyond: Share of the solid that is colder, hotter, strained faster than the data of the law;
-            empty where the law does not say, or while there is hardly a shell.
-        axial_stress: Stress along the strand at the start of each probe, Pa.
-        bending: By the machine's curvature. bending_force: Axial force that bending has left, N:
-            the rolls turn it with the strand, and the drives pay for the work. With `load` and
-            `withdrawal_resistance` it is the force of the stress where the neutral axis is free.
-        smooth: Smooth twin of `peak`; None where it is not asked for.
-    """
-
-    newton: int
-    flowing: float
-    peak: float
-    peak_at: tuple[float, float]
-    surface_stress: dict[str, float]
-    moved: dict[str, float]
-    across: dict[str, float]
-    strain: float
+    newton: int  #: Newton iterations of the step
+    flowing: float  #: share of the area that flows
+    peak: float  #: largest von Mises stress at a point, Pa
+    peak_at: tuple[float, float]  #: where, on the undeformed mesh, m
+    surface_stress: dict[str, float]  #: von Mises stress at the start of each probe, Pa
+    moved: dict[str, float]  #: outward displacement of the start of each probe, m
+    across: dict[str, float]  #: size of the section through each probe that ends in its centre, m
+    strain: float  #: axial strain of the slice at the origin
+    #: of the axial strain along x and y, a1 and a2, 1/m: the slice's tilt
     gradients: tuple[float, float]
-    balance: Balance | None
-    load: float
+    balance: Balance | None  #: forces of the step; None at the start
+    load: float  #: external axial force, N
+    #: friction of the strand above, accumulated, N. The sum of both is the force of the stress
+    #: where the planes are free: (38).
     withdrawal_resistance: float
-    contact: ContactSummary | None
+    contact: ContactSummary | None  #: with the mould, all of it together; None without a mould
+    #: to the wall at the start of each probe, m, NaN where there is none, as below the end of the
+    #: mould; empty without a mould
     gap: dict[str, float]
+    #: contact pressure there, a mean over a length of the surface, Pa; likewise
     pressure: dict[str, float]
+    #: share of the solid that is colder, hotter, strained faster than the data of the law; empty
+    #: where the law does not say, or while there is hardly a shell
     beyond: dict[str, float]
-    axial_stress: dict[str, float]
-    bending: Bending
+    axial_stress: dict[str, float]  #: stress along the strand at the start of each probe, Pa
+    bending: Bending  #: by the machine's curvature
+    #: axial force that bending has left, N: the rolls turn it with the strand, and the drives pay
+    #: for the work. With `load` and `withdrawal_resistance` it is the force of the stress where the
+    #: neutral axis is free.
     bending_force: float
-    smooth: SmoothPeak | None = None
+    smooth: SmoothPeak | None = None  #: smooth twin of `peak`; None where it is not asked for
 
 
 @dataclass(slots=True)
 class Sample:
-    """What is known of the slice at one time, in SI, K; a quantity is computed from it.
+    """What is known of the slice at one time, in SI, K; a quantity is computed from it."""
 
-    Attributes:
-        simulation: The objects of the run. state: The committed state that was read.
-        time: s. position: Below the meniscus, m. step: Length of the last step, s.
-        newton: Newton iterations of the step. profiles: Temperature along each probe.
-        shell: Depth of the solidus below the surface, by probe, m; liquidus likewise. Of a slice
-            through which the heat flows as it has moved, where they are now.
-        cell: Size of the cell in which the solidus lies, along the probe's line, m; NaN without.
-        flux: Heat flux at the probe's surface point, W/m2.
-        removed: Heat removed from the whole section since the meniscus, J per m of strand.
-        temperature_range: Coldest and hottest vertex, K. balance: Heat balance of the step.
-        mechanics: The strained slice; None in a simulation without mechanics.
-        largest_stress: On the way to here. beyond_data: Likewise. smooth_stress: The smooth twin of
-            that stress; None where it is not asked for.
-        metallurgical_length: Where the last vertex passed the solidus, m; None while liquid is
-            left. liquid_end: Where it passed the liquidus. mould_flux: Mean of the mould so far,
-            W/m2; None without.
-        extremes: Of the contact in the mould so far; None without a mould.
-        quality: Crack indexes and end of the pool; None in a case without [quality].
-    """
-
-    simulation: Simulation
-    state: StrandState
-    time: float
-    position: float
-    step: float
-    newton: int
-    profiles: dict[str, Profile]
+    simulation: Simulation  #: the objects of the run
+    state: StrandState  #: the committed state that was read
+    time: float  #: s
+    position: float  #: below the meniscus, m
+    step: float  #: length of the last step, s
+    newton: int  #: Newton iterations of the step
+    profiles: dict[str, Profile]  #: temperature along each probe
+    #: depth of the solidus below the surface, by probe, m; liquidus likewise. Of a slice through
+    #: which the heat flows as it has moved, where they are now.
     shell: dict[str, float]
     liquidus: dict[str, float]
+    #: size of the cell in which the solidus lies, along the probe's line, m; NaN without
     cell: dict[str, float]
-    flux: dict[str, float]
-    removed: float
-    temperature_range: tuple[float, float]
-    balance: float
+    flux: dict[str, float]  #: heat flux at the probe's surface point, W/m2
+    removed: float  #: heat removed from the whole section since the meniscus, J per m of strand
+    temperature_range: tuple[float, float]  #: coldest and hottest vertex, K
+    balance: float  #: heat balance of the step
+    #: the strained slice; None in a simulation without mechanics
     mechanics: MechanicalSample | None = None
-    largest_stress: LargestStress = field(default_factory=LargestStress)
-    beyond_data: BeyondData = field(default_factory=BeyondData)
+    largest_stress: LargestStress = field(default_factory=LargestStress)  #: on the way to here
+    beyond_data: BeyondData = field(default_factory=BeyondData)  #: likewise
+    #: the smooth twin of that stress; None where it is not asked for
     smooth_stress: SmoothStress | None = None
+    #: where the last vertex passed the solidus, m; None while liquid is left
     metallurgical_length: float | None = None
-    liquid_end: float | None = None
-    mould_flux: float | None = None
+    liquid_end: float | None = None  #: where it passed the liquidus
+    mould_flux: float | None = None  #: mean of the mould so far, W/m2; None without
+    #: of the contact in the mould so far; None without a mould
     extremes: MouldExtremes | None = None
+    #: crack indexes and end of the pool; None in a case without [quality]
     quality: QualityState | None = None
 
     @property

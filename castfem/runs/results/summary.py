@@ -44,7 +44,7 @@ def summarise(run: RunState, status: str) -> Summary:
 
 
 def _unchecked(simulation: Simulation) -> tuple[str, ...]:
-    """Data of steel, law and cooling that are from memory of their source, one line a source."""
+    """Data of steel, law and cooling that are quoted from memory, one line for each source."""
     found = {key: o.source for key, o in simulation.steel.origins.items() if o.status == "M"}
     if simulation.case.mechanics is None:
         found = {key: source for key, source in found.items() if key not in _MECHANICAL}

@@ -32,37 +32,29 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Sampler:
-    """Takes samples of a run and keeps what the summary needs over the whole run.
-
-    Attributes:
-        mechanics: What samples the strained slice; None without mechanics.
-        worst_balance: Largest relative heat balance error of a step.
-        metallurgical_length: Where the last vertex passed the solidus, m; None while liquid is
-            left.
-        liquid_end: Where it passed the liquidus, likewise.
-        mould_flux: Mean heat flux from the meniscus to here, or to the end of the mould, W/m2; None
-            without a mould, or of a run that does not begin at the meniscus.
-        extremes: What the slice has met in its mould; None without one.
-        largest_stress: Where its stress was largest. smooth_stress: The smooth twin of that; None
-            where it is not asked for.
-        warmed: How far the highest temperature has risen above that of the start, K.
-        quality: Follows the crack indexes; None in a case without [quality].
-        sprays: Compares sprayed surfaces with the tables of their nozzles; None without any.
-    """
+    """Takes samples of a run and keeps what the summary needs over the whole run."""
 
     simulation: Simulation
+    #: what samples the strained slice; None without mechanics
     mechanics: MechanicalSampler | None = None
-    worst_balance: float = 0.0
+    worst_balance: float = 0.0  #: largest relative heat balance error of a step
+    #: where the last vertex passed the solidus, m; None while liquid is left
     metallurgical_length: float | None = None
-    liquid_end: float | None = None
+    liquid_end: float | None = None  #: where it passed the liquidus, likewise
+    #: mean heat flux from the meniscus to here, or to the end of the mould, W/m2; None without a
+    #: mould, or of a run that does not begin at the meniscus
     mould_flux: float | None = None
-    extremes: MouldExtremes | None = None
+    extremes: MouldExtremes | None = None  #: what the slice has met in its mould; None without one
+    #: where its stress was largest
     largest_stress: LargestStress = field(default_factory=LargestStress)
     beyond_data: BeyondData = field(default_factory=BeyondData)
+    #: the smooth twin of that; None where it is not asked for
     smooth_stress: SmoothStress | None = None
+    #: follows the crack indexes; None in a case without [quality]
     quality: QualitySampler | None = None
+    #: compares sprayed surfaces with the tables of their nozzles; None without any
     sprays: SprayRange | None = None
-    warmed: float = 0.0
+    warmed: float = 0.0  #: how far the highest temperature has risen above that of the start, K
     _begun: float = np.inf
     _hottest: float = np.inf
     _time: float = 0.0

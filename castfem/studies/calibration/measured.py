@@ -102,7 +102,7 @@ def _unknown_columns(names: list[str]) -> Iterator[str]:
         if name != bare and bare not in names:
             yield f"{name}: there is no column {bare}"
     for name in {n for n in names if names.count(n) > 1}:
-        yield f"{name} stands there twice"
+        yield f"{name} appears twice"
 
 
 def _wrong_units(headings: Iterable[Heading]) -> Iterator[str]:

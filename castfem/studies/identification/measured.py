@@ -120,7 +120,7 @@ def _header(
                 f"{nearest(name, COLUMNS)}"
             )
         elif name in places:
-            problems.append(f"{where}: the column '{name}' stands there twice")
+            problems.append(f"{where}: the column '{name}' appears twice")
         else:
             places[name], units[name] = place, heading.unit
             problems += _unit_problem(where, name, units[name])

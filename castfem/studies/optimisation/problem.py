@@ -244,7 +244,7 @@ class DesignProblem:
                         yield line if line.startswith(where) else f"{where}: {line}"
 
     def check_results(self) -> None:
-        """Refuse, before anything is run, results that no run of the case has."""
+        """Refuse results that no run of the case has, before anything is run."""
         from castfem.runs.results.needs import faults_of
 
         asked = {"minimise": self.table.minimise, "maximise": self.table.maximise}

@@ -165,7 +165,7 @@ def _indices(function: Callable[[Array], Array], inputs: int) -> tuple[Array, Ar
     from scipy import stats
 
     def twice(x: Array) -> Array:
-        """A single result of a single input stands there twice: scipy fails at one number."""
+        """A single result of a single input is given twice, because scipy fails at one number."""
         values = function(x.T).T
         return np.vstack([values, values]) if inputs == len(values) == 1 else values
 

@@ -238,7 +238,7 @@ class Study:
         """Return the answer.
 
         Raises:
-            InputError: The search has not come to its end.
+            InputError: The search has not finished.
         """
         if self.ask() or self._result is None:
             raise InputError("the search has not come to its end: ask, run and tell go on")

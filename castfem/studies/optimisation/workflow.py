@@ -140,7 +140,7 @@ class Workflow:
     def _binding(
         self, search: Search, best: RunRequest, model: Quadratic, error: NumericalError
     ) -> Binding:
-        """Which constraints keep the objective of a best run from being better."""
+        """Return the constraints that limit the objective of the best run."""
         here, (_, seen) = search.responses.vector(best), search.responses.table(best.fidelity)
         if search.violation(best) > 0.0:  # a run better than one that no run meets says nothing
             seen = seen[:0]

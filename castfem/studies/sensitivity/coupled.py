@@ -1,7 +1,7 @@
 """Coupling windows that carry derivatives along, repeated as often as the windows are.
 
 A window is repeated with another gap until it agrees with the one it leads to; each repetition is a
-step from the same committed state, and so is its derivative.  What the next one is told, the gap,
+step from the same committed state, and so is its derivative.  The gap that the next one gets
 is relaxed, and so is its derivative, that of the factor of relaxation included.  The number of
 repetitions is held.
 """

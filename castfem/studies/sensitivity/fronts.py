@@ -4,7 +4,7 @@ On a mesh a front goes by steps: a vertex cools fast once all round it is solid,
 depth is a staircase, right to a sixth of a cell, but its slope is that of a tread or of a riser,
 by a parameter as well as in time.  In the mean over whole cells the slope is that of the front.  So
 the derivative of a depth is followed from step to step, and a straight line over the depth is laid
-through those of the last cells; its end is what is told (docs/sensitivity.md).
+through those of the last cells; the value at its end is reported (docs/sensitivity.md).
 """
 
 from __future__ import annotations

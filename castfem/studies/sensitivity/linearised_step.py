@@ -137,7 +137,7 @@ class GivenStep:
         return found
 
     def pressed(self) -> tuple[Array, Array] | None:
-        """What the pressure of the liquid changes by (collective); None without any.
+        """Change of the forces by the pressure of the liquid (collective); None without pressure.
 
         Returns:
             Forces of the owned unknowns (owned, k), N/m; work on each generalized strain (4, k).

@@ -46,11 +46,11 @@ class Varied:
     same_laws: bool = False
 
     def time(self, time: float) -> float:
-        """Its own time at a time of the run, s."""
+        """Its own time for a time of the run, s."""
         return self.step(time)[0]
 
     def step(self, time: float) -> tuple[float, float]:
-        """Its own time at a time of the run, s, and the ratio of its steps to those of the run."""
+        """Its own time for a time of the run, s, and the ratio of its steps to those of the run."""
         if self.same_times:
             return time, 1.0
         run, own = self.instants

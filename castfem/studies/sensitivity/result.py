@@ -1,4 +1,4 @@
-"""Sensitivities of a run as they are told, written and read."""
+"""Sensitivities of a run as they are reported, written and read."""
 
 from __future__ import annotations
 
@@ -35,8 +35,7 @@ class Derivative:
     #: error (`castfem.studies.sensitivity.fronts`); NaN where it has passed too few; None of
     #: anything else
     evened: tuple[float, float] | None = None
-    #: how far differences of runs may be from what is told (`fronts.Scatter`);
-    #: NaN where that is not known
+    #: how far differences of runs may be from `value` (`fronts.Scatter`); NaN if not known
     error: float = math.nan
 
     @property
@@ -46,7 +45,7 @@ class Derivative:
 
     @property
     def value(self) -> float:
-        """What is told: evened out where it has to be, else that of the discrete run."""
+        """The reported value: evened out where necessary, otherwise that of the discrete run."""
         return self.of_mesh if self.evened is None else self.evened[0]
 
 
@@ -81,31 +80,21 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Sensitivity:
-    """Results of a run and their derivatives by parameters of its case.
+    """Results of a run and their derivatives by parameters of its case."""
 
-    Attributes:
-        title: Of the case.
-        position: Where the results hold, m below the meniscus.
-        quantities: Name to result.
-        parameters: By which they are differentiated.
-        derivatives: Each result by each parameter.
-        steps: Thermal steps of the run.
-        kinks: Where contact is about to change: there derivatives are those to one side.
-        strained: Whether the run had mechanics, which a growing shell takes along cell by cell.
-        windows: Coupling windows of the run.
-        cut: How often one was cut for the error of its gap: to a length that is another one where
-            the parameters are others by enough, which the derivatives hold.
-    """
-
-    title: str
-    position: float
-    quantities: dict[str, Quantity]
-    parameters: tuple[Parameter, ...]
-    derivatives: tuple[Derivative, ...]
-    steps: int
+    title: str  #: of the case
+    position: float  #: where the results hold, m below the meniscus
+    quantities: dict[str, Quantity]  #: name to result
+    parameters: tuple[Parameter, ...]  #: by which they are differentiated
+    derivatives: tuple[Derivative, ...]  #: each result by each parameter
+    steps: int  #: thermal steps of the run
+    #: where contact is about to change: there derivatives are those to one side
     kinks: tuple[Kink, ...] = ()
+    #: whether the run had mechanics, which a growing shell takes along cell by cell
     strained: bool = False
-    windows: int = 0
+    windows: int = 0  #: coupling windows of the run
+    #: how often one was cut for the error of its gap: to a length that is another one where the
+    #: parameters are others by enough, which the derivatives hold
     cut: int = 0
 
     @property

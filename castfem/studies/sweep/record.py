@@ -222,7 +222,7 @@ class Record:
                     job.folder, job.case, resume=False, overwrite=overwrite, goes_on=job.resume
                 )
                 if job.folder.is_dir() and OutputFolder(job.folder).is_running():
-                    raise InputError(f"{job.folder}: a run is at work there; wait for it")
+                    raise InputError(f"{job.folder}: a run is in progress there; wait for it")
             except InputError as error:
                 problems += error.problems
             found.append(job)

@@ -238,7 +238,7 @@ class _Process:
             other.close()
 
     def call(self, call: Callable[[], object]) -> tuple[object, Exception | None]:
-        """Make a call; return its value, and what it has raised."""
+        """Make a call in the process; return its value and the exception that it raised, if any."""
         try:
             self.connection.send(call)
             value, error = self.connection.recv()

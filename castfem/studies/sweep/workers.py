@@ -38,7 +38,7 @@ def check_groups(ranks: int, size: int, name: str = "--ranks ") -> None:
 class Groups(Closing):
     """Groups of ranks that stay for further jobs. All that it does is collective.
 
-    Each group takes the next run that nobody has taken. Its number is on rank 0, and all groups
+    Each group takes the next run that no other has taken. Its number is on rank 0, and all groups
     reach it without its owner's help: an executor of mpi4py would need a rank that gives out the
     runs and makes none itself.
 

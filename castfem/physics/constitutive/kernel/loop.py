@@ -34,7 +34,7 @@ def integrate_all(  # type: ignore[no-untyped-def]
 @outermost
 def integrate_points(  # type: ignore[no-untyped-def]
     kind, signed, coefficients, strain, thermal, stress_old, state_old, dt,
-    stress, tangent, state, dissipation, flows, sources=None,
+    stress, tangent, state, dissipation, flows,
 ):  # fmt: skip
     """Integrate all points over a step.
 
@@ -53,7 +53,6 @@ def integrate_points(  # type: ignore[no-untyped-def]
         state: Out, (n, states).
         dissipation: Out, viscoplastic work (n,), J/m3, but for what a back stress stores.
         flows: Out, whether the point flows (n,).
-        sources: Not to be given, see `castfem.base.compiled`.
     """
     integrate_all(
         kind, signed, coefficients, strain, thermal, stress_old, state_old, dt,
@@ -65,7 +64,7 @@ def integrate_points(  # type: ignore[no-untyped-def]
 def differentiate_points(  # type: ignore[no-untyped-def]
     kind, signed, coefficients, strain, thermal, stress_old, state_old, dt,
     d_coefficients, d_strain, d_thermal, d_stress_old, d_state_old, d_dt,
-    d_stress, d_state, d_dissipation, sources=None,
+    d_stress, d_state, d_dissipation,
 ):  # fmt: skip
     """Derivatives of what `integrate_points` writes, as what it is given changes in k ways.
 
@@ -91,7 +90,6 @@ def differentiate_points(  # type: ignore[no-untyped-def]
         d_stress: Out, (k, n, 4), Pa.
         d_state: Out, (k, n, states).
         d_dissipation: Out, (k, n), J/m3.
-        sources: Not to be given.
     """
     columns, states = coefficients.shape[1], state_old.shape[1]
     vectors, stress, state = np.zeros((4, 4)), np.zeros((1, 4)), np.zeros((1, states))

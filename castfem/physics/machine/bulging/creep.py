@@ -74,24 +74,15 @@ def accumulates(law: Law) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Pitch:
-    """One pitch, with some number of steps.
+    """One pitch, with some number of steps."""
 
-    Attributes:
-        z: Nodes, m, (m+1,).
-        moment: At the nodes, N per metre of width.
-        history: Of its layers.
-        start: Stress and state at the upstream roll.
-        deflection: With slope, (2, m+1), of the strip that is straight on the average.
-        curvature: Of the same, (m+1,).
-        change: Of the deflection since the pass before, over the largest; infinite in the first.
-    """
-
-    z: Array
-    moment: Array
-    history: LayerHistory
-    start: Condition
-    deflection: Array
-    curvature: Array
+    z: Array  #: nodes, m, (m+1,)
+    moment: Array  #: at the nodes, N per metre of width
+    history: LayerHistory  #: of its layers
+    start: Condition  #: stress and state at the upstream roll
+    deflection: Array  #: with slope, (2, m+1), of the strip that is straight on the average
+    curvature: Array  #: of the same, (m+1,)
+    #: of the deflection since the pass before, over the largest; infinite in the first
     change: float = np.inf
 
     def sheared(self, span: Span, yields: float) -> Pitch:
@@ -115,26 +106,16 @@ class CreepingStrip:
 
     It may yield to shear besides, elastically: M' is the shear force, and its slope S M' goes on
     top of that of bending, which alone is continuous at a roll.
-
-    Attributes:
-        law: Of the steel.
-        steps: In a pitch; even.
-        layers: Points through the thickness; even.
-        pitches: Of virgin steel with a law that cannot become periodic.
-        shear: Whether it yields to shear.
-        passes: Through the pitch, until it repeats itself.
-        tolerance: Change of the deflection from pass to pass, of the largest.
-        gap: What may be missing to its repetition, of the range of the curvature.
     """
 
-    law: Law
-    steps: int = 160
-    layers: int = 24
-    pitches: int = VIRGIN_PITCHES
-    shear: bool = False
-    passes: int = 30
-    tolerance: float = 3e-4
-    gap: float = 5e-3
+    law: Law  #: of the steel
+    steps: int = 160  #: in a pitch; even
+    layers: int = 24  #: points through the thickness; even
+    pitches: int = VIRGIN_PITCHES  #: of virgin steel with a law that cannot become periodic
+    shear: bool = False  #: whether it yields to shear
+    passes: int = 30  #: through the pitch, until it repeats itself
+    tolerance: float = 3e-4  #: change of the deflection from pass to pass, of the largest
+    gap: float = 5e-3  #: what may be missing to its repetition, of the range of the curvature
 
     def compliance(self, layers: Layers) -> float:
         """Slope over shear force per metre of width, m/N; 0 without shear."""

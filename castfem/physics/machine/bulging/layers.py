@@ -54,9 +54,10 @@ def _correction(  # type: ignore[no-untyped-def]
 ):
     """Newton's correction of the strain increments of all points.
 
-    Unknown are the strain across the width, the axial strain and the curvature, all of the whole
-    section, and of each point the strain through the thickness, which is eliminated first: no
-    stress acts there, no force across the width, none along it, and the moment is given.
+    The unknowns are the strain across the width, the axial strain and the curvature of the whole
+    section, and at each point the strain through the thickness, which is eliminated first. There
+    is no stress through the thickness and no force across the width or along it; the moment is
+    given.
 
     Args:
         stress: (n, 4).
@@ -65,10 +66,10 @@ def _correction(  # type: ignore[no-untyped-def]
         arm: Neutral depth less depth (n,), m.
         moment: Given, N.
         size: Thickness, m.
-        change: Out, of the strain increments (n, 4).
+        change: Output: correction of the strain increments (n, 4).
 
     Returns:
-        What is out of balance, as a moment, N, and d curvature / d moment.
+        The imbalance as a moment, N, and d curvature / d moment.
     """
     matrix, solved = np.zeros((3, 3)), np.zeros((3, 2))  # by what is out of balance, by the moment
     row, net, through = np.zeros(3), np.zeros(3), 0.0
@@ -105,7 +106,7 @@ def _correction(  # type: ignore[no-untyped-def]
 @outermost
 def _lead(  # type: ignore[no-untyped-def]
     kind, signed, coefficients, thermal_rate, weight, arm, size, moment, dt, stress, state,
-    curvature, axial, compliance, sources=None,
+    curvature, axial, compliance,
 ):  # fmt: skip
     """Lead the layers through a history of the moment, a step after the other.
 
@@ -125,7 +126,6 @@ def _lead(  # type: ignore[no-untyped-def]
         curvature: Out, since the start (m+1,), 1/m.
         axial: Out, strain of the neutral axis since the start (m+1,).
         compliance: Out, d curvature / d moment (m,), 1/(N m).
-        sources: Not to be given, see `castfem.base.compiled`.
 
     Returns:
         Steps taken, all of them unless the layers cannot carry a moment, and what is out of balance
@@ -168,32 +168,20 @@ def _lead(  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """Stress and state of all layers at one place.
+    """Stress and state of all layers at one place."""
 
-    Attributes:
-        stress: Mandel, Pa, (n, 4).
-        state: Of the law, (n, states).
-    """
-
-    stress: Array
-    state: Array
+    stress: Array  #: mandel, Pa, (n, 4)
+    state: Array  #: of the law, (n, states)
 
 
 @dataclass(frozen=True, slots=True)
 class LayerHistory:
-    """Layers over a history of the moment.
+    """Layers over a history of the moment."""
 
-    Attributes:
-        curvature: Since the start, 1/m, (m+1,).
-        axial_strain: Of the neutral axis since the start, (m+1,).
-        compliance: d curvature / d moment of each step, 1/(N m), (m,).
-        end: Stress and state at the end.
-    """
-
-    curvature: Array
-    axial_strain: Array
-    compliance: Array
-    end: Condition
+    curvature: Array  #: since the start, 1/m, (m+1,)
+    axial_strain: Array  #: of the neutral axis since the start, (m+1,)
+    compliance: Array  #: d curvature / d moment of each step, 1/(N m), (m,)
+    end: Condition  #: stress and state at the end
 
 
 class Layers:

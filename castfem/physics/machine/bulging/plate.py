@@ -1,10 +1,9 @@
-"""The elastic strip; elastic plates of one cosine, as the thesis has them, and their springs.
+"""The elastic strip, and the elastic plate of one cosine as the thesis has it.
 
 The strip is clamped at both rolls, with the moduli at the shell's own temperatures.
 The thesis' plates (VI.2.2.2) have a clamped edge at each roll and at each narrow face; L1 is the
 pitch, L2 the width.  One cosine is less stiff than the exact strip: 27 % more deflection in the
-example of (309).  (308) lacks the bracket round the sum in its denominator, which (314) has, and
-the last line of (318) the factor 1.5 of (315).
+example of (309).  (308) lacks the bracket round the sum in its denominator, which (314) has.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -29,14 +28,10 @@ class ElasticStrip:
     """w = p z^2 (L - z)^2 / 24 D, at most p L^4 / 384 D, without memory or speed.
 
     Shear adds S p z (L - z) / 2, S its compliance: all pitches being alike, no moment changes.
-
-    Attributes:
-        elasticity: Of the steel.
-        shear: Whether the strip yields to shear.
     """
 
-    elasticity: Elasticity
-    shear: bool = False
+    elasticity: Elasticity  #: of the steel
+    shear: bool = False  #: whether the strip yields to shear
 
     def bulge(self, span: Span, shell: Shell) -> Bulge:
         """See `BulgingModel`."""
@@ -72,19 +67,6 @@ def _cosine(position: npt.ArrayLike, length: float) -> Array:
     return np.asarray(1.0 - np.cos(2.0 * np.pi * np.asarray(position, float) / length))
 
 
-def free_deflection(pressure: float, bending: float, width: float, across: npt.ArrayLike) -> Array:
-    """Deflection w1 of a plate that only its edges at the narrow faces hold (307), m.
-
-    Args:
-        pressure: q, Pa.
-        bending: D = E h^3 / (12 (1 - nu^2)), N m.
-        width: L2, m.
-        across: Positions from one narrow face, m.
-    """
-    amplitude = pressure * width**4 / (_PI4 * 12.0 * bending)
-    return 1.5 * amplitude * _cosine(across, width)
-
-
 def clamped_deflection(
     pressure: float, bending: float, length: float, width: float,
     along: npt.ArrayLike, across: npt.ArrayLike,
@@ -103,24 +85,14 @@ def clamped_deflection(
     return np.asarray(amplitude * _cosine(along, length) * _cosine(across, width))
 
 
-def borne_share(length: float, width: float, along: npt.ArrayLike) -> Array:
-    """Share q/p of the pressure that the slice bears, its springs bearing the rest (315)."""
-    return np.asarray(_cosine(along, length) / (1.5 * _sum(length, width)))
-
-
 @dataclass(frozen=True, slots=True)
 class ThesisPlate:
-    """The thesis' plate at mid-width, w2(z, L2/2), with the shell's own stiffness.
+    """The thesis' plate at mid-width, w2(z, L2/2), with the shell's own stiffness."""
 
-    Attributes:
-        elasticity: Of the steel.
-        width: Of the slab, m.
-        largest: Reference of the largest deflection by the pitch, m, which the plate is amplified
-            to (VI.2.2.3); None for that of the plate itself.
-    """
-
-    elasticity: Elasticity
-    width: float
+    elasticity: Elasticity  #: of the steel
+    width: float  #: of the slab, m
+    #: reference of the largest deflection by the pitch, m, which the plate is amplified to
+    #: (VI.2.2.3); None for that of the plate itself
     largest: float | None = None
 
     def bulge(self, span: Span, shell: Shell) -> Bulge:

@@ -18,18 +18,13 @@ _WITHIN = np.linspace(0.0, 1.0, 9)  # of an interval, where the largest deflecti
 class Span:
     """The strand between two pairs of rolls.
 
-    Attributes:
-        length: Pitch, m.
-        pressure: Of the liquid on the shell, the mean over the pitch, Pa.
-        speed: Of the strand, m/s.
-
     Raises:
         ValueError: If the length or the speed is not positive.
     """
 
-    length: float
-    pressure: float
-    speed: float
+    length: float  #: pitch, m
+    pressure: float  #: of the liquid on the shell, the mean over the pitch, Pa
+    speed: float  #: of the strand, m/s
 
     def __post_init__(self) -> None:
         if not (self.length > 0.0 and self.speed > 0.0):
@@ -40,33 +35,20 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class Bulge:
-    """A strip between two rolls, or over several.
+    """A strip between two rolls, or over several."""
 
-    Attributes:
-        z: Positions from the first roll, m, increasing, (n,).
-        deflection: w, outwards, m, (n,).
-        slope: w' (n,).
-        moment: M per metre of width, N, (n,).
-        curvature: kappa = -w'', 1/m, (n,).
-        axial_strain: e of the neutral axis since the first roll, (n,).
-        neutral: Depth of the neutral axis, m.
-        thickness: Of the shell, m.
-        roll_force: On each roll that has a span on both sides, N per metre of width.
-        periodic: Whether the strip has come to its periodic state.
-        error: Estimate of the error of the deflection, m: of its steps, and what a strip still
-            moves that should repeat itself and does not yet.
-    """
-
-    z: Array
-    deflection: Array
-    slope: Array
-    moment: Array
-    curvature: Array
-    axial_strain: Array
-    neutral: float
-    thickness: float
-    roll_force: Array
-    periodic: bool = True
+    z: Array  #: positions from the first roll, m, increasing, (n,)
+    deflection: Array  #: w, outwards, m, (n,)
+    slope: Array  #: w' (n,)
+    moment: Array  #: M per metre of width, N, (n,)
+    curvature: Array  #: kappa = -w'', 1/m, (n,)
+    axial_strain: Array  #: e of the neutral axis since the first roll, (n,)
+    neutral: float  #: depth of the neutral axis, m
+    thickness: float  #: of the shell, m
+    roll_force: Array  #: on each roll that has a span on both sides, N per metre of width
+    periodic: bool = True  #: whether the strip has come to its periodic state
+    #: estimate of the error of the deflection, m: of its steps, and what a strip still moves that
+    #: should repeat itself and does not yet
     error: float = 0.0
 
     @classmethod

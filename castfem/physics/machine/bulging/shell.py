@@ -23,17 +23,13 @@ Profile = Callable[[Array], npt.ArrayLike]
 class Shell:
     """The solid shell at one place.
 
-    Attributes:
-        thickness: m.
-        temperature: Over the depth from the surface, K.
-        thermal_rate: Rate of the free thermal strain over the depth, 1/s; None for none.
-
     Raises:
         ValueError: If the thickness is not positive.
     """
 
-    thickness: float
-    temperature: Profile
+    thickness: float  #: m
+    temperature: Profile  #: over the depth from the surface, K
+    #: rate of the free thermal strain over the depth, 1/s; None for none
     thermal_rate: Profile | None = None
 
     def __post_init__(self) -> None:
@@ -80,37 +76,25 @@ class Shell:
 
 @dataclass(frozen=True, slots=True)
 class Points:
-    """Points through the thickness of a shell.
+    """Points through the thickness of a shell."""
 
-    Attributes:
-        thickness: Of the shell, m.
-        depth: Below the surface, m, (n,).
-        weight: In an integral over the thickness, m, (n,).
-        temperature: K, (n,).
-        thermal_rate: Rate of the free thermal strain, 1/s, (n,).
-    """
-
-    thickness: float
-    depth: Array
-    weight: Array
-    temperature: Array
-    thermal_rate: Array
+    thickness: float  #: of the shell, m
+    depth: Array  #: below the surface, m, (n,)
+    weight: Array  #: in an integral over the thickness, m, (n,)
+    temperature: Array  #: K, (n,)
+    thermal_rate: Array  #: rate of the free thermal strain, 1/s, (n,)
 
 
 @dataclass(frozen=True, slots=True)
 class Stiffness:
-    """Of a shell that is bent along z and not across, and free to stretch in both.
+    """Of a shell that is bent along z and not across, and free to stretch in both."""
 
-    Attributes:
-        bending: D, moment per unit width over curvature, N m; E h^3 / (12 (1 - nu^2)) where E is
-            the same everywhere.
-        neutral: Depth of the neutral axis, m.
-        shear: Slope that a shear force per unit width makes, over it, m/N; 6/5 / (G h) where G is
-            the same everywhere.
-    """
-
+    #: D, moment per unit width over curvature, N m; E h^3 / (12 (1 - nu^2)) where E is the same
+    #: everywhere
     bending: float
-    neutral: float
+    neutral: float  #: depth of the neutral axis, m
+    #: slope that a shear force per unit width makes, over it, m/N; 6/5 / (G h) where G is the same
+    #: everywhere
     shear: float
 
 

@@ -32,20 +32,14 @@ from castfem.physics.machine.bulging.shell import Shell
 class Rolls:
     """Rolls that a strip goes over.
 
-    Attributes:
-        positions: Increasing, m, (j + 1,).
-        offsets: Outwards from where they should be, m, (j + 1,).
-        pressure: Of the liquid, Pa.
-        speed: Of the strand, m/s.
-
     Raises:
         ValueError: If there are less than four, they do not increase, or are not as many.
     """
 
-    positions: tuple[float, ...]
-    offsets: tuple[float, ...]
-    pressure: float
-    speed: float
+    positions: tuple[float, ...]  #: increasing, m, (j + 1,)
+    offsets: tuple[float, ...]  #: outwards from where they should be, m, (j + 1,)
+    pressure: float  #: of the liquid, Pa
+    speed: float  #: of the strand, m/s
 
     def __post_init__(self) -> None:
         if len(self.positions) < 4:

@@ -24,39 +24,28 @@ ABOVE, BELOW = 2, 3  # pitches over which rolls that are not alike are felt: wha
 
 @dataclass(frozen=True, slots=True)
 class UnevenPitch:
-    """A pitch near rolls that are not alike.
+    """A pitch near rolls that are not alike."""
 
-    Attributes:
-        bulge: Of the pitch alone, from the straight line between its two rolls; `roll_force` is
-            that of the roll above it.
-        added: What the rolls bear beyond half of the pressure on the pitches beside them: the roll
-            above the pitch, that below it and the next (3,), N per metre of width.
-    """
-
+    #: of the pitch alone, from the straight line between its two rolls; `roll_force` is that of the
+    #: roll above it
     bulge: Bulge
+    #: what the rolls bear beyond half of the pressure on the pitches beside them: the roll above
+    #: the pitch, that below it and the next (3,), N per metre of width
     added: Array
 
 
 @dataclass(frozen=True, slots=True)
 class UnevenRolls:
-    """Rolls of a machine of which some are lost or off.
+    """Rolls of a machine of which some are lost or off."""
 
-    Attributes:
-        strip: The strip.
-        positions: Of the rolls that are there, m, (n,).
-        offsets: From the line of the strand, towards the centre of curvature, m, (n,).
-        marks: Pitches at the defects, by the index of the roll above each.
-        ends: Pitch of the sound machine at its top and at its end, m: rolls so far apart are taken
-            to go on beyond them.
-        count: Nodes of a bulge.
-    """
-
-    strip: CreepingStrip
-    positions: Array
-    offsets: Array
-    marks: Collection[int]
+    strip: CreepingStrip  #: the strip
+    positions: Array  #: of the rolls that are there, m, (n,)
+    offsets: Array  #: from the line of the strand, towards the centre of curvature, m, (n,)
+    marks: Collection[int]  #: pitches at the defects, by the index of the roll above each
+    #: pitch of the sound machine at its top and at its end, m: rolls so far apart are taken to go
+    #: on beyond them
     ends: tuple[float, float]
-    count: int
+    count: int  #: nodes of a bulge
 
     def near(self, pitch: int) -> bool:
         """Whether a defect is felt in a pitch, told by the index of the roll above it."""

@@ -140,9 +140,9 @@ class HotMould:
         heated = Conduction(self.tube, self.copper, self.settings.method).solve(self._load(flux))
         if heated.hottest > MELTS:
             raise RunFailure(
-                f"mould.tube: the copper would be at {heated.hottest - ZERO_CELSIUS:.0f} degC, and "
-                f"it melts at {MELTS - ZERO_CELSIUS:.0f} degC: see water_coefficient, thickness "
-                "and the heat that it takes (flux, or that of the strand)"
+                f"mould.tube: the copper would reach {heated.hottest - ZERO_CELSIUS:.0f} degC and "
+                f"melts at {MELTS - ZERO_CELSIUS:.0f} degC: check water_coefficient, thickness "
+                "and the heat that it takes up (flux, or that of the strand)"
             )
         return heated
 
