@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 _VERTEX, _SLICE, _PROCESS = 130.0, 3.6e6, 1.5e8
 """Bytes of a vertex of a slice, of the slice besides, of each process; measured."""
-_STRAINED = 4.4e4, 3.6e6, 2.8e8
-"""The same with mechanics, of which each slice has equations of its own."""
+_STRAINED = 6e4, 3.6e6, 2.8e8
+"""The same with mechanics, of which each slice has equations of its own: most a bulging slab."""
 _MOST = 0.8
 """Share of the machine's memory that a caster may take."""
 
