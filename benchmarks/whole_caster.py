@@ -28,7 +28,7 @@ from castfem.runs.caster.files import read_table
 from castfem.runs.output.run_record import RunRecord
 from castfem.studies.accuracy.sizes import assignments
 
-SHORT = {"casting.length": "6 m", "caster.end": "240 s"}
+SHORT = {"casting.length": "12 m", "caster.end": "600 s"}
 """Of the case, by which ranks are measured."""
 RANK = """
 import sys, time
