@@ -283,7 +283,7 @@ class Strand:
         # With mechanics what a run does hangs on what it is still to meet: the mean speed.
         if base.mechanics is None:
             inside = [one.number for one in self.inside]
-            self._alike.grow(case.caster, self.starts, [*inside, *self._to_come])
+            self._alike.grow(base, self.starts, [*inside, *self._to_come])
 
     def _warn_once(self, one: Slice) -> None:
         """Let sprays of all slices tell once that they are beyond their table."""
