@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import shutil
 import textwrap
 from collections.abc import Callable
 from pathlib import Path
@@ -23,6 +25,7 @@ from castfem.runs.caster.alike import Alike
 from castfem.runs.caster.files import read_table
 from castfem.runs.caster.run import run_caster
 from castfem.runs.caster.strand import Strand
+from castfem.runs.interrupt import Interrupt, Stopped
 from castfem.runs.loop import TimeLoop
 from castfem.runs.output.checkpoint import load_checkpoint
 from castfem.runs.output.history import read_columns
@@ -200,7 +203,10 @@ POWER = {"speed": ["1 m/min", "4 m/min"], "value": ["200 kW", "400 kW"]}
     ids=["water", "factor", "superheat", "heat by the mean speed"],
 )
 def test_what_the_plant_does_not_tell_is_met_too(
-    cooling: list[Any], superheat: Any, speed: float, tmp_path: Path,
+    cooling: list[Any],
+    superheat: Any,
+    speed: float,
+    tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Tables of the case itself go by the clock; a scaled flux has the mean speed to come."""
@@ -220,6 +226,33 @@ def test_what_the_plant_does_not_tell_is_met_too(
     for name in FILES:
         whole = (tmp_path / "alone" / name).read_bytes()
         assert (tmp_path / "shared" / name).read_bytes() == whole, name
+
+
+def test_a_stop_between_any_two_steps_loses_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A slice that goes on from between two instants hands on what pyrometers saw before, too."""
+    places = [{"name": f"{at}", "at": f"{at} mm", "on": "corner"} for at in (2, 33, 61, 97)]
+    changes = {"caster.pyrometer": places, "caster.end": "1 s", "caster.spacing": "0.5 s"}
+    case = caster({**changes, "casting.length": "100 mm"})
+    run_caster(case, tmp_path / "whole")
+    stop, asked = 0, itertools.count(1)
+
+    def stopping(_: Interrupt) -> None:
+        if next(asked) == stop:
+            raise Stopped("as by a signal")
+
+    monkeypatch.setattr(Interrupt, "check", stopping)
+    run_caster(case, tmp_path / "counted")
+    for stop in range(2, next(asked), 2):
+        asked = itertools.count(1)
+        with pytest.raises(Stopped):
+            run_caster(case, tmp_path / "stopped")
+        run_caster(case, tmp_path / "stopped", resume=True)
+        for name in (*FILES, "pyrometers.csv"):
+            whole = (tmp_path / "whole" / name).read_bytes()
+            assert (tmp_path / "stopped" / name).read_bytes() == whole, (stop, name)
+        shutil.rmtree(tmp_path / "stopped")
 
 
 def test_what_slices_meet() -> None:
