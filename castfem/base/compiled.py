@@ -17,6 +17,7 @@ from typing import Any
 
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.sigutils import normalize_signature
 from numba.extending import is_jitted
 
 from castfem.base.libraries import cache_folder
@@ -75,7 +76,10 @@ class _Kept(FunctionCache):  # type: ignore[misc]
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """What was compiled for a signature; None if it is not there, or cannot be read."""
         try:
-            return super().load_overload(sig, target_context)
+            found = super().load_overload(sig, target_context)
+            if found is not None and found.signature.args != normalize_signature(sig)[0]:
+                raise ValueError("compiled for other types by a process at the same time")
+            return found
         except Exception as error:  # reason: numba lets through whatever pickle meets in a file
             logger.debug("%s: damaged (%s), compiled anew", self.cache_path, error)
             with suppress(OSError):

@@ -180,6 +180,16 @@ class Case(TableModel):
         """When the slice leaves the meniscus, on the clock by which states are written, s."""
         return self.casting.clock if self.output.by_clock else 0.0
 
+    def tables_by_clock(self) -> list[TableOfValues]:
+        """Return the tables over time that go by the clock of `casting.start.time`."""
+        laws = [law for zone in self.cooling for law in zone.surface]
+        watered = [self.water, *(() if self.secondary is None else self.secondary.circuit), *laws]
+        given: list[object] = [self.casting.speed, self.casting.superheat]
+        given += [getattr(one, "flow", None) for one in watered]
+        given += [getattr(law, "factor", None) for law in laws]
+        tables = (one for one in given if isinstance(one, TableOfValues))
+        return [table for table in tables if table.over == "time"]
+
     def output_times(self) -> list[float]:
         """Return when states of the fields are written short of the end, since the meniscus, s."""
         every, clock = self.output_every, self.output_clock

@@ -313,13 +313,7 @@ def _clock(case: Case, start: Start) -> Faults:
     """Yield a start by the clock, where nothing goes by it."""
     if not start.time:
         return
-    water = [] if case.water is None else [case.water.flow]
-    water += [getattr(law, "flow", None) for zone in case.cooling for law in zone.surface]
-    water += [] if case.secondary is None else [c.flow for c in case.secondary.circuit]
-    heat = [getattr(law, "factor", None) for zone in case.cooling for law in zone.surface]
-    given = (case.casting.speed, case.casting.superheat, *water, *heat)
-    over_time = any(isinstance(value, Table) and value.over == "time" for value in given)
-    if not (over_time or case.output.by_clock):
+    if not (case.tables_by_clock() or case.output.by_clock):
         yield "time", "has no effect: no speed, superheat or flow of water is over time"
 
 

@@ -79,7 +79,7 @@ class TimeLoop:
         simulation: What to run.
         recorder: Where committed steps are written; None for a run in memory.
         progress: Notified after each step; None for silence.
-        interrupt: Asked after each step whether to stop there.
+        interrupt: Asked before each step whether to stop there.
         unsampled: Takes in a committed step without results, and says whether it did; None where
             the results of each step are read.
 
@@ -111,6 +111,8 @@ class TimeLoop:
             self._enter_zone()
             self._record(None, None)
         while run.state.time < min(control.end, until - EXACT * control.end):
+            if self.interrupt is not None:
+                self.interrupt.check()
             self._enter_zone()
             self.advance()
         assert run.sample is not None
@@ -200,15 +202,13 @@ class TimeLoop:
         self._tell(substeps, mechanical)
 
     def _tell(self, substeps: SubSteps | None, mechanical: MechanicalResult | None) -> None:
-        """Tell of a committed step, and stop there if that is asked."""
+        """Tell of a committed step."""
         run = self.run_state
         if self.progress is not None:
             newton = sum(step.newton for step in (substeps, mechanical) if step is not None)
             length = 0.0 if substeps is None else substeps.step
             note = self.simulation.zones.name(run.zone)
             self.progress.update(run.position, run.state.time, newton, length, note)
-        if self.interrupt is not None:
-            self.interrupt.check()
 
     def _keep_snapshot(self, sample: Sample) -> None:
         case, machine = self.simulation.case, self.simulation.machine

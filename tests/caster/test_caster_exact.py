@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import shutil
 import textwrap
 from collections.abc import Callable
 from pathlib import Path
@@ -16,13 +18,14 @@ from small_caster import STOP, STRAINED, caster
 
 import castfem
 from castfem.model import Case
-from castfem.model.caster import Plant, slice_of
+from castfem.model.caster import by_plant, slice_of
 from castfem.runs import restart
 from castfem.runs.caster import alike
 from castfem.runs.caster.alike import Alike
 from castfem.runs.caster.files import read_table
 from castfem.runs.caster.run import run_caster
 from castfem.runs.caster.strand import Strand
+from castfem.runs.interrupt import Interrupt, Stopped
 from castfem.runs.loop import TimeLoop
 from castfem.runs.output.checkpoint import load_checkpoint
 from castfem.runs.output.history import read_columns
@@ -180,12 +183,84 @@ def test_slices_that_meet_the_same_are_computed_once(
     assert 2 * counts[0] < counts[1]
 
 
+def _by_clock(*values: Any) -> dict[str, Any]:
+    return {"time": ["0 s", "4 s", "6 s"], "value": list(values)}
+
+
+MOULD = {"name": "mould", "to": "100 mm"}
+CONTACT = {"law": "contact", "wall": "160 degC"}
+POWER = {"speed": ["1 m/min", "4 m/min"], "value": ["200 kW", "400 kW"]}
+
+
+@pytest.mark.parametrize(
+    ("cooling", "superheat", "speed"),
+    [
+        ([{}, {"flow": _by_clock("2 L/min", "2 L/min", "0.5 L/min")}], "40 K", 3.6),
+        ([{"coefficient": "1600 W/(m^2 K)", "factor": _by_clock(1, 1, 0.7)}, {}], "40 K", 3.6),
+        ([{}, {}], _by_clock("40 K", "40 K", "20 K"), 3.6),
+        ([{"flux": "2 MW/m^2", "power": POWER}, {}], "40 K", 1.2),
+    ],
+    ids=["water", "factor", "superheat", "heat by the mean speed"],
+)
+def test_what_the_plant_does_not_tell_is_met_too(
+    cooling: list[Any],
+    superheat: Any,
+    speed: float,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Tables of the case itself go by the clock; a scaled flux has the mean speed to come."""
+    contact = cooling[0] or {"coefficient": "1600 W/(m^2 K)"}
+    changes = {
+        "cooling": [
+            {**MOULD, "surface": [{**CONTACT, **contact}]},
+            {"name": "ring", "to": "300 mm", "surface": [{**SPRAY, **cooling[1]}]},
+        ],
+        "casting.superheat": superheat, "caster.spacing": "0.5 s",
+    }  # fmt: skip
+    speeds = ["3.6 m/min", "3.6 m/min", f"{speed} m/min", f"{speed} m/min"]
+    plant = {"speed": speeds, "superheat": None, "mould_heat": None}
+    for folder, most in (("shared", alike.MOST), ("alone", 0.0)):
+        monkeypatch.setattr(Alike.__init__, "__defaults__", (most,))
+        run_caster(caster(changes, plant), tmp_path / folder)
+    for name in FILES:
+        whole = (tmp_path / "alone" / name).read_bytes()
+        assert (tmp_path / "shared" / name).read_bytes() == whole, name
+
+
+def test_a_stop_between_any_two_steps_loses_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A slice that goes on from between two instants hands on what pyrometers saw before, too."""
+    places = [{"name": f"{at}", "at": f"{at} mm", "on": "corner"} for at in (2, 33, 61, 97)]
+    changes = {"caster.pyrometer": places, "caster.end": "1 s", "caster.spacing": "0.5 s"}
+    case = caster({**changes, "casting.length": "100 mm"})
+    run_caster(case, tmp_path / "whole")
+    stop, asked = 0, itertools.count(1)
+
+    def stopping(_: Interrupt) -> None:
+        if next(asked) == stop:
+            raise Stopped("as by a signal")
+
+    monkeypatch.setattr(Interrupt, "check", stopping)
+    run_caster(case, tmp_path / "counted")
+    for stop in range(2, next(asked), 2):
+        asked = itertools.count(1)
+        with pytest.raises(Stopped):
+            run_caster(case, tmp_path / "stopped")
+        run_caster(case, tmp_path / "stopped", resume=True)
+        for name in (*FILES, "pyrometers.csv"):
+            whole = (tmp_path / "whole" / name).read_bytes()
+            assert (tmp_path / "stopped" / name).read_bytes() == whole, (stop, name)
+        shutil.rmtree(tmp_path / "stopped")
+
+
 def test_what_slices_meet() -> None:
     """Of a speed that is constant, falls from 4 s, and is constant again from 5 s on."""
-    times, speeds = (0.0, 4.0, 5.0, 9.0), (0.06, 0.06, 0.02, 0.02)
-    plant = Plant(times, {"speed": speeds, "superheat": (40.0, 40.0, 40.0, 30.0)}, ("",) * 4)
+    speeds = {"speed": ["3.6 m/min", "3.6 m/min", "1.2 m/min", "1.2 m/min"], "mould_heat": None}
+    case = by_plant(caster({}, {**speeds, "superheat": ["40 K", "40 K", "40 K", "30 K"]}))
     starts = np.array([-2.5, -1.0, 0.25, 4.5, 5.0, 5.5, 20.0, 21.0])
-    keys, until = alike.met(plant, starts, 0.5)
+    keys, until = alike.met(case, starts)
     assert until.tolist() == [4.0, 4.0, 4.0, 4.5, np.inf, np.inf, np.inf, np.inf]
     assert keys[0] == keys[1] and keys[6] == keys[7]
     assert keys[2] != keys[1]  # it is looked at at other ages

@@ -26,7 +26,7 @@ from castfem.model.machine import thickness_of
 from castfem.physics.machine.side import Side
 from castfem.post.plots.caster_figures import _look_of as look_of
 from castfem.post.plots.caster_figures import mapped, middle_of, moments_figure, reheated
-from castfem.post.report.caster import answers, pieces_in_band
+from castfem.post.report.caster import _leaving, answers, pieces_in_band
 from castfem.runs.caster.files import read_table
 from castfem.runs.caster.run import run_caster
 from castfem.runs.interrupt import Stopped
@@ -230,6 +230,13 @@ def test_after_which_event(looked_at: Any) -> None:
     from castfem.post.report.caster import _after
 
     assert _after(4.0, [(1.0, "a"), (3.5, "b"), (5.0, "c")]) == ", 0.5 s after: b"
+
+
+def test_when_slices_leave_is_told_to_a_microsecond() -> None:
+    """Start and duration of the first add up to 0 s but for rounding."""
+    left = np.array([-48.0 + 1.2 / 0.025 - 7.1e-15, 13.0])
+    (told,) = _leaving({"left": left, "surface_temperature_corner": np.array([1219.0, 1229.0])})
+    assert told.endswith("from 1219 °C at 0 s to 1229 °C at 13 s")
 
 
 def test_the_page(looked_at: Any, capsys: pytest.CaptureFixture[str]) -> None:

@@ -115,6 +115,16 @@ def test_a_damaged_file_is_compiled_anew(toy: Path, kind: str, kept: float) -> N
     assert answer(found=True) == 13.0
 
 
+def test_what_was_compiled_for_other_types_is_not_taken(toy: Path) -> None:
+    """Two processes that compile at once may write into the same file."""
+    outer = anew()
+    assert (outer(3.5), outer(3)) == (14.0, 13.0)
+    first, second = sorted(toy.rglob("*.nbc"))
+    first.write_bytes(second.read_bytes())
+    assert anew()(3.5) == 14.0
+    assert answer(found=True) == 13.0
+
+
 def test_a_full_disk_keeps_nothing(toy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

@@ -12,7 +12,7 @@ import numpy as np
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.shown_units import place_said, said
 from castfem.base.types import Array, Flags
-from castfem.model.caster import cast_of
+from castfem.model.caster import DIGITS, cast_of
 from castfem.model.quality import band_of
 from castfem.physics.machine.phases import phases
 from castfem.runs.caster.files import CENTRE, definition, read_table
@@ -164,7 +164,8 @@ def _leaving(slices: dict[str, Array]) -> Iterator[str]:
     if not name or len(slices["left"]) < 2:
         return
     found, probe = definition(name)
-    unit, values, left = found.unit, slices[name], slices["left"]
+    unit, values = found.unit, slices[name]
+    left = np.round(slices["left"], DIGITS) + 0.0  # start and duration may leave -7e-15 s, or -0
     ends = (int(np.argmin(values)), int(np.argmax(values)))
     cold, warm = (
         f"{said(float(values[i]), unit, '.0f', name)} at {said(left[i], 's', '.6g')}" for i in ends

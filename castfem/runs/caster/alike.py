@@ -1,8 +1,9 @@
 """Slices that meet the same, of which one is computed and the others take over its states.
 
-While speed, water and heat of the mould stay as they were when a slice left the meniscus, it meets
-what an older one met at the same age.  Where the instants at which it is looked at come at the same
-ages, too (their distance is a whole multiple of `every`), both are one run to the last digit.
+While all that goes by the clock (speed, water, heat of the mould) stays as it was when a slice left
+the meniscus, the slice meets what an older one met at the same age.  Where the instants at which it
+is looked at come at the same ages, too (their distance is a whole multiple of `every`), both are
+one run to the last digit.
 """
 
 from __future__ import annotations
@@ -15,10 +16,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from castfem.base.types import Array
-from castfem.model.caster import DIGITS, Plant
+from castfem.model.caster import DIGITS, slice_of
+from castfem.model.heat_law import ScaledLaw
 
 if TYPE_CHECKING:
-    from castfem.model.caster import Caster
+    from castfem.model import Case
 
 MOST = 2e8
 """Bytes of the states that are kept for others, at most."""
@@ -59,17 +61,17 @@ class Alike:
         self._until: dict[int, float] = {}
         self._kept: dict[Met, dict[float, Seen]] = {}
 
-    def grow(self, caster: Caster, starts: Sequence[float], numbers: Iterable[int]) -> None:
+    def grow(self, case: Case, starts: Sequence[float], numbers: Iterable[int]) -> None:
         """Find which of some slices, by number, meet the same.
 
         Args:
-            caster: With the history of the plant.
+            case: Of each slice but for its start (`castfem.model.caster.by_plant`).
             starts: When each slice leaves the meniscus, by the clock, s.
             numbers: The slices that are inside or to come.
         """
         numbers = list(numbers)
         given = np.array([starts[n - 1] for n in numbers])
-        keys, until = met(caster.plant, given, caster.every)
+        keys, until = met(case, given)
         count = Counter(keys)
         found = [row for row in zip(numbers, keys, until, strict=True) if count[row[1]] > 1]
         self._met = {n: key for n, key, _ in found}
@@ -99,21 +101,24 @@ class Alike:
             self._size += _bytes(seen)
 
 
-def met(plant: Plant, starts: Array, every: float) -> tuple[list[Met], Array]:
+def met(case: Case, starts: Array) -> tuple[list[Met], Array]:
     """What slices meet that leave the meniscus at some times (n,), s, until something changes.
+
+    Args:
+        case: Of each slice but for its start (`castfem.model.caster.by_plant`).
+        starts: By the clock, s.
 
     Returns:
         The same for slices that meet the same (n,), and until when nothing but the superheat
         changes, by the clock, s (n,).
     """
-    phase = np.round(-starts % every, DIGITS) % every
+    phase = np.round(-starts % case.output_every, DIGITS) % case.output_every
     columns, until = [phase], np.full_like(starts, np.inf)
-    for name in plant.values:
-        table = plant.table(name)
+    for table in case.tables_by_clock():
         times, values = np.array(table.arguments), np.array(table.values)
         here, nxt = np.interp(starts, times, values), times.searchsorted(starts, side="right")
         columns.append(here)
-        if name == "superheat":
+        if table is case.casting.superheat:
             continue
         # Extremes of what is still to come bound the slopes of cooling laws from the beginning.
         for extreme in (np.minimum, np.maximum):
@@ -124,7 +129,21 @@ def met(plant: Plant, starts: Array, every: float) -> tuple[list[Met], Array]:
         ends = np.append(np.minimum.accumulate(ends[::-1])[::-1], np.inf)[nxt]
         sloped = here != np.append(values, values[-1])[nxt]
         until = np.minimum(until, np.where(sloped, starts, ends))
+    # A flux that is scaled to a measured total hangs on the mean speed in its zone from the start.
+    if scaled := _ends_of_scaled(case):
+        left = [slice_of(case, start).casting.travel.time_at(max(scaled)) for start in starts]
+        until = np.where(starts + left <= until, until, -np.inf)
     return [tuple(row) for row in np.stack(columns, axis=1)], until
+
+
+def _ends_of_scaled(case: Case) -> list[float]:
+    """Where zones end that have a flux scaled to a measured total, m."""
+    return [
+        span.end
+        for span in case.zones()
+        for _, law in span.laws
+        if isinstance(law, ScaledLaw) and law.scales
+    ]
 
 
 def _bytes(seen: Seen) -> int:

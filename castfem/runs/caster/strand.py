@@ -130,7 +130,7 @@ class Slice:
 
         Args:
             clock: The instant.
-            interrupt: Asked after each step whether to stop there.
+            interrupt: Asked before each step whether to stop there.
             age: The same instant since it left the meniscus, s, if it is known to the last digit.
 
         Raises:
@@ -191,7 +191,7 @@ class Slice:
         if not alike.meets_the_same(self.number, clock):
             return self.look(self.seen(row_of(self.advance(clock, interrupt))))
         last = min(round(clock - self.start, 9), self.lasts)
-        for age in self._ages(last):
+        for age in self._ages(last, after=self.age):
             self._to_age(age, alike, row_of, interrupt)
         return self.look(self._to_age(last, alike, row_of, interrupt))
 
@@ -202,18 +202,20 @@ class Slice:
         if found is not None:
             self.take_over(found)
             return found
-        so_far = 0 if self.passing is None else len(self.passing.passed)
         seen = self.seen(row_of(self.advance(age + self.start, interrupt, age)))
-        passed = [] if self.passing is None else self.passing.passed[so_far:]
-        seen = replace(seen, age=age, stops=stops, state=self.state(), passed=list(passed))
+        passed: list[list[float]] = []
+        if self.passing is not None:
+            before = max(self._ages(age, after=0.0), default=0.0)
+            passed = [one for one in self.passing.passed if one[1] > before]
+        seen = replace(seen, age=age, stops=stops, state=self.state(), passed=passed)
         alike.keep(self.number, seen)
         return seen
 
-    def _ages(self, last: float) -> list[float]:
-        """Instants of its own time at which it is looked at on the way to one, s."""
+    def _ages(self, last: float, after: float) -> list[float]:
+        """Instants of its own time at which it is looked at between two, s."""
         times = self.loop.simulation.case.output_times()
         between = ROUNDING * self.lasts
-        return [age for age in times if self.age + between < age < last - between]
+        return [age for age in times if after + between < age < last - between]
 
     def watch(self, places: Sequence[Pyrometer], passed: Sequence[Sequence[float]] = ()) -> None:
         """Note the surface as it passes some places from now on; `passed` is not written yet."""
@@ -283,7 +285,7 @@ class Strand:
         # With mechanics what a run does hangs on what it is still to meet: the mean speed.
         if base.mechanics is None:
             inside = [one.number for one in self.inside]
-            self._alike.grow(case.caster, self.starts, [*inside, *self._to_come])
+            self._alike.grow(base, self.starts, [*inside, *self._to_come])
 
     def _warn_once(self, one: Slice) -> None:
         """Let sprays of all slices tell once that they are beyond their table."""
