@@ -172,9 +172,8 @@ class Diagram(Protocol):
 class IronCarbon:
     """Equilibrium of a steel on cooling from the melt, by the lever rule (5)-(11).
 
-    Alloying shifts the lines, each by itself. The peritectic is where the two lines of the liquid
-    meet; what they freeze to there is on the lines of the solids. In truth alloying spreads the
-    peritectic over some 10 K.
+    Alloying shifts the lines, all by the same; manganese and silicon beside the assessed ones are
+    in `alloyed_iron`.
 
     Raises:
         ValueError: If the carbon content is out of range or the points are out of order.
@@ -346,11 +345,26 @@ class IronCarbon:
             carbon: Of the solid, wt% (of that shape).
             side: See `phases`.
         """
-        beyond = np.greater_equal if side == "above" else np.greater
-        within = np.clip(t, self.transformation, self.peritectic)
-        in_delta, in_gamma = (line.carbon(within) for line in self._solid_lines)
-        ferritic = np.asarray(beyond(t, self.transformation) & np.equal(carbon, 0.0), float)
-        return 1.0 - _lever(carbon, in_delta, in_gamma, 1.0 - ferritic), in_delta, in_gamma
+        return solid_phases(self._solid_lines, t, carbon, side)
+
+
+def solid_phases(
+    lines: tuple[Line, Line], t: Array, carbon: Array | float, side: Side
+) -> tuple[Array, Array, Array]:
+    """Share of delta ferrite in solid between both lines, and the carbon of both phases.
+
+    Args:
+        lines: Delta ferrite and austenite in equilibrium, both from pure iron.
+        t: Temperatures, K (any shape).
+        carbon: Of the solid, wt% (of that shape).
+        side: See `IronCarbon.phases`.
+    """
+    beyond = np.greater_equal if side == "above" else np.greater
+    coldest, hottest = lines[0].first[0], max(line.last[0] for line in lines)
+    within = np.clip(t, coldest, hottest)
+    in_delta, in_gamma = (line.carbon(within) for line in lines)
+    ferritic = np.asarray(beyond(t, coldest) & np.equal(carbon, 0.0), float)
+    return 1.0 - _lever(carbon, in_delta, in_gamma, 1.0 - ferritic), in_delta, in_gamma
 
 
 def _lever(carbon: Array | float, poor: Array, rich: Array, limit: Array) -> Array:
