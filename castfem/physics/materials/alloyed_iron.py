@@ -68,7 +68,7 @@ class Beside:
         return np.asarray(both + self.together * gathered[0] * gathered[1])
 
 
-# Delta ferrite and austenite; fitted to 230 steels with C to 0.5, Mn to 2, Si to 0.6 wt%.
+# Delta ferrite and austenite; fitted to 220 steels with C to 0.5, Mn to 2, Si to 0.6 wt%.
 BESIDE = (
     Beside((0.700, 0.629), (5.02, 9.91), 1.33, (-0.34, 3.23), (-0.048, -0.022)),
     Beside((0.744, 0.621), (4.21, 10.67), 0.60, (-0.38, 3.40), (-0.016, -0.044)),

@@ -313,18 +313,11 @@ class IronCarbon:
         return np.where(fraction >= 1.0, self.carbon, np.where(fraction > 0.0, equilibrium, np.nan))
 
     def _melting_delta(self, t: Array, beyond: np.ufunc) -> tuple[Array, Array, Array]:
-        """Liquid fraction in L + delta with the carbon in both, at or above the peritectic.
-
-        Alloyed delta ferrite begins to freeze where its line, without carbon, has not begun: the
-        line goes on to a carbon below 0, by which the other elements part; all carbon is in the
-        liquid there.
-        """
+        """Liquid fraction in L + delta with the carbon in both, at or above the peritectic."""
         in_liquid = np.maximum(self.lines.liquid_delta.carbon(t), 0.0)
         in_delta = self.lines.delta.carbon(t)
         molten = np.asarray(beyond(t, self.melting) | (self.carbon > 0.0), float)
         liquid = _lever(self.carbon, in_delta, in_liquid, molten)
-        alone = (in_delta < 0.0) & (liquid > 0.0)
-        in_liquid = np.where(alone, self.carbon / np.where(alone, liquid, 1.0), in_liquid)
         return liquid, in_liquid, np.maximum(in_delta, 0.0)
 
     def _melting_gamma(self, t: Array) -> tuple[Array, Array, Array]:
