@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from castfem.physics.materials.alloying import alloyed
 from castfem.physics.materials.formulas import FORMULAS, harste_enthalpy, phase_densities
 from castfem.physics.materials.iron_carbon import IronCarbon, Phases
 from castfem.physics.materials.properties import named
@@ -118,9 +119,9 @@ def test_phase_formulas_are_sound_over_the_whole_range(carbon, side):
         assert np.all((values > low) & (values < high)), name
 
 
-@given(st.floats(0.0, 2.0))
-def test_enthalpy_rises_with_temperature(carbon):
-    diagram = IronCarbon(carbon)
+@given(st.floats(0.0, 2.0), st.sampled_from([{}, {"Mn": 2.0, "Si": 0.6}, {"Si": 0.6}]))
+def test_enthalpy_rises_with_temperature(carbon, others):
+    diagram = alloyed({"C": carbon, **others}) if others else IronCarbon(carbon)
     t = np.union1d(np.linspace(1000.0, 1900.0, 900), diagram.kinks)
     law = named("harste_enthalpy", diagram)
     assert np.all(law(t[1:], "below") > law(t[:-1], "above"))

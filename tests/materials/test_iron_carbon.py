@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 
 from castfem.physics.materials.alloying import (
     alloyed,
     regression_liquidus,
     regression_solidus,
 )
-from castfem.physics.materials.iron_carbon import IronCarbon
+from castfem.physics.materials.iron_carbon import ASSESSED, IronCarbon
 
 ZERO = 273.15
 PERITECTIC = 1768.15
@@ -208,6 +209,53 @@ EQUILIBRIA = [
 ]
 
 
+# The same of other steels, with the temperatures, degC, between which liquid, delta ferrite and
+# austenite are together, if they are.
+REACTING = [
+    (0.05, 2, 0, 1523.9, 1499.0, None, None, 0.945, 0.845, 0.626),
+    (0.08, 2, 0, 1521.6, 1490.8, 1490.8, 1490.8, 0.898, 0.793, 0.578),
+    (0.11, 2, 0, 1519.2, 1490.9, 1490.9, 1490.9, 0.803, 0.686, 0.471),
+    (0.14, 2, 0, 1516.9, 1488.3, 1491.0, 1491.0, 0.742, 0.621, 0.413),
+    (0.2, 2, 0, 1512.1, 1476.7, 1491.2, 1491.3, 0.876, 0.583, 0.384),
+    (0.35, 2, 0, 1499.9, 1448.2, 1491.7, 1491.7, 0.887, 0.721, 0.445),
+    (0.05, 0, 0.6, 1527.8, 1505.1, None, None, 0.942, 0.841, 0.625),
+    (0.08, 0, 0.6, 1525.5, 1489.9, None, None, 0.945, 0.849, 0.645),
+    (0.11, 0, 0.6, 1523.1, 1481.0, 1481.0, 1481.3, 0.914, 0.814, 0.609),
+    (0.14, 0, 0.6, 1520.7, 1480.5, 1480.5, 1481.6, 0.846, 0.735, 0.525),
+    (0.2, 0, 0.6, 1515.8, 1475.4, 1480.3, 1482.2, 0.750, 0.632, 0.427),
+    (0.35, 0, 0.6, 1503.2, 1446.0, 1482.6, 1483.4, 0.877, 0.697, 0.367),
+    (0.05, 1, 0.3, 1525.6, 1500.5, None, None, 0.942, 0.839, 0.617),
+    (0.08, 1, 0.3, 1523.3, 1487.2, 1487.2, 1487.3, 0.932, 0.832, 0.622),
+    (0.11, 1, 0.3, 1521.0, 1487.1, 1487.1, 1487.5, 0.847, 0.734, 0.519),
+    (0.14, 1, 0.3, 1518.6, 1487.1, 1487.1, 1487.7, 0.766, 0.646, 0.437),
+    (0.2, 1, 0.3, 1513.8, 1475.6, 1487.6, 1488.1, 0.874, 0.602, 0.400),
+    (0.35, 1, 0.3, 1501.4, 1446.8, 1488.6, 1488.8, 0.882, 0.710, 0.425),
+    (0.05, 1.5, 0.6, 1519.4, 1487.7, None, None, 0.937, 0.822, 0.584),
+    (0.08, 1.5, 0.6, 1517.0, 1481.9, 1481.9, 1482.2, 0.878, 0.759, 0.530),
+    (0.11, 1.5, 0.6, 1514.7, 1481.8, 1481.8, 1482.6, 0.790, 0.665, 0.444),
+    (0.14, 1.5, 0.6, 1512.3, 1477.1, 1482.1, 1482.9, 0.753, 0.627, 0.414),
+    (0.2, 1.5, 0.6, 1507.4, 1464.7, 1482.9, 1483.5, 0.875, 0.595, 0.390),
+    (0.35, 1.5, 0.6, 1494.8, 1435.0, 1484.5, 1484.8, 0.881, 0.711, 0.436),
+]
+
+
+@pytest.mark.parametrize("steel", REACTING, ids=lambda steel: "-".join(map(str, steel[:3])))
+def test_alloyed_steels_freeze_and_react_where_the_database_says(steel) -> None:
+    """Within 1.5 K; fractions within 0.02, but for what is between the two reactions."""
+    carbon, manganese, silicon, liquidus, solidus, end, start, *solid = steel
+    found = alloyed({"C": carbon, "Mn": manganese, "Si": silicon})
+    assert found.liquidus - ZERO == pytest.approx(liquidus, abs=0.3)
+    assert found.solidus - ZERO == pytest.approx(solidus, abs=1.5)
+    at = solidus + np.array([0.25, 0.5, 0.75]) * (liquidus - solidus)
+    off = np.abs(1.0 - found.phases(at + ZERO).liquid - solid)
+    assert (end is not None) == (found.solidus <= found.peritectic)
+    if end is not None:
+        own = found.peritectic - ZERO
+        assert own == pytest.approx(end, abs=1.2)
+        off = off[(at < min(own, end) - 0.1) | (at > max(own, start) + 0.1)]
+    assert off.size >= 2 and off.max() < 0.02
+
+
 STEELS = {
     "0 to 1.2 %C alone": lambda manganese: manganese == 0.0,
     "to 0.45 %C, 0.6 %Mn, 0.2 %Si": lambda manganese: manganese == 0.6,
@@ -255,23 +303,45 @@ def test_delta_turns_to_gamma_where_the_page_says() -> None:
         key = few if manganese <= 1.0 and silicon <= 0.3 else "much"
         off = np.subtract([steel.gamma_start, steel.gamma_end], ends)
         apart[key] = max(apart[key], float(np.abs(off).max()))
-    assert apart["alone"] < 0.6 and 5.0 < apart["little"] < 6.0 and 12.0 < apart["much"] < 13.0
+    assert apart["alone"] < 0.6 and 3.0 < apart["little"] < 4.0 and 9.0 < apart["much"] < 10.0
 
 
-def test_alloying_shifts_the_lines_of_the_assessed_diagram_each_by_itself():
+def test_alloying_lowers_where_freezing_begins_and_ends_by_what_the_liquid_holds():
+    """Liquidus by the steel's own manganese, solidus by that over the partition (0.744)."""
     plain, steel = alloyed({"C": 0.05}), alloyed({"C": 0.05, "Mn": 1.0})
-    assert plain.liquidus - steel.liquidus == pytest.approx(5.2, abs=1e-9)
-    assert plain.solidus - steel.solidus == pytest.approx(8.7, abs=1e-9)
+    assert plain.liquidus - steel.liquidus == pytest.approx(5.02 - 0.34 * 0.05, abs=1e-9)
     plain, steel = alloyed({"C": 0.7}), alloyed({"C": 0.7, "Si": 0.5})
-    assert plain.liquidus - steel.liquidus == pytest.approx(6.8, abs=1e-9)
-    assert plain.solidus - steel.solidus == pytest.approx(13.3, abs=1e-9)
+    assert plain.liquidus - steel.liquidus == pytest.approx(0.5 * (10.67 + 3.4 * 0.7), abs=1e-9)
+    steel, carbon = alloyed({"C": 0.7, "Mn": 1.0}), 0.7 / (1.0 - 0.016 / 0.744)
+    at = brentq(lambda t: float(ASSESSED.gamma.carbon(t)) - carbon, 1500.0, 1760.0)
+    drop = (4.21 - 0.38 * float(ASSESSED.liquid_gamma.carbon(at))) / 0.744
+    assert steel.solidus == pytest.approx(at - drop, abs=1e-8)
+
+
+def test_iron_with_manganese_freezes_by_the_lever_rule_of_manganese():
+    """The liquid holds Mn by its temperature, the crystals 0.7 of that."""
+    steel, melting, drop, partition = alloyed({"C": 0.0, "Mn": 1.5}), 1810.95, 5.02, 0.7
+    t = np.linspace(steel.solidus, steel.liquidus, 30)
+    in_liquid = (melting - t) / drop
+    solid = (1.0 - 1.5 / in_liquid) / (1.0 - partition)
+    assert 1.0 - steel.phases(t).liquid == pytest.approx(solid, abs=2e-5)
+    assert steel.liquidus == pytest.approx(melting - drop * 1.5, abs=1e-9)
+    assert steel.solidus == pytest.approx(melting - drop * 1.5 / partition, abs=1e-9)
 
 
 def test_pure_iron_of_the_assessed_diagram_melts_at_a_point_and_alloyed_iron_does_not():
     iron, alloy = alloyed({"C": 0.0}), alloyed({"C": 0.0, "Mn": 1.0})
     assert iron.reactions == (1667.55, 1810.95) and iron.solidus == iron.liquidus == 1810.95
     assert alloy.reactions == (alloy.transformation,)
-    assert alloy.liquidus - alloy.solidus == pytest.approx(8.7 - 5.2, abs=1e-9)
+    assert alloy.liquidus - alloy.solidus == pytest.approx(5.02 / 0.7 - 5.02, abs=1e-9)
+
+
+def test_a_trace_of_manganese_or_silicon_does_next_to_nothing():
+    plain, steel = alloyed({"C": 0.14}), alloyed({"C": 0.14, "Mn": 1e-6, "Si": 1e-6})
+    for name in ("liquidus", "solidus", "peritectic", "gamma_start", "gamma_end"):
+        assert getattr(steel, name) == pytest.approx(getattr(plain, name), abs=2e-3)
+    t = np.linspace(1700.0, 1810.0, 500)
+    assert steel.phases(t).liquid == pytest.approx(plain.phases(t).liquid, abs=1e-4)
 
 
 @pytest.mark.parametrize("carbon", [-0.01, 2.2, float("nan")])

@@ -91,7 +91,9 @@ def test_every_shipped_set_loads_and_makes_a_curve(name):
 def test_plain_carbon_takes_alloying_elements():
     plain = load_steel("plain_carbon", composition={"C": 0.2})
     steel = load_steel("plain_carbon", composition={"C": 0.2, "Si": 0.3, "Mn": 1.0})
-    assert plain.liquidus - steel.liquidus == pytest.approx(0.3 * 11.1 + 5.2)
+    assert plain.liquidus - steel.liquidus == pytest.approx(
+        0.3 * (9.91 + 3.23 * 0.2) + (5.02 - 0.34 * 0.2) + 1.33 * 0.3
+    )
     straight = [
         load_steel("plain_carbon", composition=one.composition, overrides={"diagram": "pascon"})
         for one in (plain, steel)

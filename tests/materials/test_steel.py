@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from castfem.base.errors import InputError
 from castfem.base.tables import Constant, Table
 from castfem.physics.materials import available_steels, describe_steel, knots, load_steel
+from castfem.physics.materials.alloying import alloyed
 from castfem.physics.materials.iron_carbon import IronCarbon
 from castfem.physics.materials.plot import plot_steel
 from castfem.physics.materials.solid_fraction import LeverFraction, LinearFraction, TableFraction
@@ -143,6 +144,20 @@ def test_lever_rule_with_a_latent_heat_of_its_own():
     assert jump.sum() == pytest.approx(7200 * 272e3 * (32 / 41 - 24 / 33), rel=1e-12)
     solid = steel.solid_fraction(t)
     assert h == pytest.approx(7200 * (700 * (t - LOWER) + 272e3 * (1 - solid)), rel=1e-12)
+
+
+@pytest.mark.parametrize("composition", [{"C": 0.03}, {"C": 0.14}, {"C": 0.3}, {"C": 0.7}])
+def test_alloyed_steel_gives_off_its_latent_heat_where_it_freezes(composition):
+    """All that is not specific heat, to the last joule, and the reaction at its temperature."""
+    diagram = alloyed({**composition, "Mn": 1.5, "Si": 0.6})
+    steel = simple(LeverFraction(diagram))
+    t, h = enthalpy(steel)
+    assert h[-1] == pytest.approx(7200 * (700 * (UPPER - LOWER) + 272e3), rel=1e-13)
+    assert h == pytest.approx(
+        7200 * (700 * (t - LOWER) + 272e3 * (1 - steel.solid_fraction(t))), rel=1e-12
+    )
+    knots, *_, jump = steel.enthalpy_knots(LOWER, UPPER)
+    assert list(knots[jump > 0.0]) == list(diagram.reactions)
 
 
 def test_latent_heat_of_an_enthalpy_is_what_freezing_releases():

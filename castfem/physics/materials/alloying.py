@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import astuple, dataclass
 
+from castfem.physics.materials.alloyed_iron import AlloyedIron
 from castfem.physics.materials.iron_carbon import (
     ASSESSED,
     MAX_CARBON,
@@ -17,7 +17,6 @@ from castfem.physics.materials.iron_carbon import (
     DiagramName,
     IronCarbon,
     Lines,
-    root,
 )
 
 MAX_ALLOYING = 5.0  # wt% of one element: beyond it linear corrections mean nothing
@@ -36,32 +35,10 @@ TRANSFORMATION_RISE = {"Si": -60.0, "Mn": 12.0, "P": -140.0, "S": -160.0}
 ELEMENTS = tuple(LIQUIDUS_DROP)
 
 
-@dataclass(frozen=True, slots=True)
-class Shift:
-    """What one weight per cent of an element does to the diagram, K."""
-
-    liquid_delta: float  #: how much it lowers each line
-    delta: float
-    liquid_gamma: float
-    gamma: float
-    transformation: float  #: how much it raises delta -> gamma
-
-    def times(self, content: float) -> Shift:
-        """The same of a content, wt%."""
-        return Shift(*(content * one for one in astuple(self)))
-
-    def __add__(self, other: Shift) -> Shift:
-        """Both together."""
-        return Shift(*map(sum, zip(astuple(self), astuple(other), strict=True)))
-
-
-# Fitted to liquidus, solidus and delta -> gamma of 54 steels by [PovodenKaradeniz2016] with C to
-# 0.5 %; up to which content, wt%. Beyond it, and of the other elements, the regression of the
-# liquidus is known.
-FITTED = {
-    "Mn": (Shift(5.2, 8.7, 4.3, 6.7, 22.0), 2.0),
-    "Si": (Shift(11.1, 20.3, 13.6, 26.6, -38.0), 0.6),
-}
+# Of these the assessed diagram knows more, up to a content, wt% (`alloyed_iron`): it raises the
+# delta -> gamma temperature of iron, K per wt%, fitted to [PovodenKaradeniz2016]. Beyond it, and of
+# the other elements, the regression of the liquidus is known.
+FITTED = {"Mn": (22.0, 2.0), "Si": (-38.0, 0.6)}
 
 
 def check_composition(composition: Mapping[str, float]) -> list[str]:
@@ -87,14 +64,16 @@ def diagram_of(composition: Mapping[str, float], name: DiagramName) -> Diagram:
     return alloyed(composition, name)
 
 
-def alloyed(composition: Mapping[str, float], diagram: DiagramName = "assessed") -> IronCarbon:
+def alloyed(
+    composition: Mapping[str, float], diagram: DiagramName = "assessed"
+) -> IronCarbon | AlloyedIron:
     """Iron-carbon diagram shifted by the alloying elements.
 
-    Of the assessed diagram manganese and silicon shift each line by itself (`FITTED`). For all else
-    our choice: melting point, peritectic and eutectic drop together, by the slopes of the liquidus
-    regression without its carbon term, so that the lines still meet and the lever rule still
-    conserves carbon; the delta-gamma point moves by Won and Thomas' slopes.  Segregation of P and
-    S, which lowers the true solidus further, is not in an equilibrium diagram: see
+    Of the assessed diagram manganese and silicon part between the phases (`AlloyedIron`). For all
+    else our choice: melting point, peritectic and eutectic drop together, by the slopes of the
+    liquidus regression without its carbon term, so that the lines still meet and the lever rule
+    still conserves carbon; the delta-gamma point moves by Won and Thomas' slopes. Segregation of P
+    and S, which lowers the true solidus further, is not in an equilibrium diagram: see
     `regression_solidus`.
 
     Args:
@@ -107,40 +86,31 @@ def alloyed(composition: Mapping[str, float], diagram: DiagramName = "assessed")
     problems = check_composition(composition)
     if problems:
         raise ValueError("; ".join(problems))
-    shift = Shift(0.0, 0.0, 0.0, 0.0, 0.0)
+    drop = rise = 0.0
+    dissolved = dict.fromkeys(FITTED, 0.0)
     for element, content in composition.items():
         if element == "C":
             continue
         within = 0.0
         if diagram == "assessed" and element in FITTED:
-            fitted, most = FITTED[element]
-            within = min(content, most)
-            shift += fitted.times(within)
-        drop = LIQUIDUS_DROP[element]
-        rise = TRANSFORMATION_RISE.get(element, 0.0)
-        shift += Shift(drop, drop, drop, drop, rise).times(content - within)
+            raised, most = FITTED[element]
+            dissolved[element] = within = min(content, most)
+            rise += raised * within
+        drop += LIQUIDUS_DROP[element] * (content - within)
+        rise += TRANSFORMATION_RISE.get(element, 0.0) * (content - within)
     plain = PASCON if diagram == "pascon" else ASSESSED
     lines = Lines(
-        plain.liquid_delta.lowered(shift.liquid_delta),
-        plain.delta.lowered(shift.delta),
-        plain.liquid_gamma.lowered(shift.liquid_gamma),
-        plain.gamma.lowered(shift.gamma),
-        plain.transformation + shift.transformation,
+        plain.liquid_delta.lowered(drop),
+        plain.delta.lowered(drop),
+        plain.liquid_gamma.lowered(drop),
+        plain.gamma.lowered(drop),
+        plain.transformation + rise,
         plain.bends,
     )
-    return IronCarbon(composition.get("C", 0.0), lines, _peritectic(lines))
-
-
-def _peritectic(lines: Lines) -> float:
-    """Temperature at which the liquid is in equilibrium with both solids, K."""
-    one, other = lines.liquid_delta, lines.liquid_gamma
-    near, apart = other.first[0], abs(other.first[0] - one.last[0])
-    if apart == 0.0:
-        return near
-    # The slopes of the two differ by a quarter: they meet within four times the distance.
-    return root(
-        lambda t: bool(one.carbon(t) > other.carbon(t)), near - 5.0 * apart, near + 5.0 * apart
-    )
+    carbon = composition.get("C", 0.0)
+    if any(dissolved.values()):
+        return AlloyedIron(carbon, lines, (dissolved["Mn"], dissolved["Si"]))
+    return IronCarbon(carbon, lines, lines.liquid_gamma.first[0])
 
 
 def regression_liquidus(composition: Mapping[str, float]) -> float:

@@ -172,9 +172,8 @@ class Diagram(Protocol):
 class IronCarbon:
     """Equilibrium of a steel on cooling from the melt, by the lever rule (5)-(11).
 
-    Alloying shifts the lines, each by itself. The peritectic is where the two lines of the liquid
-    meet; what they freeze to there is on the lines of the solids. In truth alloying spreads the
-    peritectic over some 10 K.
+    Alloying shifts the lines, all by the same; manganese and silicon beside the assessed ones are
+    in `alloyed_iron`.
 
     Raises:
         ValueError: If the carbon content is out of range or the points are out of order.
@@ -314,18 +313,11 @@ class IronCarbon:
         return np.where(fraction >= 1.0, self.carbon, np.where(fraction > 0.0, equilibrium, np.nan))
 
     def _melting_delta(self, t: Array, beyond: np.ufunc) -> tuple[Array, Array, Array]:
-        """Liquid fraction in L + delta with the carbon in both, at or above the peritectic.
-
-        Alloyed delta ferrite begins to freeze where its line, without carbon, has not begun: the
-        line goes on to a carbon below 0, by which the other elements part; all carbon is in the
-        liquid there.
-        """
+        """Liquid fraction in L + delta with the carbon in both, at or above the peritectic."""
         in_liquid = np.maximum(self.lines.liquid_delta.carbon(t), 0.0)
         in_delta = self.lines.delta.carbon(t)
         molten = np.asarray(beyond(t, self.melting) | (self.carbon > 0.0), float)
         liquid = _lever(self.carbon, in_delta, in_liquid, molten)
-        alone = (in_delta < 0.0) & (liquid > 0.0)
-        in_liquid = np.where(alone, self.carbon / np.where(alone, liquid, 1.0), in_liquid)
         return liquid, in_liquid, np.maximum(in_delta, 0.0)
 
     def _melting_gamma(self, t: Array) -> tuple[Array, Array, Array]:
@@ -346,11 +338,26 @@ class IronCarbon:
             carbon: Of the solid, wt% (of that shape).
             side: See `phases`.
         """
-        beyond = np.greater_equal if side == "above" else np.greater
-        within = np.clip(t, self.transformation, self.peritectic)
-        in_delta, in_gamma = (line.carbon(within) for line in self._solid_lines)
-        ferritic = np.asarray(beyond(t, self.transformation) & np.equal(carbon, 0.0), float)
-        return 1.0 - _lever(carbon, in_delta, in_gamma, 1.0 - ferritic), in_delta, in_gamma
+        return solid_phases(self._solid_lines, t, carbon, side)
+
+
+def solid_phases(
+    lines: tuple[Line, Line], t: Array, carbon: Array | float, side: Side
+) -> tuple[Array, Array, Array]:
+    """Share of delta ferrite in solid between both lines, and the carbon of both phases.
+
+    Args:
+        lines: Delta ferrite and austenite in equilibrium, both from pure iron.
+        t: Temperatures, K (any shape).
+        carbon: Of the solid, wt% (of that shape).
+        side: See `IronCarbon.phases`.
+    """
+    beyond = np.greater_equal if side == "above" else np.greater
+    coldest, hottest = lines[0].first[0], max(line.last[0] for line in lines)
+    within = np.clip(t, coldest, hottest)
+    in_delta, in_gamma = (line.carbon(within) for line in lines)
+    ferritic = np.asarray(beyond(t, coldest) & np.equal(carbon, 0.0), float)
+    return 1.0 - _lever(carbon, in_delta, in_gamma, 1.0 - ferritic), in_delta, in_gamma
 
 
 def _lever(carbon: Array | float, poor: Array, rich: Array, limit: Array) -> Array:

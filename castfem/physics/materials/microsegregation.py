@@ -26,6 +26,7 @@ import numpy.typing as npt
 
 from castfem.base.constants import ZERO_CELSIUS
 from castfem.base.types import Array
+from castfem.physics.materials.alloyed_iron import AlloyedIron
 from castfem.physics.materials.alloying import TRANSFORMATION_RISE, alloyed
 from castfem.physics.materials.hot_tearing import secondary_arm_spacing
 from castfem.physics.materials.iron_carbon import IronCarbon, Phases, Side, root
@@ -180,7 +181,7 @@ class SegregatedDiagram:
     The solid is in equilibrium, with what carbon is not in the liquid.
     """
 
-    equilibrium: IronCarbon  #: whose solid it is
+    equilibrium: IronCarbon | AlloyedIron  #: whose solid it is
     freezing: Segregation  #: how the liquid becomes less
 
     @property

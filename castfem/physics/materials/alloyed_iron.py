@@ -1,0 +1,311 @@
+"""Equilibrium of iron with carbon, manganese and silicon: the lever rule for every element.
+
+Crystals take less of each element than the liquid has. While steel freezes both become richer, and
+its freezing point falls: what counts at a solid fraction f is the liquid's content then,
+
+    X = X0/(1 - f (1 - k)),
+
+with the partition k, which is the lever rule again. A liquid with so much manganese and silicon
+freezes as that of iron and carbon does, D lower; the crystals beside it hold a share of the carbon
+that both change a little. Liquid with delta ferrite, and liquid with austenite, each have their
+numbers (`BESIDE`), fitted to equilibria of [PovodenKaradeniz2016]; docs/materials.md tells how near
+they are.
+
+Where the liquid beside one solid would freeze to the other there is the peritectic reaction. In the
+database liquid, delta ferrite and austenite are together over 0 to 2 K of each steel; here it is
+one temperature, the lower end, which differs from steel to steel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.base.types import Array
+from castfem.physics.materials.iron_carbon import (
+    MAX_CARBON,
+    TRACE,
+    Line,
+    Lines,
+    Phases,
+    Side,
+    root,
+    solid_phases,
+)
+
+FRACTIONS: Array = np.asarray(np.linspace(1.0, 0.0, 401), float)
+"""Solid fractions at which equilibria are computed, linear in between."""
+HALVINGS = 60  # to rounding
+REACH = 150.0  # K beyond the points of a line, within which it is followed
+GAMMA_REACH = 25.0  # K above the peritectic, within which austenite has carbon beside liquid
+
+
+@dataclass(frozen=True, slots=True)
+class Beside:
+    """What manganese and silicon in a liquid, wt%, do to its equilibrium with a solid."""
+
+    partition: tuple[float, float]  #: their content in the solid over that in the liquid
+    drop: tuple[float, float]  #: of the freezing point, K per wt%
+    together: float  #: the same of their product, K per wt%^2
+    with_carbon: tuple[float, float]  #: of the product of each with carbon in the liquid, K/wt%^2
+    solid_carbon: tuple[float, float]  #: what they add to the carbon of the solid, of it, per wt%
+
+    def gathered(self, contents: tuple[float, float], solid: npt.ArrayLike) -> list[Array]:
+        """Contents of the liquid where a fraction is solid (any shape), wt%."""
+        left: Array = 1.0 - np.asarray(solid, float)
+        pairs = zip(contents, self.partition, strict=True)
+        return [np.asarray(x / (left + (1.0 - left) * k)) for x, k in pairs]
+
+    def lowered(self, carbon: Array, gathered: list[Array]) -> Array:
+        """How far below that of iron and carbon a liquid of such contents, wt%, freezes, K."""
+        both = sum(
+            (a + c * carbon) * x
+            for a, c, x in zip(self.drop, self.with_carbon, gathered, strict=True)
+        )
+        return np.asarray(both + self.together * gathered[0] * gathered[1])
+
+
+# Delta ferrite and austenite; fitted to 220 steels with C to 0.5, Mn to 2, Si to 0.6 wt%.
+BESIDE = (
+    Beside((0.700, 0.629), (5.02, 9.91), 1.33, (-0.34, 3.23), (-0.048, -0.022)),
+    Beside((0.744, 0.621), (4.21, 10.67), 0.60, (-0.38, 3.40), (-0.016, -0.044)),
+)
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Liquid of a steel in equilibrium with one solid."""
+
+    liquid: Line  #: of iron and carbon
+    solid: Line
+    beside: Beside
+    contents: tuple[float, float]  #: manganese and silicon of the steel, wt%
+    reach: tuple[float, float]  #: of the lines, K
+
+    def at(self, solid: npt.ArrayLike, carbon: float) -> tuple[Array, Array, Array]:
+        """Temperature, K, and carbon of liquid and solid, wt%, where a fraction is solid (n,)."""
+        f = np.asarray(solid, float)
+        gathered = self.beside.gathered(self.contents, f)
+        share = 1.0 + sum(e * x for e, x in zip(self.beside.solid_carbon, gathered, strict=True))
+        low, high = (np.full(f.shape, end) for end in self.reach)
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            held = f * share * self.solid.carbon(middle) + (1.0 - f) * self.liquid.carbon(middle)
+            low, high = np.where(held > carbon, middle, low), np.where(held > carbon, high, middle)
+        middle = 0.5 * (low + high)
+        in_liquid = self.liquid.carbon(middle)
+        t = middle - self.beside.lowered(in_liquid, gathered)
+        return t, in_liquid, share * self.solid.carbon(middle)
+
+    def end(self, middle: float) -> tuple[float, float, float]:
+        """Temperature and both carbons as `at`, of the last liquid; of its place on the lines."""
+        gathered = self.beside.gathered(self.contents, 1.0)
+        share = 1.0 + sum(
+            float(e * x) for e, x in zip(self.beside.solid_carbon, gathered, strict=True)
+        )
+        in_liquid = self.liquid.carbon(middle)
+        t = middle - float(self.beside.lowered(in_liquid, gathered))
+        return t, float(in_liquid), share * float(self.solid.carbon(middle))
+
+    def excess(self, t: Array | float, carbon: Array | float, gathered: list[Array]) -> Array:
+        """Carbon that a liquid lacks to that beside this solid, wt%; above 0 the solid grows.
+
+        Args:
+            t: Temperatures (n,), K.
+            carbon: In the liquid (n,), wt%.
+            gathered: Manganese and silicon in it, each (n,), wt%.
+        """
+        held = np.asarray(carbon, float)
+        return self.liquid.carbon(t + self.beside.lowered(held, gathered)) - held
+
+
+@dataclass(frozen=True)
+class AlloyedIron:
+    """Equilibrium of a steel with manganese or silicon; told as of `IronCarbon`.
+
+    Raises:
+        ValueError: If the carbon content is out of range or the points are out of order.
+    """
+
+    carbon: float  #: wt%, from 0 to 2.11; a trace below 1e-6 counts as none
+    lines: Lines  #: of iron and carbon, and the transformation of the steel without carbon
+    contents: tuple[float, float]  #: manganese and silicon, wt%
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.carbon <= MAX_CARBON:
+            raise ValueError(f"carbon must lie in 0 ... {MAX_CARBON} wt%, not {self.carbon}")
+        if self.carbon < TRACE:
+            object.__setattr__(self, "carbon", 0.0)
+        (t_delta, in_delta), (t_gamma, in_gamma) = self.solid_ends
+        hot = self.transformation < min(t_delta, t_gamma)
+        if not (hot and 0.0 < in_delta < in_gamma):
+            raise ValueError(
+                "the alloying elements put the iron-carbon diagram out of order: delta-gamma of "
+                f"iron at {self.transformation:.1f} K, the ends of the peritectic at "
+                f"{t_delta:.1f} K with {in_delta:.3f} and {t_gamma:.1f} K with {in_gamma:.3f} %C"
+            )
+
+    @property
+    def transformation(self) -> float:
+        """Temperature of delta -> gamma without carbon, K."""
+        return self.lines.transformation
+
+    @cached_property
+    def pairs(self) -> tuple[Pair, Pair]:
+        """Liquid with delta ferrite, and with austenite."""
+        one, other = self.lines.liquid_delta, self.lines.liquid_gamma
+        return (
+            Pair(one, self.lines.delta, BESIDE[0], self.contents,
+                 (one.last[0] - REACH, one.first[0])),
+            Pair(other, self.lines.gamma, BESIDE[1], self.contents,
+                 (other.last[0] - REACH, other.first[0] + REACH)),
+        )  # fmt: skip
+
+    @cached_property
+    def solid_ends(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Where delta ferrite, and austenite, are beside liquid and each other: K and wt% C."""
+        near, melting = self.lines.liquid_gamma.first[0], self.lines.liquid_delta.first[0]
+        found = []
+        for mine, other, start, end in (
+            (*self.pairs, melting, near - REACH),
+            (*self.pairs[::-1], near - REACH, near + GAMMA_REACH),
+        ):
+            gathered = mine.beside.gathered(self.contents, 1.0)
+
+            def turns(t: float, mine: Pair = mine, other: Pair = other,
+                      gathered: list[Array] = gathered) -> bool:  # fmt: skip
+                return bool(other.excess(*mine.end(t)[:2], gathered) > 0.0)
+
+            t, _, carbon = mine.end(root(turns, start, end))
+            found.append((t, carbon))
+        return found[0], found[1]
+
+    @cached_property
+    def paths(self) -> tuple[tuple[Array, Array, Array], tuple[Array, Array, Array]]:
+        """Of both pairs the temperatures of `FRACTIONS`, rising, K, and the two carbons, wt%."""
+        one, other = (pair.at(FRACTIONS, self.carbon) for pair in self.pairs)
+        return (np.maximum.accumulate(one[0]), *one[1:]), (
+            np.maximum.accumulate(other[0]), *other[1:]
+        )  # fmt: skip
+
+    @cached_property
+    def _ferrite(self) -> Array:
+        """How much delta ferrite would grow from liquid beside austenite, at `FRACTIONS`."""
+        one, other = self.pairs
+        gathered = other.beside.gathered(self.contents, FRACTIONS)
+        return one.excess(self.paths[1][0], self.paths[1][1], gathered)
+
+    @property
+    def austenitic(self) -> bool:
+        """Whether it freezes to austenite alone."""
+        return bool(self._ferrite[-1] <= 0.0)
+
+    @property
+    def freezes_in_reaction(self) -> bool:
+        """Whether no liquid is left below the peritectic."""
+        return self.carbon < self.solid_ends[1][1]
+
+    @cached_property
+    def peritectic(self) -> float:
+        """Temperature of the peritectic reaction, K; of steels without, the nearest."""
+        if self.austenitic:
+            return self.liquidus
+        (t_delta, in_delta), (t_gamma, in_gamma) = self.solid_ends
+        if self.freezes_in_reaction:
+            return float(np.interp(self.carbon, (in_delta, in_gamma), (t_delta, t_gamma)))
+        last = int(np.argmax(self._ferrite > 0.0))
+        if last == 0:  # at the end of austenite but for rounding
+            return t_gamma
+        step = slice(last - 1, last + 1)
+        return float(np.interp(0.0, self._ferrite[step], self.paths[1][0][step]))
+
+    @property
+    def liquidus(self) -> float:
+        """Temperature at which the last solid melts on heating, K."""
+        return float(self.paths[1 if self.austenitic else 0][0][-1])
+
+    @property
+    def solidus(self) -> float:
+        """Temperature below which no liquid is left, K."""
+        if self.freezes_in_reaction:
+            return max(self.peritectic, float(self.paths[0][0][0]))
+        return min(self.peritectic, float(self.paths[1][0][0]))
+
+    @cached_property
+    def _solid_lines(self) -> tuple[Line, Line]:
+        """Delta ferrite and austenite in equilibrium, from pure iron to their ends."""
+        start, bends = (self.transformation, 0.0), self.lines.bends
+        one, other = self.solid_ends
+        return Line(start, one, bends[0]), Line(start, other, bends[1])
+
+    @property
+    def gamma_start(self) -> float | None:
+        """Temperature at which delta begins to turn to gamma on cooling, K; None without delta."""
+        return self._turns(0)
+
+    @property
+    def gamma_end(self) -> float | None:
+        """Temperature below which no delta is left, K; None if there never was any."""
+        return self._turns(1)
+
+    def _turns(self, solid: int) -> float | None:
+        """Temperature at which a solid (0: delta, 1: gamma) has the carbon of the steel, K."""
+        if self.austenitic:
+            return None
+        if self.carbon >= self.solid_ends[solid][1]:
+            return self.peritectic
+        return min(self._solid_lines[solid].temperature(self.carbon), self.peritectic)
+
+    @property
+    def reactions(self) -> tuple[float, ...]:
+        """Temperatures at which the fractions jump, K: peritectic, or delta -> gamma of iron."""
+        if self.carbon == 0.0:
+            return (self.transformation,)
+        inside = self.carbon > self.solid_ends[0][1] and not self.austenitic
+        return (self.peritectic,) if inside else ()
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Temperatures at which a fraction has a kink or a jump, K, increasing."""
+        limits = (self.solidus, self.liquidus, self.gamma_start, self.gamma_end, *self.reactions)
+        return tuple(sorted({t for t in limits if t is not None}))
+
+    def phases(self, temperature: npt.ArrayLike, side: Side = "above") -> Phases:
+        """As of `IronCarbon`."""
+        t = np.asarray(temperature, float)
+        beyond = np.greater_equal if side == "above" else np.greater
+        hot = beyond(t, self.peritectic) & (not self.austenitic)
+        share, in_delta, in_gamma = self.solid(t, self.carbon, side)
+        liquid, rest = self._mushy(0, t)
+        if self.freezes_in_reaction:
+            liquid = np.where(hot, liquid, 0.0)
+        else:
+            after, rest_cold = self._mushy(1, np.where(hot, self.peritectic, t))
+            liquid = np.where(hot, np.maximum(liquid, after), after)
+            rest = np.where(hot, rest, rest_cold)
+        delta = np.where(hot, 1.0 - liquid, np.where(liquid > 0.0, 0.0, share))
+        gamma = np.where(hot, 0.0, 1.0 - liquid - delta)
+        in_liquid = self.carbon / (liquid + (1.0 - liquid) * rest)
+        in_delta = np.where(hot, rest * in_liquid, in_delta)
+        in_gamma = np.where(liquid > 0.0, rest * in_liquid, in_gamma)
+        carbons = (
+            np.where(part >= 1.0, self.carbon, np.where(part > 0.0, held, np.nan))
+            for part, held in ((liquid, in_liquid), (delta, in_delta), (gamma, in_gamma))
+        )
+        return Phases(liquid, delta, gamma, *carbons)
+
+    def _mushy(self, solid: int, t: Array) -> tuple[Array, Array]:
+        """Fraction of liquid beside delta (0) or gamma (1), and their carbon over the liquid's."""
+        path, in_liquid, in_solid = self.paths[solid]
+        held = self.carbon > 0.0
+        ratio = in_solid / in_liquid if held else np.ones_like(path)
+        return 1.0 - np.interp(t, path, FRACTIONS), np.interp(t, path, ratio)
+
+    def solid(
+        self, t: Array, carbon: Array | float, side: Side = "above"
+    ) -> tuple[Array, Array, Array]:
+        """As of `IronCarbon`."""
+        return solid_phases(self._solid_lines, t, carbon, side)
