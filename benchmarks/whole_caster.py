@@ -46,14 +46,14 @@ SPEEDS: dict[str, Any] = {
 }
 """Of the plant: two changes of speed within an hour, and nothing else."""
 TWICE: dict[str, Any] = {"caster.plant": SPEEDS, "caster.every": "26.4 s"}
-SCENES: dict[str, dict[str, Any]] = {
+HISTORIES: dict[str, dict[str, Any]] = {
     LADLE: {},
     "two changes of speed": TWICE | {"caster.spacing": "13.2 s"},
     "likewise, to 16 min": TWICE | {"caster.spacing": "4.4 s", "caster.end": "16 min"},
 }
-"""What is followed, by the changes to the case."""
+"""Of the plant, by the changes to the case."""
 SEPARATE = {LADLE: (30, 50, 70), "two changes of speed": (90, 170, 250)}
-"""The slices that are run by themselves as well, by scene."""
+"""The slices that are run by themselves as well, by history."""
 
 
 def coarse() -> Case:
@@ -72,12 +72,12 @@ def castfem(*words: str) -> tuple[float, float]:
     return spent, perf_counter() - begun
 
 
-def together(scene: str, case: Case, home: Path) -> dict[str, Any]:
+def together(history: str, case: Case, home: Path) -> dict[str, Any]:
     """The caster in one process."""
-    folder, path = home / scene.replace(" ", "_"), home / "case.toml"
+    folder, path = home / history.replace(" ", "_"), home / "case.toml"
     path.write_text(case.resolved_toml(), encoding="utf-8")
     spent, wall = castfem("caster", str(path), "-o", str(folder), "--no-figures")
-    return {"scene": scene, "processor [s]": spent, "wall [s]": wall, **read(case, folder)}
+    return {"history": history, "processor [s]": spent, "wall [s]": wall, **read(case, folder)}
 
 
 def read(case: Case, folder: Path) -> dict[str, Any]:
@@ -99,7 +99,7 @@ def read(case: Case, folder: Path) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def alone(scene: str, case: Case, numbers: Sequence[int], home: Path) -> list[dict[str, Any]]:
+def alone(history: str, case: Case, numbers: Sequence[int], home: Path) -> list[dict[str, Any]]:
     """Some of its slices, each by castfem run."""
     base, starts, rows = by_plant(case), starts_of(case), []
     for number in numbers:
@@ -108,7 +108,7 @@ def alone(scene: str, case: Case, numbers: Sequence[int], home: Path) -> list[di
         spent, _ = castfem(
             "run", str(path), "-o", str(home / str(number)), "--set", "output.figures=false"
         )
-        row = {"scene": scene, "slice": number, "processor [s]": spent}
+        row = {"history": history, "slice": number, "processor [s]": spent}
         rows.append(row | {"followed [s]": one.casting.duration})
     return rows
 
@@ -153,7 +153,7 @@ def show(output: Output) -> None:
         for row in found
     ]  # fmt: skip
     columns = {
-        "scene": "scene", "slices": "slices", "at once": "at once",
+        "history": "history", "slices": "slices", "at once": "at once",
         "processor [s]": ("processor, s", ".0f"), "real": ("as fast as the caster", ".2g"),
         "memory [MB]": ("memory, MB", ".0f"), "ratio": ("separate runs take, times", ".2f"),
     }  # fmt: skip
@@ -164,7 +164,7 @@ def main(output: Output, quick: bool) -> None:
     """Measure, and write data and table."""
     case = coarse()
     shorter = case.with_(SHORT)
-    cases = {name: case.with_(changes) for name, changes in SCENES.items()}
+    cases = {name: case.with_(changes) for name, changes in HISTORIES.items()}
     single = SEPARATE
     if quick:
         small = {"casting.length": "1 m", "caster.spacing": "0.6 m", "caster.end": "60 s"}
