@@ -112,7 +112,7 @@ def test_folder(case, tmp_path):
     assert again.case.casting.speed == pytest.approx(0.05)
     found.close()
     assert (tmp_path / "out" / "history.csv").is_file()
-    with pytest.raises(castfem.InputError, match="no run that has ended"):
+    with pytest.raises(castfem.InputError, match="holds no finished run"):
         castfem.Result(tmp_path)
 
 
