@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from dataclasses import replace
+from functools import cached_property
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -62,7 +64,7 @@ class Zones:
         self.spans = case.zones()
         self.starts = [machine.time_at(span.start) for span in self.spans]
         self._end = machine.time_at(self.spans[-1].end)
-        self._surface = surface
+        self._surface, self._beside = surface, beside
         self.sides: SurfaceGap | None = None  #: tells which vertices have two gaps; with a mould
         self._case = case
         wall = wall_over_time(case, machine)
@@ -187,12 +189,22 @@ class Zones:
 
     def ambient_range(self) -> tuple[float, float]:
         """Lowest and highest temperature the machine can drive the strand to, K."""
+        low, high, _ = self._ambient
+        return low, high
+
+    @cached_property
+    def _ambient(self) -> tuple[float, float, bool]:
+        """The same, and whether it does not change in time: another slice meets it, too."""
+        if self._beside is not None and self._beside._ambient[2]:
+            return self._beside._ambient
         times = {*self.starts, *self.changes, self._end}  # circuits change at the same ones
         # From roll to roll the surroundings do not change in time.
         count = len(self.spans) - (self._secondary is not None)
-        ranges = [c.ambient_range(t) for c in self._coolings[:count] for t in times]
-        ranges += [c.ambient_range(self._end) for c in self._coolings[count:]]
-        return min(low for low, _ in ranges), max(high for _, high in ranges)
+        above = [[c.ambient_range(t) for t in times] for c in self._coolings[:count]]
+        below = [c.ambient_range(self._end) for c in self._coolings[count:]]
+        ranges = [*chain.from_iterable(above), *below]
+        steady = all(len(set(one)) == 1 for one in above)
+        return min(low for low, _ in ranges), max(high for _, high in ranges), steady
 
     def perimeter_share(self) -> Array:
         """Share of the cooled perimeter that belongs to each owned vertex (owned,), m."""
