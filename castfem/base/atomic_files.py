@@ -313,7 +313,7 @@ def taken(lock: FileLock) -> bool:
             if lock.timeout == 0:
                 raise
             time.sleep(0.05)
-        except NotImplementedError:  # filelock before version 4: the file system has no locks
+        except NotImplementedError:  # no failure: so filelock before 4 says there are no locks
             return False
         except OSError as error:  # from version 4 on the answer of flock() itself
             if error.errno in _NONE:

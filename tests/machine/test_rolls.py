@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rolls_of_file import HEADER, ROWS, SLAB, case, rolls_of, written
 
 from castfem.base.errors import InputError
 from castfem.cli.machine import machine_rows
@@ -24,37 +25,12 @@ from castfem.post.plots.secondary import close_by
 from castfem.post.report.tables import places_of
 from castfem.runs.results.crack_index import BENDS
 
-SLAB = Path(__file__).parents[2] / "cases" / "slab1200" / "thermal.toml"
-HEADER = "position [m], diameter [mm], aperture [mm], radius_extrados [m], driven, capacity [kN]"
-ROWS = (
-    "0.9, 150, 222, straight, no,",
-    "1.2, 150, 222, , no,",
-    "1.5, 200, 222, 8, yes, 120",
-    "1.8, 200, 221, 8, yes,",
-)
 SEGMENTS = (
     'machine={first="0.9 m", segment=[{rolls=5, pitch="200 mm", diameter="150 mm"}, '
     '{rolls=6, pitch="250 mm", diameter="200 mm", radius="8 m"}, '
     '{rolls=40, pitch="280 mm", diameter="200 mm", radius="8 m"}, '
     '{rolls=6, pitch="300 mm", diameter="220 mm"}]}'
 )
-
-
-def case(tmp_path: Path, rows: tuple[str, ...] = ROWS, header: str = HEADER) -> Case:
-    return load_case(written(tmp_path, rows, header))
-
-
-def written(tmp_path: Path, rows: tuple[str, ...] = ROWS, header: str = HEADER) -> Path:
-    (tmp_path / "mine.csv").write_text("\n".join(["# ours", header, *rows]) + "\n")
-    (tmp_path / "mine.toml").write_text(f'extends = "{SLAB}"\n[machine]\nrolls = "mine.csv"\n')
-    return tmp_path / "mine.toml"
-
-
-def rolls_of(what: Case) -> Rolls:
-    assert what.machine is not None
-    found = what.machine.pairs()
-    assert found is not None
-    return found
 
 
 def test_rolls_are_read_with_their_units(tmp_path: Path) -> None:
@@ -82,98 +58,10 @@ def test_a_case_with_rolls_reads_back(tmp_path: Path) -> None:
     assert other.physics_hash() != sound.physics_hash()
 
 
-EDGED = (*(f"{row}, " for row in ROWS), "1.0, 100, , , , , narrow", "1.3, 100, 1190, , , , narrow")
-
-
-def test_rows_with_a_side_are_rolls_at_the_narrow_faces(tmp_path: Path) -> None:
-    """They have no part in the line of the strand, are numbered apart, and are read again."""
-    plain, sound = case(tmp_path), case(tmp_path, EDGED, f"{HEADER}, side")
-    rolls = rolls_of(sound)
-    assert rolls.pairs == rolls_of(plain).pairs and rolls_of(plain).edges is None
-    assert rolls.edges is not None
-    assert [(p.position, p.diameter) for p in rolls.edges.pairs] == [(1.0, 0.1), (1.3, 0.1)]
-    assert [rolls.edges.aperture(i, 1.2) for i in (0, 1)] == [1.2, 1.19]
-    assert rolls.place(3).endswith("line 6, roll 4")
-    assert rolls.edges.place(1).endswith("line 8, edge roll 2")
-    (tmp_path / "again.toml").write_text(sound.resolved_toml())
-    again = load_case(tmp_path / "again.toml")
-    assert again == sound and again.physics_hash() == sound.physics_hash() != plain.physics_hash()
-    lost = sound.with_({"machine.defect": [{"kind": "lost", "roll": 2}]})
-    assert rolls_of(lost).edges == rolls.edges
-
-
-@pytest.mark.parametrize(
-    ("row", "said"),
-    [
-        ("1.0, 100, , , , , left", r"line 7, row 5: side \(left\): wide, as without it, or narrow"),
-        ("1.0, 100, , 8, , , narrow", r"row 5: radius_extrados \(8\): of a roll at the"),
-        ("1.0, 100, , , yes, , narrow", r"row 5: driven \(yes\): of a roll at the narrow face"),
-        ("0.7, 100, , , , , narrow", r"line 7, edge roll 1: position \(0\.7 m\) lies within"),
-        ("1.0, , , , , , narrow", r"line 7, edge roll 1: diameter \(\): is empty"),
-        ("1.0, 100, 1.196, , , , narrow", r"edge roll 1: aperture \(1\.196 mm\): the section.*"
-         "measures 1200 mm; is its unit right"),
-        ("1.0, 0.1, , , , , narrow", r"rolls: \(0\.1 mm\) is beyond what rolls have"),
-    ],
-)  # fmt: skip
-def test_edge_rolls_that_cannot_be(tmp_path: Path, row: str, said: str) -> None:
-    with pytest.raises(InputError, match=said) as caught:
-        case(tmp_path, (*EDGED[:4], row), f"{HEADER}, side")
-    assert len(caught.value.problems) == 1
-
-
-@pytest.mark.parametrize(("name", "unit"), [("side", "mm"), ("driven", "kN")])
-def test_a_column_of_words_has_no_unit(tmp_path: Path, name: str, unit: str) -> None:
-    heading = f"{HEADER}, side".replace(name, f"{name} [{unit}]")
-    said = f"line 2: column '{name}' has words, and no unit; leave out {unit}"
-    with pytest.raises(InputError, match=said):
-        case(tmp_path, EDGED, heading)
-
-
-@pytest.mark.parametrize("name", ["copper200/round", "beam_blank"])
-def test_a_section_without_narrow_faces_has_no_rolls_there(tmp_path: Path, name: str) -> None:
-    (tmp_path / "rolls.csv").write_text(
-        "position [m], diameter [mm], side\n0.9, 100, wide\n1.2, 100, wide\n1.0, 100, narrow\n"
-    )
-    path = SLAB.parents[2] / "benchmarks" / f"{name}.toml"
-    path = path if path.is_file() else SLAB.parents[1] / f"{name}.toml"
-    given = f"machine.rolls={tmp_path}/rolls.csv"
-    with pytest.raises(InputError, match=r"line 4, edge roll 1: a (round|beam_blank) has no nar"):
-        load_case(path, [given])
-
-
 def test_an_aperture_in_other_units_is_refused(tmp_path: Path) -> None:
     """Of wide faces, too: 222 m rather than mm."""
     with pytest.raises(InputError, match=r"roll 1: aperture \(222000 mm\): the section between"):
         case(tmp_path, ROWS, HEADER.replace("aperture [mm]", "aperture [m]"))
-
-
-def test_edge_rolls_alone_are_no_machine(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no rolls of the wide faces"):
-        case(tmp_path, EDGED[4:], f"{HEADER}, side")
-
-
-def test_edge_rolls_that_bear_nothing_are_told() -> None:
-    """Faces that follow the apertures have no rolls that bear them."""
-    given = [f"machine.rolls={SLAB.parent / 'edge_rolls.csv'}"]
-    told = "machine.rolls: the rolls at the narrow faces bear nothing"
-    assert any(told in t for t in read_case(SLAB.parent / "coarse.toml", given).warnings)
-    assert not any(told in t for t in read_case(SLAB.parent / "slab.toml", given).warnings)
-
-
-@pytest.mark.parametrize(("aperture", "far"), [("1185", False), ("1400", True), ("5000", True)])
-def test_edge_rolls_that_do_not_fit_the_width_are_told(
-    tmp_path: Path, aperture: str, far: bool
-) -> None:
-    """The slab is 1200 mm wide."""
-    (tmp_path / "edged.csv").write_text(
-        (SLAB.parent / "edge_rolls.csv").read_text().replace(
-            "952.500, 100, ,", f"952.500, 100, {aperture},"
-        )
-    )  # fmt: skip
-    rolls = f"machine.rolls={tmp_path}/edged.csv"
-    warnings = read_case(SLAB.parent / "slab.toml", [rolls]).warnings
-    told = f"edge roll 1: aperture ({aperture} mm) of a section 1200 mm wide"
-    assert any(told in t for t in warnings) == far
 
 
 def test_segments_expand() -> None:
@@ -445,8 +333,8 @@ def test_positions_are_named_by_the_roll_and_kept_with_the_maps() -> None:
 
 def test_places_and_machine_name_it(tmp_path: Path) -> None:
     named = {}
-    for name, case in (("order", slab()), ("off", slab(30))):
-        (tmp_path / CASE_NAME).write_text(case.resolved_toml())
+    for name, one in (("order", slab()), ("off", slab(30))):
+        (tmp_path / CASE_NAME).write_text(one.resolved_toml())
         named[name] = {p.name: p.position for p in places_of(tmp_path, None, 18.4)}
     roll = rolls_in(slab(30)).pairs[29].position
     assert named["off"] == named["order"] | {"roll 30 off": roll}

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +11,12 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from small_case import small, strip, write_small
+from small_case import small, strip
+from stretched_strip import AROUND, AXIAL, stretched
 
 import castfem
 from castfem.base.errors import InputError, RunFailure
 from castfem.base.types import Array
-from castfem.cli.checking import check_case
 from castfem.model import Case
 from castfem.model.build.simulation import build
 from castfem.physics.closed_forms.solidification import ThreeZones
@@ -37,44 +35,6 @@ from castfem.runs.results.thermal_quantities import temperature_at
 CRITERIA = ["won", "clyne_davies", "rdg"]
 FEEDING = {"shrinkage": "4 percent", "arm_spacing": "100 um"}
 EXACT = ThreeZones(30.0, 7200.0, 700.0, 272e3, 1273.15, 1723.15, 1773.15, 1813.15)
-AXIAL, AROUND = 1e-4, 2e-4  # rates of strain that the strip is given, 1/s
-
-
-def over_time(rate: float) -> dict[str, object]:
-    """A strain that grows evenly, as the planes take it."""
-    return {"time": [0, 60], "time_unit": "s", "value": [0, 60 * rate], "unit": "1"}
-
-
-def stretched(size: float = 0.5, window: float = 0.2, **changes: Any) -> Case:
-    """The alloy of the similarity solution, stretched evenly along the strand and across it."""
-    given: dict[str, object] = {
-        "steel": {
-            "name": "alloy_similarity",
-            "overrides": {
-                "youngs_modulus": "10 GPa", "poisson_ratio": 0.3,
-                "thermal_expansion": {"value": "0 1/K"},
-            },
-        },
-        "casting.temperature": "1540 degC", "casting.length": "0.5 m",
-        "section": {"shape": "strip", "length": "50 mm", "width": f"{size} mm"},
-        "mesh": {"surface_size": f"{size} mm", "core_size": f"{size} mm"},
-        "cooling.0.surface": [{"law": "temperature", "on": ["surface"], "value": "1000 degC"}],
-        "thermal.time.step": "0.1 s",
-        "mechanics": {
-            "law": "weiner_boley", "ferrostatic": "off", "mush": "none",
-            "planes": {
-                "a0": over_time(AXIAL), "a1": "0 1/m", "a2": "0 1/m", "across": over_time(AROUND),
-            },
-            "held": [
-                {"on": ["side_low", "side_high"], "component": "y"},
-                {"on": ["surface"], "component": "x"},
-            ],
-        },
-        "coupling": {"interval": f"{window} s"},
-        "quality": {"hot_tearing": ["won", "clyne_davies"]},
-        "output": {"figures": False, "fields": []},
-    }  # fmt: skip
-    return strip(given | changes)
 
 
 def followed(case: Case) -> tuple[Array, Tearing]:
@@ -351,62 +311,6 @@ def test_derivatives_are_those_of_difference_quotients(tmp_path: Path) -> None:
         castfem.sensitivities(chilled(1500.0), ["casting.speed"], "way_won_max")
 
 
-DUCTILITY = {
-    "temperature": [1100, 1100, 1500, 1500], "temperature_unit": "degC",
-    "strain_rate": [1e-4, 1e-2, 1e-4, 1e-2], "strain_rate_unit": "1/s",
-    "critical_strain": [0.2, 0.2, 0.2, 0.2],
-}  # fmt: skip
-
-
-def test_ductility_is_used_up_by_tension_in_its_temperatures(tmp_path: Path) -> None:
-    """At 1000 degC nothing counts; where the table begins at 900, 0.003 of 0.2 are 1.5 %."""
-    wide = DUCTILITY | {"temperature": [900, 900, 1540.1, 1540.1]}
-    used = []
-    for number, table in enumerate((DUCTILITY, wide)):
-        case = stretched(1.0, 0.4, quality={"ductility": table})
-        folder = tmp_path / f"{number}"
-        used.append(loop.run(case, folder, comm=MPI.COMM_SELF).quantities)
-        assert not (folder / DEPTHS_NAME).exists()
-    strain = AXIAL * 30.0
-    assert used[1]["way_ductility_used_max"].value == pytest.approx(strain / 0.2, rel=1e-6)
-    assert used[0]["way_ductility_used_max"].value < 0.1 * strain / 0.2
-    area = {k: v for k, v in DUCTILITY.items() if k != "critical_strain"}
-    area["reduction_of_area"] = ["50 percent"] * 4
-    given = stretched(quality={"ductility": area}).quality
-    assert given is not None
-    assert np.ravel(given.ductility.strains) == pytest.approx([np.log(2.0)] * 4, rel=1e-12)
-    again = stretched(quality=stretched(quality={"ductility": area}).document()["quality"])
-    assert again.quality == given
-
-
-def test_time_alone_needs_no_mechanics(tmp_path: Path) -> None:
-    case = small({"quality": {"hot_tearing": ["clyne_davies"]}, "casting.length": "120 mm"})
-    found = loop.run(case, tmp_path, comm=MPI.COMM_SELF).quantities
-    assert 0.05 < found["way_clyne_davies_front_max"].value < 2.0
-    assert "way_won_front_max" not in found and "way_rdg_front_max" not in found
-
-
-def test_a_case_that_does_not_ask_imports_nothing_of_it(tmp_path: Path) -> None:
-    code = (
-        "import sys; from castfem.model import load_case; "
-        "from castfem.model.build.simulation import build; from castfem.runs.loop import TimeLoop; "
-        "from mpi4py import MPI; "
-        f"TimeLoop(build(load_case({str(write_small(tmp_path))!r}), MPI.COMM_SELF)).run(); "
-        "new = '.hot_tearing', '.ductility', '.microsegregation'; "
-        "print([m for m in sys.modules if m.endswith(new)])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "[]"
-
-
-def test_a_case_that_does_not_ask_has_nothing_of_it(tmp_path: Path) -> None:
-    quantities = loop.run(small({"quality": {}}), tmp_path, comm=MPI.COMM_SELF).quantities
-    assert not {DEPTHS_NAME, DEPTH_ROWS_NAME} & {path.name for path in tmp_path.iterdir()}
-    assert "hot_tearing" not in (tmp_path / "case.toml").read_text()
-    words = ("won", "rdg", "clyne", "ductility")
-    assert not [name for name in quantities if any(word in name for word in words)]
-
-
 def test_the_criteria_move_nothing_of_the_run(tmp_path: Path, whole: Path) -> None:
     """Columns of a case that asks for them are those of one that does not, to the last digit."""
     loop.run(billet(quality={}), tmp_path, comm=MPI.COMM_SELF)
@@ -415,57 +319,3 @@ def test_the_criteria_move_nothing_of_the_run(tmp_path: Path, whole: Path) -> No
     assert own and all(name.startswith(("won", "rdg", "clyne_davies")) for name in own)
     for name in plain.columns:
         np.testing.assert_array_equal(asked[name], plain[name], err_msg=name)
-
-
-@pytest.mark.parametrize(
-    ("quality", "key", "told"),
-    [
-        ({"hot_tearing": ["won"]}, "quality.hot_tearing", "needs strain"),
-        ({"hot_tearing": ["wom"]}, "quality.hot_tearing", "won"),
-        ({"hot_tearing": ["clyne_davies"], "brittle": [0.9, 1.0]}, "quality.brittle", "0.99"),
-        ({"rdg": {}}, "quality.rdg", 'hot_tearing = ["rdg"]'),
-        ({"won": {}}, "quality.won", 'hot_tearing = ["won"]'),
-        ({"ductility": DUCTILITY}, "quality.ductility", "[mechanics]"),
-        (
-            {"ductility": DUCTILITY | {"strain_rate": [1e-4, 1e-4, 1e-4, 1e-2]}},
-            "quality.ductility", "row 2: this temperature and rate appear twice",
-        ),
-        (
-            {"ductility": DUCTILITY | {"reduction_of_area": [0.4] * 4}},
-            "quality.ductility", "give one of",
-        ),
-    ],
-)  # fmt: skip
-def test_what_is_wrong_is_told_by_its_key(quality: dict[str, object], key: str, told: str) -> None:
-    with pytest.raises(InputError) as error:
-        small({"quality": quality})
-    assert key in str(error.value) and told in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("changes", "key"),
-    [
-        ({"steel.name": "neumann_steel"}, "quality.hot_tearing"),
-        ({"steel": {"name": "plain_carbon", "composition": {"C": 0.15}}}, "quality.hot_tearing"),
-        ({"quality": {"hot_tearing": ["rdg"]}, "mechanics": {}}, "quality.rdg.shrinkage"),
-        (
-            {"quality": {"hot_tearing": ["rdg"], "rdg": {"shrinkage": "4 percent"}},
-             "mechanics": {}, "steel.composition": {}}, "",
-        ),
-    ],
-)  # fmt: skip
-def test_a_steel_that_lacks_something_is_refused(
-    tmp_path: Path, changes: dict[str, object], key: str
-) -> None:
-    case = small({"quality": {"hot_tearing": ["clyne_davies"]}} | changes)
-    if not key:  # carbon_042 states its carbon
-        build(case, MPI.COMM_SELF).destroy()
-        return
-    with pytest.raises(InputError, match=key) as error:
-        TimeLoop(build(case, MPI.COMM_SELF))
-    widened = 'steel.diagram = "segregated"' in str(error.value)
-    assert widened == (case.steel.composition.get("C") == 0.15)
-    path = tmp_path / "lacking.toml"
-    path.write_text(case.resolved_toml())
-    with pytest.raises(InputError, match=f"lacking.toml: {key}: "):  # before anything is run
-        check_case("lacking", path, ())

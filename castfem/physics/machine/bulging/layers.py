@@ -170,7 +170,7 @@ def _lead(  # type: ignore[no-untyped-def]
 class Condition:
     """Stress and state of all layers at one place."""
 
-    stress: Array  #: mandel, Pa, (n, 4)
+    stress: Array  #: in Mandel's notation, Pa, (n, 4)
     state: Array  #: of the law, (n, states)
 
 

@@ -1,0 +1,130 @@
+"""What a case asks of hot tearing and ductility: its tables, and what is refused."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from small_case import small, write_small
+from stretched_strip import AXIAL, stretched
+
+from castfem.base.errors import InputError
+from castfem.cli.checking import check_case
+from castfem.model.build.simulation import build
+from castfem.runs import loop
+from castfem.runs.loop import TimeLoop
+from castfem.runs.output.folder import DEPTH_ROWS_NAME, DEPTHS_NAME
+
+DUCTILITY = {
+    "temperature": [1100, 1100, 1500, 1500], "temperature_unit": "degC",
+    "strain_rate": [1e-4, 1e-2, 1e-4, 1e-2], "strain_rate_unit": "1/s",
+    "critical_strain": [0.2, 0.2, 0.2, 0.2],
+}  # fmt: skip
+
+
+def test_ductility_is_used_up_by_tension_in_its_temperatures(tmp_path: Path) -> None:
+    """At 1000 degC nothing counts; where the table begins at 900, 0.003 of 0.2 are 1.5 %."""
+    wide = DUCTILITY | {"temperature": [900, 900, 1540.1, 1540.1]}
+    used = []
+    for number, table in enumerate((DUCTILITY, wide)):
+        case = stretched(1.0, 0.4, quality={"ductility": table})
+        folder = tmp_path / f"{number}"
+        used.append(loop.run(case, folder, comm=MPI.COMM_SELF).quantities)
+        assert not (folder / DEPTHS_NAME).exists()
+    strain = AXIAL * 30.0
+    assert used[1]["way_ductility_used_max"].value == pytest.approx(strain / 0.2, rel=1e-6)
+    assert used[0]["way_ductility_used_max"].value < 0.1 * strain / 0.2
+    area = {k: v for k, v in DUCTILITY.items() if k != "critical_strain"}
+    area["reduction_of_area"] = ["50 percent"] * 4
+    given = stretched(quality={"ductility": area}).quality
+    assert given is not None
+    assert np.ravel(given.ductility.strains) == pytest.approx([np.log(2.0)] * 4, rel=1e-12)
+    again = stretched(quality=stretched(quality={"ductility": area}).document()["quality"])
+    assert again.quality == given
+
+
+def test_time_alone_needs_no_mechanics(tmp_path: Path) -> None:
+    case = small({"quality": {"hot_tearing": ["clyne_davies"]}, "casting.length": "120 mm"})
+    found = loop.run(case, tmp_path, comm=MPI.COMM_SELF).quantities
+    assert 0.05 < found["way_clyne_davies_front_max"].value < 2.0
+    assert "way_won_front_max" not in found and "way_rdg_front_max" not in found
+
+
+def test_a_case_that_does_not_ask_imports_nothing_of_it(tmp_path: Path) -> None:
+    code = (
+        "import sys; from castfem.model import load_case; "
+        "from castfem.model.build.simulation import build; from castfem.runs.loop import TimeLoop; "
+        "from mpi4py import MPI; "
+        f"TimeLoop(build(load_case({str(write_small(tmp_path))!r}), MPI.COMM_SELF)).run(); "
+        "new = '.hot_tearing', '.ductility', '.microsegregation'; "
+        "print([m for m in sys.modules if m.endswith(new)])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_a_case_that_does_not_ask_has_nothing_of_it(tmp_path: Path) -> None:
+    quantities = loop.run(small({"quality": {}}), tmp_path, comm=MPI.COMM_SELF).quantities
+    assert not {DEPTHS_NAME, DEPTH_ROWS_NAME} & {path.name for path in tmp_path.iterdir()}
+    assert "hot_tearing" not in (tmp_path / "case.toml").read_text()
+    words = ("won", "rdg", "clyne", "ductility")
+    assert not [name for name in quantities if any(word in name for word in words)]
+
+
+@pytest.mark.parametrize(
+    ("quality", "key", "told"),
+    [
+        ({"hot_tearing": ["won"]}, "quality.hot_tearing", "needs strain"),
+        ({"hot_tearing": ["wom"]}, "quality.hot_tearing", "won"),
+        ({"hot_tearing": ["clyne_davies"], "brittle": [0.9, 1.0]}, "quality.brittle", "0.99"),
+        ({"rdg": {}}, "quality.rdg", 'hot_tearing = ["rdg"]'),
+        ({"won": {}}, "quality.won", 'hot_tearing = ["won"]'),
+        ({"ductility": DUCTILITY}, "quality.ductility", "[mechanics]"),
+        (
+            {"ductility": DUCTILITY | {"strain_rate": [1e-4, 1e-4, 1e-4, 1e-2]}},
+            "quality.ductility", "row 2: this temperature and rate appear twice",
+        ),
+        (
+            {"ductility": DUCTILITY | {"reduction_of_area": [0.4] * 4}},
+            "quality.ductility", "give one of",
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_told_by_its_key(quality: dict[str, object], key: str, told: str) -> None:
+    with pytest.raises(InputError) as error:
+        small({"quality": quality})
+    assert key in str(error.value) and told in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"steel.name": "neumann_steel"}, "quality.hot_tearing"),
+        ({"steel": {"name": "plain_carbon", "composition": {"C": 0.15}}}, "quality.hot_tearing"),
+        ({"quality": {"hot_tearing": ["rdg"]}, "mechanics": {}}, "quality.rdg.shrinkage"),
+        (
+            {"quality": {"hot_tearing": ["rdg"], "rdg": {"shrinkage": "4 percent"}},
+             "mechanics": {}, "steel.composition": {}}, "",
+        ),
+    ],
+)  # fmt: skip
+def test_a_steel_that_lacks_something_is_refused(
+    tmp_path: Path, changes: dict[str, object], key: str
+) -> None:
+    case = small({"quality": {"hot_tearing": ["clyne_davies"]}} | changes)
+    if not key:  # carbon_042 states its carbon
+        build(case, MPI.COMM_SELF).destroy()
+        return
+    with pytest.raises(InputError, match=key) as error:
+        TimeLoop(build(case, MPI.COMM_SELF))
+    widened = 'steel.diagram = "segregated"' in str(error.value)
+    assert widened == (case.steel.composition.get("C") == 0.15)
+    path = tmp_path / "lacking.toml"
+    path.write_text(case.resolved_toml())
+    with pytest.raises(InputError, match=f"lacking.toml: {key}: "):  # before anything is run
+        check_case("lacking", path, ())
