@@ -46,7 +46,11 @@ class SurfaceLaw(ABC):
 
     @abstractmethod
     def ambient_range(self, time: float) -> tuple[float, float]:
-        """Lowest and highest temperature the law pulls the surface to, K."""
+        """Lowest and highest temperature the law pulls the surface to, K.
+
+        With the old temperatures it bounds the new ones of a step. A flux without an ambient has 0
+        and infinity.
+        """
 
 
 @dataclass(frozen=True)

@@ -61,7 +61,8 @@ def band_time(step: SliceStep) -> Array:
 def brittle_strain(step: SliceStep) -> Array:
     """Mechanical axial tension strain that a place takes on its way through the brittle range.
 
-    That is what bending, straightening and misalignment do to the front of solidification.
+    What it is compressed there is taken off. That is what bending, straightening and misalignment
+    do to the front of solidification.
     """
     taken = step.mechanical_strain * step.share_within(*step.brittle)
     return np.maximum(step.value + taken, 0.0)
