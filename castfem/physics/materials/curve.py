@@ -124,18 +124,14 @@ class ThermalCurve:
     def _tabulate(self) -> None:
         """What `at` looks up: the pieces, and on an even grid which of them begins where.
 
-        And, where T(H) and theta(H) are straight in all pieces, both at H = 0 and their slopes; and
-        T, theta, k and its slope where the pieces begin that are not isothermal.
+        And the slopes of T(H) and theta(H) for curves that are straight in all pieces; and T,
+        theta, k and its slope where the pieces begin that are not isothermal.
         """
         c = self._c
         self._pieces = (
             self._t, self._h, self._theta, self._k, c, c * c, 2.0 * self._dc, self._dk,
         )  # fmt: skip
-        slope = 1.0 / c
-        self._straight = (
-            self._t - slope * self._h, self._theta - self._k * slope * self._h, slope,
-            self._k * slope,
-        )  # fmt: skip
+        self._straight = self._t, self._h, self._theta, 1.0 / c, self._k / c
         kept = np.isfinite(c)
         self._ordinary = self._t[kept], self._theta[kept], self._k[kept], self._dk[kept]
         self._starts = np.concatenate([[-np.inf], self._h[1:]])
@@ -169,10 +165,9 @@ class ThermalCurve:
         """Temperature, conduction and their slopes at `enthalpy` (J/m3, any shape)."""
         i = self._piece(enthalpy)
         if not self._quadratic:
-            t, theta, slope, diffusivity = [values[i] for values in self._straight]
-            t += slope * enthalpy
-            theta += diffusivity * enthalpy
-            return CurvePoint(t, slope, theta, diffusivity)
+            t, h, theta, slope, diffusivity = [values[i] for values in self._straight]
+            dh = enthalpy - h
+            return CurvePoint(t + slope * dh, slope, theta + diffusivity * dh, diffusivity)
         t, h, theta, k, c, c_squared, twice_dc, dk = [values[i] for values in self._pieces]
         dh = enthalpy - h
         here = np.sqrt(c_squared + twice_dc * dh)  # heat capacity, c + dc s
@@ -189,8 +184,8 @@ class ThermalCurve:
         """
         if self._quadratic:
             return None
-        t, theta, *slopes = self._straight
-        return self._starts, np.array([t, theta]), np.array(slopes)
+        slopes = np.array([1.0 / self._c, self._k / self._c])
+        return self._starts, np.array([self._t, self._theta]) - slopes * self._h, slopes
 
     def enthalpy(self, temperature: Array | float, side: Side = "right") -> Array:
         """H at `temperature` (K), J/m3; at an isothermal knot "right" picks the molten end."""

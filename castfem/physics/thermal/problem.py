@@ -12,7 +12,6 @@ alone from one iteration to the next,
     [ diag(M / (dtheta/dH) + tau w dq/dT / k) + tau L ] y = residual;
 
 where freezing is isothermal dtheta/dH = 0: there y = 0, and the balance of the vertex gives dH.
-
 On rectangles and Delaunay triangles, and where the flux
 grows with the temperature, the Jacobian is an M-matrix with dominant columns for every step and
 every freezing range, so the stage has one solution; where the flux falls (boiling) a long stage may
@@ -296,10 +295,10 @@ class ThermalProblem:
     def jacobian(self, x: PETSc.Vec, out: PETSc.Mat) -> None:
         """D residual / dy, y = dtheta/dH dH: the Laplacian and a diagonal, symmetric."""
         point, scale = self._state.point, self._theta
-        held = point.conduction_slope <= 0.0
+        slope = point.conduction_slope
+        held = slope <= 0.0
         held[self._fixed] = True
         self._held = np.flatnonzero(held)
-        slope = point.conduction_slope
         self._safe = np.where(held, 1.0, slope) if len(self._held) else slope
         self._any_held = reductions.any_of(self.section.comm, bool(len(self._held)))
         with self.watch.section("petsc"):
@@ -313,15 +312,12 @@ class ThermalProblem:
 
     def _correct(self, x: PETSc.Vec, correction: PETSc.Vec) -> bool:
         """Turn Newton's correction y = dtheta/dH dH into dH, in place (collective)."""
-        found = correction.getArray()
-        if not self._any_held:
-            found /= self._safe
-            return True
-        found[self._held] = 0.0
-        conducted = self.conducted(found)
-        left = self._balance[self._held] - self._tau * conducted[self._held]
+        found, held, left = correction.getArray(), self._held, np.zeros(0)
+        if self._any_held:
+            found[held] = 0.0
+            left = self._balance[held] - self._tau * self.conducted(found)[held]
         found /= self._safe
-        found[self._held] = left / self.volume[self._held]
+        found[held] = left / self.volume[held]
         found[self._fixed] = 0.0
         return True
 
