@@ -24,8 +24,10 @@ from castfem.base.stopwatch import LIBRARIES, TIME_LOOP
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FACTORS = (2.8, 2.0, 1.4, 1.0, 0.7, 0.5)
-"""On all sizes of the shipped mesh: the range of use, from a draft to a reference."""
+FACTORS = (2.8, 2.0, 1.4, 1.0, 0.7, 0.5, 0.25, 0.13)
+"""On all sizes of the shipped mesh: from a draft to a reference, and far beyond."""
+USED = 0.5
+"""The least that is used; below, time is measured with the shipped step alone."""
 
 SECTIONS = {
     "petsc": "PETSc: solver, factorisations, products",
@@ -61,7 +63,7 @@ def scaling(factors: tuple[float, ...], repeats: int) -> list[dict[str, Any]]:
             (SHIPPED, mesh),
             ("0.1 s", replace(mesh, tolerance=None, step=0.1)),
             ("5 K", replace(mesh, step=None, tolerance=5.0)),
-        ):
+        )[: None if factor >= USED else 1]:
             found = run(settings, repeats=repeats, patience=4.0)
             rows.append(
                 {

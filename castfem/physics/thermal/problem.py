@@ -312,7 +312,8 @@ class ThermalProblem:
 
     def _correct(self, x: PETSc.Vec, correction: PETSc.Vec) -> bool:
         """Turn Newton's correction y = dtheta/dH dH into dH, in place (collective)."""
-        found, held, left = correction.getArray(), self._held, np.zeros(0)
+        found, held = correction.getArray(), self._held
+        left: Array = np.zeros(0)
         if self._any_held:
             found[held] = 0.0
             left = self._balance[held] - self._tau * self.conducted(found)[held]
