@@ -219,7 +219,12 @@ def show(output: Output) -> None:
         f"cells^{exponent(rows, n):.2f} ({word})"
         for n, word in ((SHIPPED, SHIPPED), ("0.1 s", "step 0.1 s"), ("5 K", "adaptive, 5 K"))
     )
-    output.insert("scaling", f"{table(rows, headings, formats)}\n\nRun time grows as {powers}.")
+    large = [r for r in rows if r["stepping"] == SHIPPED and r["factor"] <= USED]
+    words = f"Run time grows as {powers}."
+    if len(large) > 1:
+        from_on = f"{large[0]['cells']} cells on as cells^{power(large, 'seconds'):.2f}"
+        words = f"{words[:-1]}; as shipped, from {from_on}."
+    output.insert("scaling", f"{table(rows, headings, formats)}\n\n{words}")
     head = {
         "vertices": "vertices", "memory_mb": ("memory [MB]", ".0f"),
         "imports_mb": ("of it before the simulation is built [MB]", ".0f"),
