@@ -18,6 +18,7 @@ STUDIES = {
     "accuracy": ("accuracy", "benchmarks.md"),
     "caster": ("caster", "benchmarks.md"),
     "costs": ("costs", "benchmarks.md"),
+    "opponent": ("opponent", "benchmarks.md"),
     "weiner_boley": ("weiner_boley", "benchmarks_mechanics.md"),
     "billet": ("billet_study", "billet.md"),
     "billet_error": ("billet_error", "billet.md"),

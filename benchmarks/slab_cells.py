@@ -25,7 +25,7 @@ from castfem.model import load_case
 from castfem.model.build.simulation import build, build_mesh
 from castfem.runs import loop
 
-SIZES = (7.5, 5.0, 3.5, 2.5, 1.8)  # mm, at the wide faces
+SIZES = (7.5, 5.0, 3.5, 2.5, 1.8, 1.05)  # mm, at the wide faces
 TO = "casting.length=1.4 m"
 
 

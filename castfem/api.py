@@ -12,7 +12,6 @@ DOLFINx is imported by the first `run`, pandas and h5py when they are needed.
 
 from __future__ import annotations
 
-import gc
 import shutil
 import tempfile
 from collections.abc import Sequence
@@ -20,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.base.errors import InputError
-from castfem.base.process import one_at_a_time
+from castfem.base.process import collected, one_at_a_time
 from castfem.model.shipped_cases import as_case, load
 from castfem.runs.result import RunResult, Snapshot, nearest_index
 
@@ -79,20 +78,19 @@ def run(
     # Only rank 0 looks at files; the name of a temporary folder is no concern of the others.
     target = Path(made or folder or ".")
     bar = Progress(0 if progress else -1) if comm.rank == 0 else None
-    try:
-        if folder is not None:
-            on_root(comm, lambda: _may_run_in(target, sound, resume, overwrite))
-        summary = loop.run(sound, target, comm=comm, resume=resume, progress=bar)
-    except BaseException:
-        if made is not None:
-            shutil.rmtree(made, ignore_errors=True)
-        raise
-    finally:
-        if bar is not None:
-            bar.stop()
-        log.end_file()
-        # Meshes and communicators stand in cycles: large, and to be freed by all ranks at once.
-        gc.collect()
+    with collected():
+        try:
+            if folder is not None:
+                on_root(comm, lambda: _may_run_in(target, sound, resume, overwrite))
+            summary = loop.run(sound, target, comm=comm, resume=resume, progress=bar)
+        except BaseException:
+            if made is not None:
+                shutil.rmtree(made, ignore_errors=True)
+            raise
+        finally:
+            if bar is not None:
+                bar.stop()
+            log.end_file()
     return Result(target, summary, temporary=made is not None)
 
 
@@ -139,15 +137,15 @@ def caster(
     target = Path(comm.bcast(made) or folder or ".")
     bar = Progress(0 if progress else -1, unit="s of slices") if comm.rank == 0 else None
     found = CasterResult(target, temporary=made is not None)
-    try:
-        if folder is not None:
-            on_root(comm, lambda: _may_run_in(target, sound, resume, overwrite))
-        run_caster(sound, target, comm=comm, resume=resume, progress=bar)
-    finally:
-        if bar is not None:
-            bar.stop()
-        log.end_file()
-        gc.collect()
+    with collected():
+        try:
+            if folder is not None:
+                on_root(comm, lambda: _may_run_in(target, sound, resume, overwrite))
+            run_caster(sound, target, comm=comm, resume=resume, progress=bar)
+        finally:
+            if bar is not None:
+                bar.stop()
+            log.end_file()
     return found
 
 
@@ -191,14 +189,14 @@ def sensitivities(
     bar = Progress(0 if progress else -1) if comm.rank == 0 else None
     names, keys = ([one] if isinstance(one, str) else list(one) for one in (of, to))
     target = None if folder is None else Path(folder)
-    try:
-        return sensitivity(
-            sound, names, keys, folder=target, resume=resume, comm=comm, progress=bar
-        )
-    finally:
-        if bar is not None:
-            bar.stop()
-        gc.collect()
+    with collected():
+        try:
+            return sensitivity(
+                sound, names, keys, folder=target, resume=resume, comm=comm, progress=bar
+            )
+        finally:
+            if bar is not None:
+                bar.stop()
 
 
 def _may_run_in(folder: Path, case: Case, resume: bool, overwrite: bool) -> None:

@@ -5,6 +5,7 @@
 #   tools/env.sh ruff        the linter too, at the version pyproject.toml pins
 #   tools/env.sh optimise    Optuna too, for castfem optimise (pyproject.toml, extra "optimise")
 #   tools/env.sh calphad     pycalphad too, for steels by a database (pyproject.toml, extra "calphad")
+#   tools/env.sh benchmark   the benchmarks' opponent too (pyproject.toml, extra "benchmark")
 #   tools/env.sh browser     what drives a browser in tests (pyproject.toml, extra "browser")
 #   tools/env.sh paraview    VTK, whose readers are ParaView's (pyproject.toml, extra "paraview")
 #   tools/env.sh wheel       what builds wheels (pyproject.toml, extra "wheel")
@@ -283,7 +284,7 @@ case ${1:-ready} in
     ready
     "$1"
     ;;
-  browser | calphad | optimise | paraview | wheel)
+  benchmark | browser | calphad | optimise | paraview | wheel)
     ready
     extra "$1"
     ;;

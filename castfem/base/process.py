@@ -1,4 +1,4 @@
-"""A process of castfem: the signals that stop it, and one run at a time in it.
+"""A process of castfem: the signals that stop it, one run at a time in it, and what a run leaves.
 
 A signal of the user, of a batch system or of a terminal that closes ends a command as Ctrl-C does:
 in order, with a line, and with what is done on disk.
@@ -6,6 +6,7 @@ in order, with a line, and with what is done on disk.
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import threading
@@ -86,3 +87,22 @@ def one_at_a_time(*, wait: bool = False) -> Iterator[None]:
         yield
     finally:
         _running.release()
+
+
+@contextmanager
+def collected() -> Iterator[None]:
+    """Free what the block has made, though it stands in cycles, as meshes and communicators do.
+
+    Python's collector does not look through what there was before, all that is imported: that would
+    take as long as a short run.  Whoever has frozen it himself (`gc.freeze`) finds it frozen.
+    (Collective: what it frees may be.)
+    """
+    frozen = gc.get_freeze_count() > 0
+    if not frozen:
+        gc.freeze()
+    try:
+        yield
+    finally:
+        gc.collect()
+        if not frozen:
+            gc.unfreeze()

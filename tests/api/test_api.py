@@ -6,6 +6,7 @@ import gc
 import re
 import subprocess
 import sys
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ import castfem
 from castfem.base.errors import InputError
 from castfem.base.shown_units import ShownUnits, shown_in
 from castfem.model import load_case
+from castfem.runs import loop
 
 
 @pytest.fixture(scope="module")
@@ -128,6 +130,43 @@ def test_temporary_folder_goes(case):
     with castfem.run(case) as closed:
         folder = closed.folder
     assert not folder.exists()
+
+
+class Circle:
+    """Refers to itself: only the collector frees it."""
+
+    def __init__(self) -> None:
+        self.itself = self
+
+
+@pytest.mark.parametrize("frozen", [False, True])
+def test_the_end_of_a_run_looks_through_what_it_has_made(case, monkeypatch, frozen):
+    """All that was there before costs as much to look through as a short run."""
+    within = []
+
+    def run(*given, **named):
+        within.append(weakref.ref(Circle()))
+        return advance(*given, **named)
+
+    advance = loop.run
+    monkeypatch.setattr(loop, "run", run)
+    gc.unfreeze()
+    gc.collect()
+    gc.disable()
+    try:
+        if frozen:
+            gc.freeze()
+        before = weakref.ref(Circle())
+        castfem.run(case).close()
+        assert within[0]() is None
+        assert (before() is None) == frozen
+        assert (gc.get_freeze_count() > 0) == frozen
+        gc.unfreeze()
+        gc.collect()
+        assert before() is None
+    finally:
+        gc.enable()
+        gc.freeze()  # as tests/conftest.py has it
 
 
 def test_failure_leaves_nothing(case, monkeypatch, tmp_path):

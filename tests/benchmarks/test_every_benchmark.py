@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as command
-from benchmarks import accuracy, billet_run, caster, costs, reference
+from benchmarks import accuracy, billet_run, caster, costs, opponent, reference
 from benchmarks.__main__ import BENCHMARKS, PAGES
 from benchmarks.accuracy import GRADED, cheapest, default_settings, errors, sweep
 from benchmarks.billet import CASE, INSTANTS, Settings, billet_case, refined, run
@@ -54,6 +54,8 @@ SLOW = {
 }
 """Imported alone, and why; `python -m benchmarks NAME --quick` runs them."""
 
+SCRIPTED = ("opponent", "plain_script")  # by another library
+
 FOUND = SimpleNamespace(value=0.48, low=0.2, high=0.7, open_low=False, open_high=True)
 SMALL: dict[str, dict[str, Any]] = {
     "coupling": {"CASES_TO_RUN": (("taper_1", (), 0.5),)},
@@ -87,6 +89,8 @@ SMALL: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("file", sorted((ROOT / "benchmarks").glob("*.py")), ids=lambda p: p.stem)
 def test_module_is_imported(file: Path) -> None:
     """Every name that a module takes from another is there."""
+    if file.stem in SCRIPTED:
+        pytest.importorskip("skfem", reason="needs the extra benchmark: tools/env.sh benchmark")
     import_module("benchmarks" if file.stem == "__init__" else f"benchmarks.{file.stem}")
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         # Those within functions, which an import alone does not reach.
@@ -111,6 +115,8 @@ def test_benchmark_has_its_page_and_shows_its_data(name: str) -> None:
 @pytest.mark.parametrize("name", [n for n in BENCHMARKS if n not in SLOW])
 def test_shortest_form_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It fills its tables in a copy of its page and writes its data."""
+    if name in SCRIPTED:
+        pytest.importorskip("skfem", reason="needs the extra benchmark: tools/env.sh benchmark")
     module = import_module(BENCHMARKS[name])
     if hasattr(module, "QUIET"):
         monkeypatch.setattr(module, "QUIET", (*module.QUIET, SHORT))
@@ -121,6 +127,24 @@ def test_shortest_form_runs(name: str, tmp_path: Path, monkeypatch: pytest.Monke
     original = PAGE.with_name(output.name).read_text(encoding="utf-8")
     assert output.page.read_text(encoding="utf-8") != original
     assert list((tmp_path / "data").glob("*.csv"))
+
+
+def test_a_plain_script_finds_the_same() -> None:
+    """On one mesh with the same steps: it differs by its quadrature of the Laplacian alone."""
+    pytest.importorskip("skfem", reason="needs the extra benchmark: tools/env.sh benchmark")
+    billet, slab = opponent.BILLET, replace(opponent.STRAND, theirs=())
+    case = billet.case(1.2, 0.25)
+    times = np.arange(5.0, 10.1, 0.5)
+    one = opponent.ours(billet, case).at(times)
+    other = opponent.theirs(billet, case)("sdirk2", 0.25, None).at(times)
+    assert np.abs(one - other)[:2].max() < 1.0
+    assert other[2] == pytest.approx(one[2], rel=2e-4)
+    case = slab.case(5.0, 1.0)
+    times = np.arange(60.0, 120.0, 1.0)
+    one = opponent.ours(slab, case).at(times)
+    other = opponent.theirs(slab, case)("sdirk2", 0.5, 0.05).at(times)
+    assert np.abs(one - other)[:2].max() < 5.0
+    assert other[2] == pytest.approx(one[2], rel=1e-3)
 
 
 # The benchmarks of the billet run and fill their page.

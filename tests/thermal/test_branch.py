@@ -187,22 +187,26 @@ def test_a_stage_of_steel_that_fills_less_is_shorter() -> None:
     assert branch.longest_stage(hot, cold, 0.0, np.inf) == pytest.approx(0.5 * whole, rel=1e-12)
 
 
-def random_curve(seed: int) -> ThermalCurve:
+def random_curve(seed: int, straight: bool = False) -> ThermalCurve:
     rng = np.random.default_rng(seed)
     n, m = rng.integers(3, 9), rng.integers(2, 6)
     t = np.sort(rng.uniform(300, 2000, n))
     tk = np.sort(rng.uniform(250, 2100, m))
     tk[0], tk[-1] = 250.0, 2100.0
     jump = np.where(rng.random(n) < 0.3, rng.uniform(0, 2e9, n), 0.0)
-    capacity = (t, *rng.uniform(1e6, 6e6, (2, n - 1)), rng.uniform(0, 5e7, n - 1), jump)
-    conductivity = (tk, *rng.uniform(10, 50, (2, m - 1)))
-    return ThermalCurve(capacity, conductivity, rng.choice([None, 1500.0]))
+    left, right = rng.uniform(1e6, 6e6, (2, n - 1))
+    one, other = rng.uniform(10, 50, (2, m - 1))
+    if straight:
+        right, other = left, one
+    capacity = (t, left, right, rng.uniform(0, 5e7, n - 1), jump)
+    return ThermalCurve(capacity, (tk, one, other), rng.choice([None, 1500.0]))
 
 
-@settings(max_examples=30, deadline=None)
-@given(st.integers(0, 10**6))
-def test_inverse_and_slopes(seed: int) -> None:
-    curve = random_curve(seed)
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 10**6), st.booleans())
+def test_inverse_and_slopes(seed: int, straight: bool) -> None:
+    curve = random_curve(seed, straight)
+    assert (curve.lines() is not None) == straight
     rng = np.random.default_rng(seed + 1)
     temperature = rng.uniform(200, 2300, 200)
     temperature = temperature[np.abs(temperature[:, None] - curve.knots).min(axis=1) > 0.1]

@@ -239,7 +239,8 @@ def test_slope_of_the_flux(law: flux_laws.SurfaceLaw) -> None:
 
 def test_heat_generated_inside_warms_an_insulated_body() -> None:
     curve = constant_steel(1450.0, 1500.0, datum=1200.0)
-    setup = ThermalSetup(strip(0.02, 10), curve, 1200.0)
+    # By default a stage is solved to 1e-7 K.
+    setup = ThermalSetup(strip(0.02, 10), curve, 1200.0, options={"ksp_rtol": 1e-12})
     setup.problem.set_source(np.full_like(setup.problem.area, 2e6))
     setup.advance(30.0, 1.0)
     assert setup.along_x()[1] == pytest.approx(1200.0 + 2e6 * 30.0 / (7200.0 * 700.0), abs=1e-9)

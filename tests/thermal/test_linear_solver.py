@@ -11,6 +11,7 @@ import pytest
 from small_case import small
 
 from castfem import meshes
+from castfem.base.types import Array
 from castfem.model.build.simulation import build
 from castfem.physics.thermal import flux_laws
 from castfem.physics.thermal.problem import FACTORED, ITERATED, OF_STEP, TIGHT, ThermalProblem
@@ -39,6 +40,47 @@ def test_iterating_is_as_good_as_factorising() -> None:
     assert iterated.state.removed == pytest.approx(factored.state.removed, rel=1e-9)
     # Newton's method does not feel it.
     assert iterated.problem.iterations <= factored.problem.iterations + 3
+
+
+@pytest.mark.parametrize("liquidus", [1775.0, 1725.0])
+def test_a_correction_is_newtons(liquidus: float) -> None:
+    """It takes the residual to zero at first order, isothermal freezing and given temperatures too.
+
+    And the matrix is symmetric, which the solver relies on.
+    """
+    mesh = meshes.build(
+        "rectangle", width=0.02, height=0.02, corner_radius=0.0, symmetry="quarter",
+        surface_size=2e-3, core_size=2e-3, cell="quadrilateral",
+    )  # fmt: skip
+    setup = ThermalSetup(mesh, constant_steel(1725.0, liquidus, datum=1815.0), 1815.0)
+    sides = [g for g in mesh.groups if not g.startswith("symmetry")]
+    setup.cool(
+        (sides[0], flux_laws.Contact(1600.0, 433.15, 0.15)),
+        (sides[1], flux_laws.PrescribedTemperature(1500.0)),
+    )
+    problem, h = setup.problem, np.random.default_rng(3).uniform(-5e9, 0.0, setup.section.owned)
+    h[problem.fixed] = problem.fixed_enthalpy
+    problem._base, problem._tau = np.zeros_like(h), 0.1
+    x, r, y = (problem._theta.duplicate() for _ in range(3))
+
+    def residual(enthalpy: Array) -> Array:
+        x.setArray(enthalpy)
+        problem.residual(x, r)
+        return r.getArray().copy()
+
+    before = residual(h)
+    matrix = problem.new_matrix()
+    problem.jacobian(x, matrix)
+    held = problem._state.point.conduction_slope == 0.0
+    assert held.any() == (liquidus == 1725.0) and len(problem.fixed) > 3
+    assert matrix.isSymmetric(1e-12)
+    dense = matrix[:, :]
+    y.setArray(np.linalg.solve(dense, before))
+    problem._correct(x, y)
+    share = 1e-6  # of the correction: no vertex goes to another piece of the curve
+    after = residual(h - share * y.getArray())
+    assert np.abs(after - (1.0 - share) * before).max() < 1e-6 * share * np.abs(before).max()
+    assert (y.getArray()[problem.fixed] == 0.0).all()
 
 
 def linear_iterations(problem: ThermalProblem) -> int:

@@ -5,8 +5,14 @@ With the vertex rule of `forms.heat` the stage reads, for the enthalpies H (J/m3
     M (H - H_base) + tau [ L theta(H) + w q(T(H)) - M s ] = 0,
 
 M the vertices' areas, L the Laplacian of the section, w their shares of the perimeter, s heat
-generated inside.  L is assembled once, or once a coupling window in a slice that moves; a Newton
-step only scales its columns by dtheta/dH.  On rectangles and Delaunay triangles, and where the flux
+generated inside.  L is assembled once, or once a coupling window in a slice that moves.  Newton's
+correction is solved for as y = dtheta/dH dH, of a symmetric matrix that differs in its diagonal
+alone from one iteration to the next,
+
+    [ diag(M / (dtheta/dH) + tau w dq/dT / k) + tau L ] y = residual;
+
+where freezing is isothermal dtheta/dH = 0: there y = 0, and the balance of the vertex gives dH.
+On rectangles and Delaunay triangles, and where the flux
 grows with the temperature, the Jacobian is an M-matrix with dominant columns for every step and
 every freezing range, so the stage has one solution; where the flux falls (boiling) a long stage may
 have several, see `branch`.  Newton's method on H (not on T) has no difficulty with isothermal
@@ -150,11 +156,11 @@ class ThermalProblem:
         """The solver of a prefix, made when it is needed first."""
         if prefix not in self._solvers:
             iterated = prefix == ITERATED
-            asked = self._asked if iterated else ()
             eased = iterated and self.tolerance > TIGHT
+            asked = self._asked if iterated else ()
             self._solvers[prefix] = SnesSolver(
                 self, self._theta, self.new_matrix(), prefix, self._options[prefix], self.watch,
-                asked=asked, reduction=REDUCTION if eased else None,
+                self._correct, asked, REDUCTION if eased else None,
             )  # fmt: skip
         return self._solvers[prefix]
 
@@ -182,8 +188,6 @@ class ThermalProblem:
         values = [np.full(len(patch.dofs), law.value) for patch, law in cooling.prescribed]
         self._fixed = np.concatenate(dofs) if dofs else np.zeros(0, np.int64)
         self._fixed_value = self.curve.enthalpy(np.concatenate(values)) if values else np.zeros(0)
-        first = self._laplacian.getOwnershipRange()[0]
-        self._fixed_rows = (self._fixed + first).astype(np.int32)
 
     @property
     def fixed(self) -> npt.NDArray[np.int64]:
@@ -285,19 +289,38 @@ class ThermalProblem:
         self._state = state = self._evaluate(x.getArray(readonly=True))
         balance = self.volume * (state.enthalpy - self._base) + self._tau * state.flow
         balance[self._fixed] = 0.0
+        self._balance = balance
         out.setArray(balance)
 
     def jacobian(self, x: PETSc.Vec, out: PETSc.Mat) -> None:
-        """D residual / dH: columns of the Laplacian scaled, two diagonals added."""
+        """D residual / dy, y = dtheta/dH dH: the Laplacian and a diagonal, symmetric."""
         point, scale = self._state.point, self._theta
+        slope = point.conduction_slope
+        held = slope <= 0.0
+        held[self._fixed] = True
+        self._held = np.flatnonzero(held)
+        self._safe = np.where(held, 1.0, slope) if len(self._held) else slope
+        self._any_held = reductions.any_of(self.section.comm, bool(len(self._held)))
         with self.watch.section("petsc"):
-            self._laplacian.copy(out, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-            scale.setArray(self._tau * point.conduction_slope)
-            out.diagonalScale(None, scale)
-            scale.setArray(self.volume + self._tau * self._state.slope * point.temperature_slope)
+            self.conduction_matrix(self._tau, out)
+            of_surface = self._tau * self._state.slope * point.temperature_slope
+            scale.setArray((self.volume + of_surface) / self._safe)
             out.setDiagonal(scale, addv=PETSc.InsertMode.ADD_VALUES)
-            if self.cooling.prescribed:
-                out.zeroRows(self._fixed_rows, diag=1.0)
+            if self._any_held:
+                first = out.getOwnershipRange()[0]
+                out.zeroRowsColumns((self._held + first).astype(np.int32), diag=1.0)
+
+    def _correct(self, x: PETSc.Vec, correction: PETSc.Vec) -> bool:
+        """Turn Newton's correction y = dtheta/dH dH into dH, in place (collective)."""
+        found, held = correction.getArray(), self._held
+        left: Array = np.zeros(0)
+        if self._any_held:
+            found[held] = 0.0
+            left = self._balance[held] - self._tau * self.conducted(found)[held]
+        found /= self._safe
+        found[held] = left / self.volume[held]
+        found[self._fixed] = 0.0
+        return True
 
     def new_matrix(self) -> PETSc.Mat:
         """A matrix of the Laplacian's pattern, the caller's to destroy."""
