@@ -112,7 +112,7 @@ def _lead(  # type: ignore[no-untyped-def]
 
     Args:
         kind: Of the law, as its `coefficients` (n, columns) and whether it is `signed`: see
-            `integrate_points`.
+            `calling.integrate_points`.
         signed: As there.
         coefficients: As there.
         thermal_rate: (n,), 1/s.
@@ -133,7 +133,7 @@ def _lead(  # type: ignore[no-untyped-def]
     """
     n, scale = len(weight), max(np.abs(moment).max(), 1e-300)
     new, state_new, tangent = np.empty_like(stress), np.empty_like(state), np.empty((n, 4, 4))
-    dissipation, flows = np.empty(n), np.empty(n, np.bool_)
+    dissipation, flows, vectors = np.empty(n), np.empty(n, np.bool_), np.zeros((4, 4))
     increment, change, taken = np.zeros((n, 4)), np.zeros((n, 4)), np.zeros((n, 4))
     rate, rest = np.zeros((n, 4)), 0.0
     for k in range(len(dt)):
@@ -141,8 +141,8 @@ def _lead(  # type: ignore[no-untyped-def]
         share, least, balanced = 1.0, np.inf, False
         for _ in range(ITERATIONS):
             integrate_all(
-                kind, signed, coefficients, increment, thermal_rate * dt[k], stress, state, dt[k],
-                new, tangent, state_new, dissipation, flows,
+                vectors, kind, signed, coefficients, increment, thermal_rate * dt[k], stress, state,
+                dt[k], new, tangent, state_new, dissipation, flows,
             )  # fmt: skip
             rest, compliance[k] = _correction(new, tangent, weight, arm, moment[k], size, change)
             if rest <= BALANCED * scale:
