@@ -17,16 +17,17 @@ import subprocess
 import sysconfig
 import tempfile
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import NDArray
+
 from castfem.base.libraries import cache_folder
 from castfem.base.log import logger
 
-_NAME = "castfem_function"
 _CHECK = 4  # bytes of the check sum
 _PROCESSOR = ("model name", "flags", "CPU part", "Features")  # lines of /proc/cpuinfo
 # What only the reporting of exceptions and the freeing of arrays would call, in libraries of numba.
@@ -34,24 +35,38 @@ _OF_NUMBA = ("numba_", "NRT_")
 _REFUSED = 'define void @"{}"() {{ call void @llvm.trap() unreachable }}'
 
 
-def loaded(sources: Path, make: Callable[[], Any], arguments: Sequence[Any]) -> Callable[..., None]:
+def addresses(*arrays: NDArray[Any]) -> list[int]:
+    """Where arrays lie in memory, for as long as they are there.
+
+    Raises:
+        ValueError: One is not in one piece.
+    """
+    if not all(array.flags.c_contiguous for array in arrays):
+        raise ValueError("an array for compiled code must be in one piece")
+    return [array.ctypes.data for array in arrays]
+
+
+def loaded(
+    name: str, sources: Iterable[Path], make: Callable[[], Any], arguments: Sequence[Any]
+) -> Callable[..., None]:
     """A function that is compiled now, or was by an earlier process.
 
     Args:
-        sources: Folder with all files it is made of.
+        name: Of its library.
+        sources: All files it is made of.
         make: Compiles it: returns a `cfunc` of numba, which neither raises exceptions nor makes
             arrays, for what numba has for that is not there.
         arguments: Types of its arguments, of ctypes.
     """
     prototype = ctypes.CFUNCTYPE(None, *arguments)
     place = cache_folder() / "kernels" / _digest(sources)
-    path = place / f"{_NAME}.so"
+    path = place / f"{name}.so"
     if (found := _opened(path, prototype)) is not None:
         return found
     made = make()
     try:
         with tempfile.TemporaryDirectory() as folder:
-            content = _linked(made, Path(folder))
+            content = _linked(made, name, Path(folder))
             found = _opened(_kept(content, path, Path(folder)), prototype)
         if found is not None:
             return found
@@ -62,14 +77,14 @@ def loaded(sources: Path, make: Callable[[], Any], arguments: Sequence[Any]) -> 
     return found
 
 
-def _digest(sources: Path) -> str:
+def _digest(sources: Iterable[Path]) -> str:
     """Digest of the files, of how they are compiled, of the processor and of the compiler."""
     text = hashlib.sha256(_processor().encode())
     for name in ("numba", "llvmlite"):
         with suppress(metadata.PackageNotFoundError):
             text.update(f"{name} {metadata.version(name)}".encode())
     own = Path(__file__), Path(__file__).with_name("compiled.py")
-    for file in (*own, *sorted(sources.glob("*.py"))):
+    for file in (*own, *sources):
         text.update(file.read_bytes() + b"\0")
     return text.hexdigest()[:16]
 
@@ -90,7 +105,7 @@ def _opened(path: Path, prototype: Any) -> Any:
         content = path.read_bytes()
         if _sum(content[:-_CHECK]) != content[-_CHECK:]:
             return None
-        return prototype((_NAME, ctypes.CDLL(os.fspath(path))))
+        return prototype((path.stem, ctypes.CDLL(os.fspath(path))))
     except (OSError, AttributeError) as error:
         if not isinstance(error, FileNotFoundError):
             logger.debug("%s: damaged (%s), compiled anew", path, error)
@@ -101,12 +116,12 @@ def _sum(content: bytes) -> bytes:
     return zlib.crc32(content).to_bytes(_CHECK, "little")
 
 
-def _linked(made: Any, folder: Path) -> bytes:
+def _linked(made: Any, name: str, folder: Path) -> bytes:
     """A library with the code of a function of numba, and its check sum."""
     import llvmlite.binding as llvm
 
     module = llvm.parse_assembly(made.inspect_llvm())
-    module.get_function(made.native_name).name = _NAME
+    module.get_function(made.native_name).name = name
     lacking = [one.name for one in module.functions if one.is_declaration]
     refused = [_REFUSED.format(one) for one in lacking if one.startswith(_OF_NUMBA)]
     module.link_in(llvm.parse_assembly("\n".join(["declare void @llvm.trap()", *refused])))

@@ -15,7 +15,9 @@ import pytest
 
 from castfem.base import shared_code
 from castfem.physics.constitutive import kernel
-from castfem.physics.constitutive.kernel.calling import integrate_points
+from castfem.physics.constitutive.kernel.calling import SOURCES, integrate_points
+from castfem.physics.machine.bulging import layer_steps
+from castfem.physics.machine.bulging.layers import _OWN_SOURCE
 
 ARGUMENTS = c_int64, c_double, c_void_p
 TEXT = """
@@ -48,8 +50,9 @@ def answer(tmp_path: Path, made: list[float], factor: float = 2.0) -> list[float
         return names["scale"]
 
     values = np.array([1.0, 3.0])
-    function = shared_code.loaded(tmp_path / "sources", make, ARGUMENTS)
-    function(2, 10.0, values.ctypes.data)
+    sources = [tmp_path / "sources" / "scale.py"]
+    function = shared_code.loaded("scaled", sources, make, ARGUMENTS)
+    function(2, 10.0, *shared_code.addresses(values))
     return list(values)
 
 
@@ -90,7 +93,7 @@ def test_a_library_that_is_cut_off_is_not_loaded(
     path = tmp_path / "cut"
     path.write_bytes(content[: int(kept * len(content))])
     (name,) = (tmp_path / "cache" / "kernels").iterdir()
-    path.rename(name / f"{shared_code._NAME}.so")
+    path.rename(name / "scaled.so")
     assert answer(tmp_path, made) == [20.0, 60.0]
     assert answer(tmp_path, made) == [20.0, 60.0]
     assert len(made) == 2
@@ -111,16 +114,16 @@ def test_without_a_place_or_a_compiler_each_process_compiles(
     assert not list(tmp_path.rglob("*.so"))
 
 
-def test_the_kernel_is_made_of_its_own_folder() -> None:
-    """By which it is found: what it took from elsewhere could change unseen."""
-    home = Path(str(kernel.__file__)).parent
-    base = ("compiled", "shared_code", "types")
-    known = {kernel.__name__, *(f"castfem.base.{one}" for one in base)}
-    for path in home.glob("*.py"):
+def test_what_is_compiled_is_made_of_the_files_it_is_found_by() -> None:
+    """What it took from elsewhere could change unseen."""
+    known = {f"castfem.base.{one}" for one in ("compiled", "shared_code", "types")}
+    known |= {kernel.__name__, *(f"{kernel.__name__}.{path.stem}" for path in SOURCES)}
+    steps = Path(str(layer_steps.__file__))
+    assert steps == _OWN_SOURCE
+    for path in (*SOURCES, steps):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and str(node.module).startswith("castfem"):
-                module = str(node.module)
-                assert module in known or module.startswith(f"{kernel.__name__}."), path.name
+                assert node.module in known, path.name
 
 
 ALONE = """
@@ -161,5 +164,5 @@ def test_arrays_that_do_not_belong_together_are_refused() -> None:
         integrate_points(0, False, *given, *turned)
     closed = out(3)
     closed[3].flags.writeable = False
-    with pytest.raises(ValueError, match="open to it"):
+    with pytest.raises(ValueError, match="closed"):
         integrate_points(0, False, *given, *closed)

@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from castfem.base.shared_code import loaded
+from castfem.base.shared_code import addresses, loaded
 from castfem.base.types import Array, Flags
 
-_ARRAYS = 11
-_ARGUMENTS = (*[c_int64] * 4, c_bool, c_double, *[c_void_p] * _ARRAYS)
+SOURCES = tuple(sorted(Path(__file__).parent.glob("*.py")))
+"""All files that the compiled code is made of."""
+_ARGUMENTS = (*[c_int64] * 4, c_bool, c_double, *[c_void_p] * 11)
 
 
 def integrate_points(
@@ -51,7 +52,7 @@ def integrate_points(
         flows: Out, whether the point flows (n,).
 
     Raises:
-        ValueError: Arrays do not belong together, or what is written to is not in one piece.
+        ValueError: Arrays do not belong together, are not in one piece, or are closed.
     """
     n, columns, states = len(strain), coefficients.shape[1], state_old.shape[1]
     given = [
@@ -63,16 +64,15 @@ def integrate_points(
     sizes = (n, 4), (n, 4, 4), (n, states), (n,), (n,)
     if [one.shape for one in (*given, *written)] != [*shapes, *sizes]:
         raise ValueError(f"arrays of a law that do not belong together: {n} points")
-    if not all(one.flags.c_contiguous and one.flags.writeable for one in written):
-        raise ValueError("what a law answers must be in one piece, and open to it")
-    arrays = np.zeros((4, 4)), *given, *written
-    addresses = [one.ctypes.data for one in arrays]
-    _function()(n, columns, states, kind, signed, dt, *addresses)
+    if not all(one.flags.writeable for one in written):
+        raise ValueError("arrays for what a law answers must not be closed")
+    vectors = np.zeros((4, 4))
+    _function()(n, columns, states, kind, signed, dt, *addresses(vectors, *given, *written))
 
 
 @cache
 def _function() -> Callable[..., None]:
-    return loaded(Path(__file__).parent, _compiled, _ARGUMENTS)
+    return loaded("integrate_points", SOURCES, _compiled, _ARGUMENTS)
 
 
 def _compiled() -> Any:
