@@ -70,7 +70,7 @@ def loaded(
             found = _opened(_kept(content, path, Path(folder)), prototype)
         if found is not None:
             return found
-    except (OSError, RuntimeError, subprocess.CalledProcessError) as error:
+    except Exception as error:  # reason: what is compiled does as well, whatever hinders linking it
         logger.debug("%s: not linked (%s): compiled in each process", path, error)
     found = prototype(made.address)
     found.owner = made  # type: ignore[attr-defined]  # whose code it is
@@ -142,7 +142,7 @@ def _kept(content: bytes, path: Path, other: Path) -> Path:
     """Write a library where it is kept, or, where that is not possible, into another folder."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        new = path.with_suffix(f".{os.getpid()}")
+        new = path.with_name(f"{path.stem}.{platform.node()}-{os.getpid()}")
         new.write_bytes(content)
         os.replace(new, path)
         return path
