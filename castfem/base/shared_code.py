@@ -3,8 +3,8 @@
 To import numba and to load what it keeps on disk takes a process 0.4 s and 90 MB.  A function of
 numbers and addresses needs nothing of that: its machine code is linked into a library once, in the
 user's cache, in a folder named by a digest of all files it is made of, of the processor, and of the
-versions of numba and llvmlite.  Behind its code the library
-has a check sum, since a file that is cut off would end the process that loads it.
+versions of numba and llvmlite.  Behind its code the library has a check sum, since a file that is
+cut off would end the process that loads it.
 """
 
 from __future__ import annotations
