@@ -71,6 +71,8 @@ def watch() -> None:
         ImportError: DOLFINx was imported before, with an HDF5 that h5py cannot use.
     """
     sys.meta_path.insert(0, _Watch())
+    # pydantic 2.10 checks what it has made of the declaration of each model, 50 ms in a run.
+    os.environ.setdefault("PYDANTIC_SKIP_VALIDATING_CORE_SCHEMAS", "1")
     if not sys.modules.keys().isdisjoint(_LAST):
         _load_earlier()
         main = threading.current_thread() is threading.main_thread()

@@ -93,7 +93,7 @@ def _meet() -> None:
     comm.Abort(InputError.exit_status)
 
 
-def console(*, quiet: bool = False) -> Console:
+def console() -> Console:
     """Return standard output for tables, without markup.
 
     A launcher may give its ranks a terminal even where its own output is redirected: under a
@@ -102,7 +102,7 @@ def console(*, quiet: bool = False) -> Console:
     from rich.console import Console
 
     plain = any(rank in os.environ for rank, _ in _LAUNCHERS)
-    return Console(quiet=quiet, markup=False, force_terminal=False if plain else None)
+    return Console(markup=False, force_terminal=False if plain else None)
 
 
 def communicator() -> MPI.Intracomm | None:

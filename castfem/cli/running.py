@@ -139,12 +139,15 @@ def _take_errors(target: Path) -> None:
 
 
 def _show(target: Path, quiet: bool, *, figures: bool) -> None:
-    if quiet and not figures:
+    if quiet:
+        if figures:
+            from castfem.post.report.show import draw
+
+            draw(target)
         return
     from castfem.post.report.show import show
 
-    show(target, parallel.console(quiet=quiet), figures=figures)
-    if not quiet:
-        for line in error_lines({"": target}):
-            print(line)
-        print(f"results in {target}")
+    show(target, parallel.console(), figures=figures)
+    for line in error_lines({"": target}):
+        print(line)
+    print(f"results in {target}")

@@ -25,7 +25,7 @@ from castfem.physics.machine.bulging import (
     ElasticStrip,
     Shell,
     Span,
-    layers,
+    layer_steps,
     stiffness,
 )
 from castfem.physics.machine.bulging.creep import accumulates, nodes
@@ -378,5 +378,5 @@ def test_layers_solve_their_three_equations_as_lapack_does() -> None:
     matrix = np.array([[0.0, 2.0, 1e-3], [3.0, 1.0, 2e-3], [1e-3, 4e-3, 5e-6]])
     right = np.array([[1.0, 0.0], [-2.0, 0.0], [3e-3, 1.0]])
     expected = np.linalg.solve(matrix, right)
-    layers._solve(matrix.copy(), right)
+    layer_steps._solve(matrix.copy(), right)
     assert right == pytest.approx(expected, rel=1e-12)

@@ -43,8 +43,12 @@ def engine(monkeypatch):
     def show(folder, console, *, figures=True):
         console.print(f"table of {folder}, figures {figures}")
 
-    for name, function in (("runs.loop", run), ("post.report.show", show)):
+    def draw(folder):
+        assert folder.is_dir()
+
+    for name, functions in (("runs.loop", (run,)), ("post.report.show", (show, draw))):
         module = types.ModuleType(f"castfem.{name}")
-        setattr(module, function.__name__, function)
+        for function in functions:
+            setattr(module, function.__name__, function)
         monkeypatch.setitem(sys.modules, module.__name__, module)
     return stand_in

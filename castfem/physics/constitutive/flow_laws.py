@@ -30,7 +30,7 @@ from castfem.physics.constitutive.base import (
 )
 from castfem.physics.constitutive.elasticity import Curve, Elasticity
 from castfem.physics.constitutive.kernel import constants
-from castfem.physics.constitutive.kernel.loop import differentiate_points, integrate_points
+from castfem.physics.constitutive.kernel.calling import integrate_points
 
 STRAIN = "viscoplastic_strain"
 
@@ -205,6 +205,8 @@ class RadialReturn:
         out: ResponseChange | None = None,
     ) -> ResponseChange:
         """Return how the answer changes, see `castfem.physics.constitutive.base.Law`."""
+        from castfem.physics.constitutive.kernel.loop import differentiate_points
+
         if coefficients is None:
             coefficients = self.coefficients(step.temperature_old, step.temperature)
         if out is None:

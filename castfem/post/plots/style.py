@@ -229,22 +229,29 @@ def render(figure: Figure) -> Image.Image:
         layout.execute(figure)
         figure.set_layout_engine("none")
     canvas = FigureCanvasAgg(figure)
-    if layout is None:
-        _widen(figure, canvas.get_renderer())
     canvas.draw()
+    if layout is None and _widen(figure, canvas.get_renderer()):
+        canvas.draw()
     return Image.frombuffer("RGBA", canvas.get_width_height(), canvas.buffer_rgba()).convert("RGB")
 
 
-def _widen(figure: Figure, renderer: RendererAgg) -> None:
-    """Moves axes with fixed margins that have long numbers away from the edge."""
-    cut = 0.0
-    for axes in figure.axes:
-        axes.apply_aspect()
-        axes.yaxis.get_tightbbox(renderer)  # puts the label beside the numbers
-        cut = min(cut, axes.yaxis.label.get_window_extent(renderer).x0)
-    if cut < 0.0:
-        wider = (STYLE.edge * figure.dpi - cut) / figure.bbox.width
-        figure.subplots_adjust(left=figure.subplotpars.left + wider)
+def _widen(figure: Figure, renderer: RendererAgg) -> bool:
+    """Moves axes with fixed margins that have long numbers away from the edge.
+
+    Args:
+        figure: It has been drawn, by which the labels are beside the numbers: seldom is one cut.
+        renderer: What has drawn it.
+
+    Returns:
+        Whether there were any.
+    """
+    labels = [axes.yaxis.label.get_window_extent(renderer).x0 for axes in figure.axes]
+    cut = min(labels, default=0.0)
+    if cut >= 0.0:
+        return False
+    wider = (STYLE.edge * figure.dpi - cut) / figure.bbox.width
+    figure.subplots_adjust(left=figure.subplotpars.left + wider)
+    return True
 
 
 def _indexed(image: Image.Image) -> Image.Image:

@@ -83,7 +83,7 @@ def _show(path: Path, out: Console, *, figures: bool, at: Sequence[float]) -> bo
         say(out, f"memory: {record.memory_mb:.0f} MB")
     if record.status == "failed":
         say(out, f"what happened: {path / LOG_NAME}")
-    return not figures or _draw_figures(out, path)
+    return not figures or draw(path, out)
 
 
 def how_it_ended(record: RunRecord) -> str:
@@ -189,15 +189,20 @@ def slow_output(record: RunRecord) -> str:
     )
 
 
-def _draw_figures(out: Console, path: Path) -> bool:
-    """Draws the figures, and returns whether the files of the run could be read."""
+def draw(path: Path, out: Console | None = None) -> bool:
+    """Draws the figures of a run, says which, or why not, and nothing where there is no console.
+
+    Returns:
+        Whether the files of the run could be read.
+    """
     from castfem.post.plots.figures import draw_figures
 
     try:
         drawn = draw_figures(path)
     except Exception as error:  # the run is what it is, whatever becomes of its pictures
-        say(out, f"figures: {said_in_a_line(error)}", style="yellow")
+        if out is not None:
+            say(out, f"figures: {said_in_a_line(error)}", style="yellow")
         return not isinstance(error, InputError)
-    if drawn:
+    if drawn and out is not None:
         say(out, listed(f"figures in {drawn[0].parent}:", [figure.name for figure in drawn]))
     return True

@@ -1,10 +1,13 @@
-"""The loops over the quadrature points, which Python calls."""
+"""The loops over the quadrature points."""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from castfem.base.compiled import compiled, outermost
+import numpy as np
+from numba import carray, cfunc, types
+
+from castfem.base.compiled import OPTIONS, compiled, outermost
 from castfem.physics.constitutive.kernel.constants import BULK, SEEK, SHARE, SHEAR
 from castfem.physics.constitutive.kernel.dual import TINY, fill
 from castfem.physics.constitutive.kernel.point import fill_tangent, respond, turn_tangent
@@ -12,11 +15,10 @@ from castfem.physics.constitutive.kernel.point import fill_tangent, respond, tur
 
 @compiled
 def integrate_all(  # type: ignore[no-untyped-def]
-    kind, signed, coefficients, strain, thermal, stress_old, state_old, dt,
+    vectors, kind, signed, coefficients, strain, thermal, stress_old, state_old, dt,
     stress, tangent, state, dissipation, flows,
 ):  # fmt: skip
-    """Integrate all points over a step, see `integrate_points`."""
-    vectors = np.zeros((4, 4))
+    """Integrate all points over a step, see `calling.integrate_points`; room for its `vectors`."""
     for i in range(strain.shape[0]):
         c = coefficients[i]
         increment, scale, kept, by_old, length, _rate, dissipation[i] = respond(
@@ -31,33 +33,24 @@ def integrate_all(  # type: ignore[no-untyped-def]
             turn_tangent(tangent, i, vectors, factor)
 
 
-@outermost
-def integrate_points(  # type: ignore[no-untyped-def]
-    kind, signed, coefficients, strain, thermal, stress_old, state_old, dt,
-    stress, tangent, state, dissipation, flows,
-):  # fmt: skip
-    """Integrate all points over a step.
+def integrate_at() -> Any:
+    """Compile `integrate_all` for addresses of its arrays, in the order of `calling`."""
+    whole, real = types.int64, types.CPointer(types.float64)
+    numbers = [whole] * 4 + [types.boolean, types.float64]
+    signature = types.void(*numbers, *[real] * 10, types.CPointer(types.boolean))
 
-    Args:
-        kind: One of the laws of `constants`.
-        signed: Whether hardening goes by the viscoplastic strain tensor; the first three columns of
-            the state are then its xx, yy and sqrt(2) xy.
-        coefficients: (n, columns).
-        strain: Total strain increments (n, 4).
-        thermal: Isotropic thermal strain increments (n,).
-        stress_old: (n, 4), Pa.
-        state_old: (n, states).
-        dt: s.
-        stress: Out, (n, 4), Pa.
-        tangent: Out, (n, 4, 4), d stress / d strain, Pa.
-        state: Out, (n, states).
-        dissipation: Out, viscoplastic work (n,), J/m3, but for what a back stress stores.
-        flows: Out, whether the point flows (n,).
-    """
-    integrate_all(
-        kind, signed, coefficients, strain, thermal, stress_old, state_old, dt,
-        stress, tangent, state, dissipation, flows,
-    )  # fmt: skip
+    def integrate(  # type: ignore[no-untyped-def]
+        n, columns, states, kind, signed, dt, vectors, coefficients, strain, thermal, stress_old,
+        state_old, stress, tangent, state, dissipation, flows,
+    ):  # fmt: skip
+        integrate_all(
+            carray(vectors, (4, 4)), kind, signed, carray(coefficients, (n, columns)),
+            carray(strain, (n, 4)), carray(thermal, (n,)), carray(stress_old, (n, 4)),
+            carray(state_old, (n, states)), dt, carray(stress, (n, 4)), carray(tangent, (n, 4, 4)),
+            carray(state, (n, states)), carray(dissipation, (n,)), carray(flows, (n,)),
+        )  # fmt: skip
+
+    return cfunc(signature, **OPTIONS)(integrate)
 
 
 @outermost
@@ -66,14 +59,14 @@ def differentiate_points(  # type: ignore[no-untyped-def]
     d_coefficients, d_strain, d_thermal, d_stress_old, d_state_old, d_dt,
     d_stress, d_state, d_dissipation,
 ):  # fmt: skip
-    """Derivatives of what `integrate_points` writes, as what it is given changes in k ways.
+    """Derivatives of what `calling.integrate_points` writes, as what it is given changes in k ways.
 
     A point is solved for; from there one step of Newton's method with numbers that have a
     derivative (`dual`) ends where the point was, and has that of the solution. What flows goes on
     flowing.
 
     Args:
-        kind: As in `integrate_points`; so are the following up to `dt`.
+        kind: As in `calling.integrate_points`; so are the following up to `dt`.
         signed: As there.
         coefficients: (n, columns).
         strain: (n, 4).

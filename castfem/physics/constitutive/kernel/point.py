@@ -162,7 +162,7 @@ def respond(  # type: ignore[no-untyped-def]
     kind, signed, c, i, strain, thermal, stress_old, state_old, dt, near, near_rate,
     vectors, stress, state, row,
 ):  # fmt: skip
-    """Integrate one point; see `loop.integrate_points`.
+    """Integrate one point; see `calling.integrate_points`.
 
     Args:
         kind: One of the laws of `constants`.

@@ -2,168 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from ctypes import c_bool, c_double, c_int64, c_void_p
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from castfem.base.compiled import compiled, outermost
 from castfem.base.errors import RunFailure
+from castfem.base.shared_code import addresses, loaded
 from castfem.base.types import Array
 from castfem.physics.constitutive.base import Law
-from castfem.physics.constitutive.kernel.loop import integrate_all
+from castfem.physics.constitutive.kernel.calling import SOURCES
 from castfem.physics.machine.bulging.shell import Points, stiffness
 
-BALANCED = 1e-6
-"""What may be out of balance, over the largest moment."""
-ITERATIONS = 120
+_OWN_SOURCE = Path(__file__).with_name("layer_steps.py")
+_ARGUMENTS = (*[c_int64] * 5, c_bool, *[c_double] * 2, *[c_void_p] * 17)
 
 
-@compiled
-def _solve(matrix, right):  # type: ignore[no-untyped-def]
-    """Solve for the columns of `right`, in place: elimination with partial pivoting.
-
-    numba compiles np.linalg.solve, and what that says of its errors, for 5 s. Of a singular matrix
-    comes what is not finite.
-    """
-    n, columns = right.shape
-    for k in range(n):
-        pivot = k
-        for i in range(k + 1, n):
-            if abs(matrix[i, k]) > abs(matrix[pivot, k]):
-                pivot = i
-        for j in range(n):
-            matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
-        for j in range(columns):
-            right[k, j], right[pivot, j] = right[pivot, j], right[k, j]
-        for i in range(k + 1, n):
-            factor = matrix[i, k] / matrix[k, k]
-            for j in range(k + 1, n):
-                matrix[i, j] -= factor * matrix[k, j]
-            for j in range(columns):
-                right[i, j] -= factor * right[k, j]
-    for k in range(n - 1, -1, -1):
-        for j in range(columns):
-            for i in range(k + 1, n):
-                right[k, j] -= matrix[k, i] * right[i, j]
-            right[k, j] /= matrix[k, k]
+@cache
+def _lead() -> Callable[..., None]:
+    return loaded("lead_layers", (*SOURCES, _OWN_SOURCE), _compiled, _ARGUMENTS)
 
 
-@compiled
-def _correction(  # type: ignore[no-untyped-def]
-    stress, tangent, weight, arm, moment, size, change
-):
-    """Newton's correction of the strain increments of all points.
+def _compiled() -> Any:
+    from castfem.physics.machine.bulging.layer_steps import lead_at
 
-    The unknowns are the strain across the width, the axial strain and the curvature of the whole
-    section, and at each point the strain through the thickness, which is eliminated first. There
-    is no stress through the thickness and no force across the width or along it; the moment is
-    given.
-
-    Args:
-        stress: (n, 4).
-        tangent: (n, 4, 4).
-        weight: (n,), m.
-        arm: Neutral depth less depth (n,), m.
-        moment: Given, N.
-        size: Thickness, m.
-        change: Output: correction of the strain increments (n, 4).
-
-    Returns:
-        The imbalance as a moment, N, and d curvature / d moment.
-    """
-    matrix, solved = np.zeros((3, 3)), np.zeros((3, 2))  # by what is out of balance, by the moment
-    row, net, through = np.zeros(3), np.zeros(3), 0.0
-    for i in range(len(weight)):
-        c, w, a = tangent[i], weight[i], arm[i]
-        free = stress[i, 1] / c[1, 1]
-        across, along = stress[i, 0] - c[0, 1] * free, stress[i, 2] - c[2, 1] * free
-        xx, xz = c[0, 0] - c[0, 1] * c[1, 0] / c[1, 1], c[0, 2] - c[0, 1] * c[1, 2] / c[1, 1]
-        zx, zz = c[2, 0] - c[2, 1] * c[1, 0] / c[1, 1], c[2, 2] - c[2, 1] * c[1, 2] / c[1, 1]
-        row[0], row[1], row[2] = xx, xz, xz * a
-        matrix[0] += w * row
-        row[0], row[1], row[2] = zx, zz, zz * a
-        matrix[1] += w * row
-        matrix[2] += w * a * row
-        solved[0, 0] -= w * across
-        solved[1, 0] -= w * along
-        solved[2, 0] -= w * a * along
-        net[0] += w * stress[i, 0]
-        net[1] += w * stress[i, 2]
-        net[2] += w * a * stress[i, 2]
-        through += w * stress[i, 1] ** 2
-    net[2] -= moment
-    solved[2, 0] += moment
-    solved[2, 1] = 1.0
-    _solve(matrix, solved)
-    for i in range(len(weight)):
-        c, axial = tangent[i], solved[1, 0] + solved[2, 0] * arm[i]
-        change[i, 0], change[i, 2], change[i, 3] = solved[0, 0], axial, 0.0
-        change[i, 1] = -(stress[i, 1] + c[1, 0] * solved[0, 0] + c[1, 2] * axial) / c[1, 1]
-    out = net[2] ** 2 + size**2 * (net[0] ** 2 + net[1] ** 2) + size**3 * through
-    return np.sqrt(out), solved[2, 1]
-
-
-@outermost
-def _lead(  # type: ignore[no-untyped-def]
-    kind, signed, coefficients, thermal_rate, weight, arm, size, moment, dt, stress, state,
-    curvature, axial, compliance,
-):  # fmt: skip
-    """Lead the layers through a history of the moment, a step after the other.
-
-    Args:
-        kind: Of the law, as its `coefficients` (n, columns) and whether it is `signed`: see
-            `integrate_points`.
-        signed: As there.
-        coefficients: As there.
-        thermal_rate: (n,), 1/s.
-        weight: (n,), m.
-        arm: Neutral depth less depth (n,), m.
-        size: Thickness, m.
-        moment: At the ends of the steps (m,), N per metre of width.
-        dt: Of the steps (m,), s.
-        stress: At the start and then at the end (n, 4), Pa.
-        state: The same (n, states).
-        curvature: Out, since the start (m+1,), 1/m.
-        axial: Out, strain of the neutral axis since the start (m+1,).
-        compliance: Out, d curvature / d moment (m,), 1/(N m).
-
-    Returns:
-        Steps taken, all of them unless the layers cannot carry a moment, and what is out of balance
-        in the last, over what is carried.
-    """
-    n, scale = len(weight), max(np.abs(moment).max(), 1e-300)
-    new, state_new, tangent = np.empty_like(stress), np.empty_like(state), np.empty((n, 4, 4))
-    dissipation, flows = np.empty(n), np.empty(n, np.bool_)
-    increment, change, taken = np.zeros((n, 4)), np.zeros((n, 4)), np.zeros((n, 4))
-    rate, rest = np.zeros((n, 4)), 0.0
-    for k in range(len(dt)):
-        increment[:] = rate * dt[k]
-        share, least, balanced = 1.0, np.inf, False
-        for _ in range(ITERATIONS):
-            integrate_all(
-                kind, signed, coefficients, increment, thermal_rate * dt[k], stress, state, dt[k],
-                new, tangent, state_new, dissipation, flows,
-            )  # fmt: skip
-            rest, compliance[k] = _correction(new, tangent, weight, arm, moment[k], size, change)
-            if rest <= BALANCED * scale:
-                balanced = True
-                break
-            if rest < least or share < 1e-4:
-                taken[:] = change
-                share, least = 1.0, rest
-                increment += taken
-            else:  # too far: halfway back
-                share *= 0.5
-                increment -= share * taken
-        if not balanced:
-            return k, rest / scale
-        stress[:] = new
-        state[:] = state_new
-        bent = (increment[0, 2] - increment[-1, 2]) / (arm[0] - arm[-1])
-        curvature[k + 1] = curvature[k] + bent
-        axial[k + 1] = axial[k] + increment[0, 2] - bent * arm[0]
-        rate[:] = increment / dt[k]
-    return len(dt), rest / scale
+    return lead_at()
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,13 +87,28 @@ class Layers:
         Raises:
             RunFailure: If no state of the layers carries a moment.
         """
-        steps, points = len(dt), self.points
+        steps, points, (n, states) = len(dt), self.points, start.state.shape
         curvature, axial, compliance = np.zeros(steps + 1), np.zeros(steps + 1), np.zeros(steps)
-        stress, state = start.stress.copy(), start.state.copy()
-        taken, rest = _lead(
-            self.law.kind, self.law.signed, self._coefficients, points.thermal_rate, points.weight,
-            self.arm, points.thickness, moment, dt, stress, state, curvature, axial, compliance,
+        stress, state, ended = start.stress.copy(), start.state.copy(), np.zeros(2)
+        given = [
+            np.ascontiguousarray(one, dtype=float)
+            for one in (
+                self._coefficients,
+                points.thermal_rate,
+                points.weight,
+                self.arm,
+                moment,
+                dt,
+            )
+        ]
+        out = stress, state, curvature, axial, compliance, ended
+        room = [np.zeros(shape) for shape in ((5, n, 4), (n, 4, 4), (n, states), (3, n), (11, 4))]
+        columns, most = self._coefficients.shape[1], max(float(np.abs(moment).max()), 1e-300)
+        _lead()(
+            n, columns, states, steps, self.law.kind, self.law.signed, points.thickness, most,
+            *addresses(*given, *out, *room),
         )  # fmt: skip
+        taken, rest = int(ended[0]), ended[1]
         if taken < steps:
             raise RunFailure(
                 f"the shell of {1e3 * points.thickness:.3g} mm cannot carry the moment of "

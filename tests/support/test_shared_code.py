@@ -1,0 +1,168 @@
+"""A law's machine code is loaded without numba, renewed with what it is made of, and checked."""
+
+from __future__ import annotations
+
+import ast
+import os
+import subprocess
+import sys
+from ctypes import c_double, c_int64, c_void_p
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from castfem.base import shared_code
+from castfem.physics.constitutive import kernel
+from castfem.physics.constitutive.kernel.calling import SOURCES, integrate_points
+from castfem.physics.machine.bulging import layer_steps
+from castfem.physics.machine.bulging.layers import _OWN_SOURCE
+
+ARGUMENTS = c_int64, c_double, c_void_p
+TEXT = """
+from numba import carray, cfunc, types
+
+@cfunc(types.void(types.int64, types.float64, types.CPointer(types.float64)))
+def scale(n, factor, values):
+    values = carray(values, (n,))
+    for i in range(n):
+        values[i] *= FACTOR * factor
+"""
+
+
+@pytest.fixture
+def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Factors of the functions that were compiled; the sources and what is kept stand apart."""
+    (tmp_path / "sources").mkdir()
+    monkeypatch.setattr(shared_code, "cache_folder", lambda: tmp_path / "cache")
+    return []
+
+
+def answer(tmp_path: Path, made: list[float], factor: float = 2.0) -> list[float]:
+    """What the function that is made of a file with a factor makes of 1 and 3, times 10."""
+    (tmp_path / "sources" / "scale.py").write_text(f"FACTOR = {factor}\n{TEXT}")
+
+    def make() -> Any:
+        made.append(factor)
+        names: dict[str, Any] = {}
+        exec((tmp_path / "sources" / "scale.py").read_text(), names)
+        return names["scale"]
+
+    values = np.array([1.0, 3.0])
+    sources = [tmp_path / "sources" / "scale.py"]
+    function = shared_code.loaded("scaled", sources, make, ARGUMENTS)
+    function(2, 10.0, *shared_code.addresses(values))
+    return list(values)
+
+
+def library(tmp_path: Path) -> Path:
+    (path,) = tmp_path.rglob("*.so")
+    return path
+
+
+def test_it_is_compiled_once_and_again_when_a_file_changes(
+    tmp_path: Path, made: list[float]
+) -> None:
+    for _ in range(2):
+        assert answer(tmp_path, made) == [20.0, 60.0]
+    assert made == [2.0]
+    for _ in range(2):
+        assert answer(tmp_path, made, 5.0) == [50.0, 150.0]
+    assert made == [2.0, 5.0]
+    assert [path.suffix for path in tmp_path.rglob("cache/**/*.*")] == [".so"] * 2
+
+
+def test_it_is_compiled_anew_for_another_processor(
+    tmp_path: Path, made: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for processor in ("one", "other", "one"):
+        monkeypatch.setattr(shared_code, "_processor", lambda processor=processor: processor)
+        assert answer(tmp_path, made) == [20.0, 60.0]
+    assert len(made) == 2
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.3, 0.99])
+def test_a_library_that_is_cut_off_is_not_loaded(
+    tmp_path: Path, made: list[float], kept: float
+) -> None:
+    """The system would end the process that calls what lies beyond the end of the file."""
+    answer(tmp_path, made)
+    content = library(tmp_path).read_bytes()
+    library(tmp_path).unlink()  # which is in use
+    path = tmp_path / "cut"
+    path.write_bytes(content[: int(kept * len(content))])
+    (name,) = (tmp_path / "cache" / "kernels").iterdir()
+    path.rename(name / "scaled.so")
+    assert answer(tmp_path, made) == [20.0, 60.0]
+    assert answer(tmp_path, made) == [20.0, 60.0]
+    assert len(made) == 2
+
+
+def test_without_a_place_or_a_compiler_each_process_compiles(
+    tmp_path: Path, made: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "cache").write_text("no folder")
+    for _ in range(2):
+        assert answer(tmp_path, made) == [20.0, 60.0]
+    monkeypatch.setenv("CC", str(tmp_path / "no-compiler"))
+    (tmp_path / "cache").unlink()
+    assert answer(tmp_path, made) == [20.0, 60.0]
+    monkeypatch.setenv("CC", "false")
+    assert answer(tmp_path, made) == [20.0, 60.0]
+    assert len(made) == 4
+    assert not list(tmp_path.rglob("*.so"))
+
+
+def test_what_is_compiled_is_made_of_the_files_it_is_found_by() -> None:
+    """What it took from elsewhere could change unseen."""
+    known = {f"castfem.base.{one}" for one in ("compiled", "shared_code", "types")}
+    known |= {kernel.__name__, *(f"{kernel.__name__}.{path.stem}" for path in SOURCES)}
+    steps = Path(str(layer_steps.__file__))
+    assert steps == _OWN_SOURCE
+    for path in (*SOURCES, steps):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("castfem"):
+                assert node.module in known, path.name
+
+
+ALONE = """
+import sys
+import numpy as np
+from castfem.physics.constitutive.kernel.calling import integrate_points
+n = np.ones
+out = n((2, 4)), n((2, 4, 4)), n((2, 0)), n(2), n(2, bool)
+integrate_points(0, False, n((2, 8)), n((2, 4)), 0.0 * n(2), n((2, 4)), n((2, 0)), 1.0, *out)
+assert out[0][0, 0] != 1.0
+print({"numba", "llvmlite"} & sys.modules.keys())
+"""
+
+
+def test_a_process_that_finds_it_needs_no_numba() -> None:
+    for _ in range(2):  # the first may compile
+        done = subprocess.run(
+            [sys.executable, "-c", ALONE], capture_output=True, text=True, env=os.environ
+        )
+    assert (done.stdout, done.stderr) == ("set()\n", "")
+
+
+def test_arrays_that_do_not_belong_together_are_refused() -> None:
+    """Compiled code would read and write beyond them."""
+
+    def out(points: int) -> list[Any]:
+        shapes = (points, 4), (points, 4, 4), (points, 1), (points,)
+        return [*map(np.zeros, shapes), np.zeros(points, dtype=bool)]
+
+    z = np.zeros
+    given = z((3, 9)), z((3, 4)), z(3), z((3, 4)), z((3, 1)), 1.0
+    integrate_points(0, False, *given, *out(3))
+    with pytest.raises(ValueError, match="belong together"):
+        integrate_points(0, False, *given, *out(2))
+    turned = out(3)
+    turned[0] = np.zeros((4, 3)).T
+    with pytest.raises(ValueError, match="in one piece"):
+        integrate_points(0, False, *given, *turned)
+    closed = out(3)
+    closed[3].flags.writeable = False
+    with pytest.raises(ValueError, match="closed"):
+        integrate_points(0, False, *given, *closed)
