@@ -252,6 +252,7 @@ def test_alloyed_steels_freeze_and_react_where_the_database_says(steel) -> None:
     if end is not None:
         own = found.peritectic - ZERO
         assert own == pytest.approx(end, abs=1.0)
+        assert start - 2.4 < own < start + 1.0
         off = off[(at < min(own, end) - 0.1) | (at > max(own, start) + 0.1)]
     assert off.size >= 2 and off.max() < 0.005
 
