@@ -81,8 +81,8 @@ class Beside:
         return np.asarray(both + (self.together * mn + self.twice * si) * si)
 
 
-# Delta ferrite and austenite; fitted to temperatures and fractions of 1341 equilibria of liquid with
-# one of them, of steels with C to 1.0, Mn to 2, Si to 0.6 wt%, and to the partitions of 370 others.
+# Delta ferrite and austenite; fitted to temperatures and fractions of 1341 equilibria of liquid
+# with one of them, with C to 1.0, Mn to 2, Si to 0.6 wt%, and to the partitions of 370 others.
 BESIDE = (
     Beside(
         ((0.746, -0.083, -0.102), (0.717, 0.038, -0.04)),
