@@ -3,14 +3,14 @@
 Writes tables of docs/my_steel.md: the built-in diagram beside assessed databases, for 24 steels;
 and what data that are from memory of their source do to billets and a slab. Of the environment
 `DATABASE` names the file of [PovodenKaradeniz2016], `DATABASE_MF` that of [Frichtl2024], neither of
-which is part of castfem; without them their rows stay as they are. `tools/env.sh calphad` brings
-pycalphad.
+which is part of castfem; without them what they say stays as it is in docs/data.
+`tools/env.sh calphad` brings pycalphad.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -83,7 +83,7 @@ def diagram(files: Mapping[str, Path]) -> list[dict[str, Any]]:
 
 
 def diagram_of(files: Mapping[str, Path]) -> list[dict[str, Any]]:
-    """The rows of the databases in `files`; those of others as they are in docs/data."""
+    """By the databases in `files`, others as they are in docs/data, beside the diagram."""
     kept = {(r["C"], r["Mn"], r["database"]): r for r in Output().rows("grades_diagram")}
     rows = []
     for name in FILES:
@@ -91,16 +91,21 @@ def diagram_of(files: Mapping[str, Path]) -> list[dict[str, Any]]:
             for carbon in CARBON:
                 composition = {"C": carbon, "Mn": manganese, "Si": silicon}
                 if name in files:
-                    rows.append(compared(name, files[name], composition))
-                elif (carbon, manganese, name) in kept:
-                    rows.append(kept[carbon, manganese, name])
+                    found, middle = limits(files[name], composition)
+                elif before := kept.get((carbon, manganese, name)):
+                    found = [before[f"{key}_database"] + ZERO_CELSIUS for key in LIMITS]
+                    middle = before["solid_database"]
+                else:
+                    continue
+                rows.append(compared(name, composition, found, middle))
     return rows
 
 
-def compared(name: str, file: Path, composition: Mapping[str, float]) -> dict[str, Any]:
-    """A row: by a database, by the diagram, and how far they are apart."""
+def compared(
+    name: str, composition: Mapping[str, float], found: Sequence[float], middle: float
+) -> dict[str, Any]:
+    """A row: `limits` by a database, and by the diagram."""
     steel = alloyed(composition)
-    found, middle = limits(file, composition)
     gamma = steel.liquidus if steel.gamma_start is None else steel.gamma_start
     end = gamma if steel.gamma_end is None else steel.gamma_end
     own = [steel.liquidus, steel.solidus, gamma, end]

@@ -114,7 +114,7 @@ def test_the_rest_freezes_at_the_stated_end():
     ("text", "composition", "phases", "said"),
     [
         ("ELEMENT FE BCC_A2 nonsense", {"C": 0.1}, (), "cannot be read as"),
-        ("", {"C": 0.1}, (), "cannot be read as|has no data for Fe"),
+        ("", {"C": 0.1}, (), "cannot be read as|has no elements; it is no thermodynamic database"),
         (None, {"C": 0.1, "Mn": 0.5, "Cr": 1.0}, (), "has no data for Cr, Mn; it has C, Fe"),
         (None, {"C": 0.1}, ("LIQUID", "SIGMA"), "has no phase SIGMA"),
         (None, {"C": 0.1}, ("LIQUID", "FCC_A1"), "has no phase BCC_A2"),
@@ -132,6 +132,17 @@ def test_what_a_database_cannot_do_is_one_line(tmp_path, text, composition, phas
     (line,) = told.value.problems
     assert line.startswith(f'steel.database ("{file}"): ') and "\n" not in line
     assert not list((tmp_path / "cache").rglob("*.csv"))
+
+
+def test_pieces_of_an_enthalpy_that_miss_one_another_leave_a_row_out():
+    """As that of liquid iron at 1811 K, just above where iron melts, in one database."""
+    solve = equilibria.Equilibria(DATABASE, ["Fe"], PHASES[:3])
+    at = [solve.state(t, solve.moles({})) for t in (1810.99, 1811.0, 1811.05, 1815.0)]
+    first, fallen, *rest = at
+    fallen = replace(fallen, enthalpy=first.enthalpy - 6.0)
+    assert freezing_paths.joined([first, fallen, *rest]) == [first, *rest]
+    wrong = replace(fallen, enthalpy=first.enthalpy - 25.0)  # no misfit, but another state
+    assert freezing_paths.joined([first, wrong, *rest]) == [first, wrong, *rest]
 
 
 def test_no_equilibrium_is_one_line_and_leaves_nothing(tmp_path, monkeypatch):

@@ -159,10 +159,10 @@ def test_material_tells_what_the_phases_contract_by() -> None:
 
 
 @pytest.mark.parametrize(
-    ("diagram", "end", "below"), [("assessed", 18.2, 15), ("pascon", 35.2, 32)]
+    ("diagram", "end", "below"), [("assessed", 19.6, 16.5), ("pascon", 35.2, 32)]
 )
 def test_a_tenth_of_delta_is_left_where_docs_coupling_says(
-    diagram: DiagramName, end: float, below: int
+    diagram: DiagramName, end: float, below: float
 ) -> None:
     """The flow law of `billet180/peritectic` jumps there, so far below the solidus (K)."""
     billet = alloyed({"C": 0.12, "Mn": 0.5, "Si": 0.25}, diagram)
@@ -175,4 +175,4 @@ def test_a_tenth_of_delta_is_left_where_docs_coupling_says(
     assert billet.solidus - billet.gamma_end == pytest.approx(end, abs=0.1)
     assert jump == pytest.approx(below, abs=0.6)
     if diagram == "assessed":
-        assert billet.solidus - jump - ZERO == pytest.approx(1473, abs=0.5)
+        assert billet.solidus - jump - ZERO == pytest.approx(1471.5, abs=0.5)

@@ -241,19 +241,20 @@ REACTING = [
 
 @pytest.mark.parametrize("steel", REACTING, ids=lambda steel: "-".join(map(str, steel[:3])))
 def test_alloyed_steels_freeze_and_react_where_the_database_says(steel) -> None:
-    """Within 1.5 K; fractions within 0.02, but for what is between the two reactions."""
+    """Within 1 K; fractions within 0.005, but for what is between the two reactions."""
     carbon, manganese, silicon, liquidus, solidus, end, start, *solid = steel
     found = alloyed({"C": carbon, "Mn": manganese, "Si": silicon})
-    assert found.liquidus - ZERO == pytest.approx(liquidus, abs=0.3)
-    assert found.solidus - ZERO == pytest.approx(solidus, abs=1.5)
+    assert found.liquidus - ZERO == pytest.approx(liquidus, abs=0.1)
+    assert found.solidus - ZERO == pytest.approx(solidus, abs=1.0)
     at = solidus + np.array([0.25, 0.5, 0.75]) * (liquidus - solidus)
     off = np.abs(1.0 - found.phases(at + ZERO).liquid - solid)
     assert (end is not None) == (found.solidus <= found.peritectic)
     if end is not None:
         own = found.peritectic - ZERO
-        assert own == pytest.approx(end, abs=1.2)
+        assert own == pytest.approx(end, abs=1.0)
+        assert start - 2.4 < own < start + 1.0
         off = off[(at < min(own, end) - 0.1) | (at > max(own, start) + 0.1)]
-    assert off.size >= 2 and off.max() < 0.02
+    assert off.size >= 2 and off.max() < 0.005
 
 
 STEELS = {
@@ -266,22 +267,59 @@ STEELS = {
 @pytest.mark.parametrize("steels", STEELS)
 @pytest.mark.parametrize("diagram", ["assessed", "pascon"])
 def test_diagrams_are_as_near_to_the_database_as_the_page_says(diagram, steels):
-    """Largest differences of liquidus, solidus and solid fraction, in the digits of the page."""
-    apart = []
+    """Largest differences of liquidus, solidus and solid fraction, in the digits of the page.
+
+    Fractions farther than 1 K from the peritectic; nearer by, what freezes in it is off.
+    """
+    apart, nearby = [], [0.0]
     for carbon, manganese, silicon, liquidus, solidus, *solid in EQUILIBRIA:
         if not STEELS[steels](manganese):
             continue
         steel = alloyed({"C": carbon, "Mn": manganese, "Si": silicon}, diagram)
         at = solidus + ZERO + np.array([0.25, 0.5, 0.75]) * (liquidus - solidus)
-        fractions = 1.0 - steel.phases(at).liquid - solid
+        fractions = np.abs(1.0 - steel.phases(at).liquid - solid)
+        near = np.abs(at - steel.peritectic) < 1.0
+        nearby += [*fractions[near]]
         limits = (steel.liquidus - ZERO - liquidus, steel.solidus - ZERO - solidus)
-        apart.append([*map(abs, limits), np.abs(fractions).max()])
+        apart.append([*map(abs, limits), fractions[~near].max()])
     page = (Path(__file__).parents[2] / "docs" / "materials.md").read_text(encoding="utf-8")
     row = next(r for r in page.splitlines() if r.startswith(f"| `{diagram}` | {steels} |"))
     largest = np.max(apart, axis=0)
     assert row.split(" | ", 2)[2] == "{:.1f} | {:.1f} | {:.3f} |".format(*largest)
     if diagram == "assessed":
-        assert largest[0] < 1.5 and largest[1] < 4.0
+        assert largest[0] < 1.5 and largest[1] < 4.0 and largest[2] < 0.02
+        if "2 %Mn" in steels:
+            assert f"of 0.17 %C, 1.5 %Mn and 0.3 %Si by {max(nearby):.2f}" in page
+
+
+# C, Mn, Si (wt%); at two temperatures, degC, the solid fraction by the same database.
+LITTLE_CARBON = [
+    (0.01, 0, 0.2, 1532.64, 0.858, 1534.57, 0.356), (0.01, 0, 0.6, 1527.41, 0.805, 1530.34, 0.210),
+    (0.01, 2, 0, 1522.75, 0.803, 1526.16, 0.211), (0.01, 0.6, 0.2, 1528.63, 0.812, 1531.23, 0.273),
+    (0.01, 1.5, 0.6, 1516.06, 0.700, 1521.10, 0.210),
+    (0.02, 0, 0.2, 1530.01, 0.856, 1533.43, 0.373), (0.02, 0, 0.6, 1524.68, 0.827, 1529.17, 0.267),
+    (0.02, 2, 0, 1519.85, 0.833, 1524.97, 0.265), (0.02, 0.6, 0.2, 1525.92, 0.832, 1530.08, 0.314),
+    (0.02, 1.5, 0.6, 1513.08, 0.753, 1519.88, 0.243),
+    (0.04, 0, 0.2, 1524.65, 0.855, 1531.13, 0.386), (0.04, 2, 0, 1513.89, 0.853, 1522.57, 0.323),
+    (0.04, 0.6, 0.2, 1520.36, 0.846, 1527.74, 0.352),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("steel", LITTLE_CARBON, ids=lambda steel: "-".join(map(str, steel[:3])))
+def test_steels_with_little_carbon_freeze_as_by_the_database(steel) -> None:
+    """Fractions within 0.02: 0.1 K or less, for the whole range is 4 to 20 K."""
+    carbon, manganese, silicon, *rows = steel
+    found = alloyed({"C": carbon, "Mn": manganese, "Si": silicon})
+    solid = 1.0 - found.phases(np.array(rows[::2]) + ZERO).liquid
+    assert solid == pytest.approx(rows[1::2], abs=0.02)
+
+
+def test_iron_with_silicon_alone_is_off_by_what_the_page_says() -> None:
+    """A tenth of a kelvin, where all freezes within 0.8 K: 0.912 solid at 1535.23 degC."""
+    found = alloyed({"C": 0.0, "Si": 0.2})
+    assert float(found.phases(1535.23 + ZERO).liquid) == pytest.approx(1.0 - 0.912 + 0.08, abs=5e-3)
+    assert float(found.phases(1535.33 + ZERO).liquid) > 1.0 - 0.912 + 0.15
+    assert found.liquidus - found.solidus == pytest.approx(0.8, abs=0.05)
 
 
 # C, Mn, Si (wt%); where delta begins and ends to turn to gamma, K, by the same database, to 0.5 K.
@@ -303,24 +341,52 @@ def test_delta_turns_to_gamma_where_the_page_says() -> None:
         key = few if manganese <= 1.0 and silicon <= 0.3 else "much"
         off = np.subtract([steel.gamma_start, steel.gamma_end], ends)
         apart[key] = max(apart[key], float(np.abs(off).max()))
-    assert apart["alone"] < 0.6 and 3.0 < apart["little"] < 4.0 and 9.0 < apart["much"] < 10.0
+    assert apart["alone"] < 0.6 and 2.0 < apart["little"] < 3.0 and 5.0 < apart["much"] < 6.0
 
 
 def test_alloying_lowers_where_freezing_begins_and_ends_by_what_the_liquid_holds():
-    """Liquidus by the steel's own manganese, solidus by that over the partition (0.744)."""
+    """Liquidus by the steel's own manganese, solidus by that over the partition."""
     plain, steel = alloyed({"C": 0.05}), alloyed({"C": 0.05, "Mn": 1.0})
-    assert plain.liquidus - steel.liquidus == pytest.approx(5.02 - 0.34 * 0.05, abs=1e-9)
+    assert plain.liquidus - steel.liquidus == pytest.approx(5.08 - 0.21 * 0.05, abs=1e-9)
     plain, steel = alloyed({"C": 0.7}), alloyed({"C": 0.7, "Si": 0.5})
-    assert plain.liquidus - steel.liquidus == pytest.approx(0.5 * (10.67 + 3.4 * 0.7), abs=1e-9)
-    steel, carbon = alloyed({"C": 0.7, "Mn": 1.0}), 0.7 / (1.0 - 0.016 / 0.744)
-    at = brentq(lambda t: float(ASSESSED.gamma.carbon(t)) - carbon, 1500.0, 1760.0)
-    drop = (4.21 - 0.38 * float(ASSESSED.liquid_gamma.carbon(at))) / 0.744
-    assert steel.solidus == pytest.approx(at - drop, abs=1e-8)
+    drop = 0.5 * (10.24 + 4.48 * 0.7 + 0.23 * 0.5)
+    assert plain.liquidus - steel.liquidus == pytest.approx(drop, abs=1e-9)
+    steel = alloyed({"C": 0.7, "Mn": 1.0})
+
+    def last(t: float) -> tuple[float, float]:
+        """Carbon and manganese of the last liquid, where the lines are at `t`."""
+        carbon = float(ASSESSED.liquid_gamma.carbon(t))
+        return carbon, 1.0 / (0.738 - 0.046 * carbon)
+
+    def lacks(t: float) -> float:
+        return float(ASSESSED.gamma.carbon(t)) * (1.0 - 0.014 * last(t)[1]) - 0.7
+
+    at = brentq(lacks, 1500.0, 1760.0)
+    carbon, manganese = last(at)
+    assert steel.solidus == pytest.approx(at - (4.21 - 0.29 * carbon) * manganese, abs=1e-8)
+
+
+@pytest.mark.parametrize("carbon", [0.0, 0.08])
+def test_manganese_and_silicon_are_kept_where_each_changes_the_others_partition(carbon):
+    """By iterating both balances from the steel's own contents; the carbon beside them."""
+    steel, (own_mn, own_si) = alloyed({"C": carbon, "Mn": 2.0, "Si": 0.6}), (2.0, 0.6)
+    solid, mn, si = np.linspace(0.0, 1.0, 21), own_mn, own_si
+    t, in_liquid, in_solid = steel.pairs[0].at(solid, carbon)
+    for _ in range(60):
+        k_mn = 0.746 - 0.083 * in_liquid - 0.102 * si
+        k_si = 0.717 + 0.038 * in_liquid - 0.04 * mn
+        mn = own_mn / (1.0 - solid * (1.0 - k_mn))
+        si = own_si / (1.0 - solid * (1.0 - k_si))
+    drop = (5.08 - 0.21 * in_liquid) * mn + (9.55 + 2.74 * in_liquid + 1.05 * si) * si
+    drop += 0.94 * mn * si
+    melting = np.array([ASSESSED.liquid_delta.temperature(one) for one in in_liquid])
+    assert t == pytest.approx(melting - drop, abs=1e-8)
+    assert solid * in_solid + (1.0 - solid) * in_liquid == pytest.approx(carbon, abs=1e-12)
 
 
 def test_iron_with_manganese_freezes_by_the_lever_rule_of_manganese():
-    """The liquid holds Mn by its temperature, the crystals 0.7 of that."""
-    steel, melting, drop, partition = alloyed({"C": 0.0, "Mn": 1.5}), 1810.95, 5.02, 0.7
+    """The liquid holds Mn by its temperature, the crystals 0.746 of that."""
+    steel, melting, drop, partition = alloyed({"C": 0.0, "Mn": 1.5}), 1810.95, 5.08, 0.746
     t = np.linspace(steel.solidus, steel.liquidus, 30)
     in_liquid = (melting - t) / drop
     solid = (1.0 - 1.5 / in_liquid) / (1.0 - partition)
@@ -333,7 +399,7 @@ def test_pure_iron_of_the_assessed_diagram_melts_at_a_point_and_alloyed_iron_doe
     iron, alloy = alloyed({"C": 0.0}), alloyed({"C": 0.0, "Mn": 1.0})
     assert iron.reactions == (1667.55, 1810.95) and iron.solidus == iron.liquidus == 1810.95
     assert alloy.reactions == (alloy.transformation,)
-    assert alloy.liquidus - alloy.solidus == pytest.approx(5.02 / 0.7 - 5.02, abs=1e-9)
+    assert alloy.liquidus - alloy.solidus == pytest.approx(5.08 / 0.746 - 5.08, abs=1e-9)
 
 
 def test_a_trace_of_manganese_or_silicon_does_next_to_nothing():

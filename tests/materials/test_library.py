@@ -92,7 +92,7 @@ def test_plain_carbon_takes_alloying_elements():
     plain = load_steel("plain_carbon", composition={"C": 0.2})
     steel = load_steel("plain_carbon", composition={"C": 0.2, "Si": 0.3, "Mn": 1.0})
     assert plain.liquidus - steel.liquidus == pytest.approx(
-        0.3 * (9.91 + 3.23 * 0.2) + (5.02 - 0.34 * 0.2) + 1.33 * 0.3
+        0.3 * (9.55 + 2.74 * 0.2 + 1.05 * 0.3) + (5.08 - 0.21 * 0.2) + 0.94 * 0.3
     )
     straight = [
         load_steel("plain_carbon", composition=one.composition, overrides={"diagram": "pascon"})

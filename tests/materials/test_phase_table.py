@@ -170,6 +170,13 @@ def test_what_there_is_not_is_said_in_one_line(tmp_path, monkeypatch):
         assert len(told.value.problems) == 1
 
 
+def test_a_metal_without_a_composition_is_none_of_a_database():
+    with pytest.raises(InputError, match="a metal without a composition; leave it out") as told:
+        load_steel("copper", overrides={"database": Request("steel.tdb")}, origin="steel")
+    assert told.value.problems[0].startswith('steel.database ("steel.tdb"): ')
+    assert len(told.value.problems) == 1
+
+
 def test_a_formula_by_a_database_needs_one():
     with pytest.raises(InputError, match=r"solid_fraction.*steel\.database"):
         load_steel(

@@ -5,11 +5,12 @@ its freezing point falls: what counts at a solid fraction f is the liquid's cont
 
     X = X0/(1 - f (1 - k)),
 
-with the partition k, which is the lever rule again. A liquid with so much manganese and silicon
-freezes as that of iron and carbon does, D lower; the crystals beside it hold a share of the carbon
-that both change a little. Liquid with delta ferrite, and liquid with austenite, each have their
-numbers (`BESIDE`), fitted to equilibria of [PovodenKaradeniz2016]; docs/materials.md tells how near
-they are.
+with the partition k, which is the lever rule again; k of manganese falls with the silicon in the
+liquid, and that of silicon with the manganese. A liquid with so much of both freezes as that of
+iron and carbon does, some kelvins lower; the crystals beside it hold a share of the carbon that
+both change a little. Liquid with delta ferrite, and liquid with austenite, each have their numbers
+(`BESIDE`), fitted to equilibria of [PovodenKaradeniz2016]; docs/materials.md tells how near they
+are.
 
 Where the liquid beside one solid would freeze to the other there is the peritectic reaction. In the
 database liquid, delta ferrite and austenite are together over 0 to 2 K of each steel; here it is
@@ -47,17 +48,28 @@ GAMMA_REACH = 25.0  # K above the peritectic, within which austenite has carbon 
 class Beside:
     """What manganese and silicon in a liquid, wt%, do to its equilibrium with a solid."""
 
-    partition: tuple[float, float]  #: their content in the solid over that in the liquid
+    #: of each its content in the solid over that in the liquid: alone, and what carbon, and the
+    #: other of the two, in the liquid add to that, per wt%
+    partition: tuple[tuple[float, float, float], tuple[float, float, float]]
     drop: tuple[float, float]  #: of the freezing point, K per wt%
     together: float  #: the same of their product, K per wt%^2
+    twice: float  #: the same of the square of silicon, K per wt%^2
     with_carbon: tuple[float, float]  #: of the product of each with carbon in the liquid, K/wt%^2
     solid_carbon: tuple[float, float]  #: what they add to the carbon of the solid, of it, per wt%
 
-    def gathered(self, contents: tuple[float, float], solid: npt.ArrayLike) -> list[Array]:
-        """Contents of the liquid where a fraction is solid (any shape), wt%."""
-        left: Array = 1.0 - np.asarray(solid, float)
-        pairs = zip(contents, self.partition, strict=True)
-        return [np.asarray(x / (left + (1.0 - left) * k)) for x, k in pairs]
+    def gathered(self, contents: tuple[float, float], solid: Array, carbon: Array) -> list[Array]:
+        """Contents of a liquid with carbon, wt%, where a fraction is solid (any shape), wt%.
+
+        Both of `x (p + q y) = X` and `y (r + s x) = Y`, the balances of manganese and silicon.
+        """
+        (p, q), (r, s) = (
+            (1.0 - solid * (1.0 - alone - by_carbon * carbon), solid * by_other)
+            for alone, by_carbon, by_other in self.partition
+        )
+        all_mn, all_si = contents
+        half = 0.5 * (p * r + q * all_si - s * all_mn)
+        mn = all_mn * r / (half + np.sqrt(half**2 + p * s * all_mn * r))
+        return [mn, all_si / (r + s * mn)]
 
     def lowered(self, carbon: Array, gathered: list[Array]) -> Array:
         """How far below that of iron and carbon a liquid of such contents, wt%, freezes, K."""
@@ -65,14 +77,22 @@ class Beside:
             (a + c * carbon) * x
             for a, c, x in zip(self.drop, self.with_carbon, gathered, strict=True)
         )
-        return np.asarray(both + self.together * gathered[0] * gathered[1])
+        mn, si = gathered
+        return np.asarray(both + (self.together * mn + self.twice * si) * si)
 
 
-# Delta ferrite and austenite; fitted to 220 steels with C to 0.5, Mn to 2, Si to 0.6 wt%.
+# Delta ferrite and austenite; fitted to temperatures and fractions of 1341 equilibria of liquid
+# with one of them, with C to 1.0, Mn to 2, Si to 0.6 wt%, and to the partitions of 370 others.
 BESIDE = (
-    Beside((0.700, 0.629), (5.02, 9.91), 1.33, (-0.34, 3.23), (-0.048, -0.022)),
-    Beside((0.744, 0.621), (4.21, 10.67), 0.60, (-0.38, 3.40), (-0.016, -0.044)),
-)
+    Beside(
+        ((0.746, -0.083, -0.102), (0.717, 0.038, -0.04)),
+        (5.08, 9.55), 0.94, 1.05, (-0.21, 2.74), (-0.034, -0.045),
+    ),
+    Beside(
+        ((0.738, -0.046, -0.009), (0.588, 0.075, 0.001)),
+        (4.21, 10.24), 0.31, 0.23, (-0.29, 4.48), (-0.014, -0.046),
+    ),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -88,37 +108,32 @@ class Pair:
     def at(self, solid: npt.ArrayLike, carbon: float) -> tuple[Array, Array, Array]:
         """Temperature, K, and carbon of liquid and solid, wt%, where a fraction is solid (n,)."""
         f = np.asarray(solid, float)
-        gathered = self.beside.gathered(self.contents, f)
-        share = 1.0 + sum(e * x for e, x in zip(self.beside.solid_carbon, gathered, strict=True))
         low, high = (np.full(f.shape, end) for end in self.reach)
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
-            held = f * share * self.solid.carbon(middle) + (1.0 - f) * self.liquid.carbon(middle)
+            _, in_liquid, in_solid = self.on_lines(middle, f)
+            held = f * in_solid + (1.0 - f) * in_liquid
             low, high = np.where(held > carbon, middle, low), np.where(held > carbon, high, middle)
-        middle = 0.5 * (low + high)
+        return self.on_lines(0.5 * (low + high), f)
+
+    def on_lines(self, middle: Array | float, solid: Array) -> tuple[Array, Array, Array]:
+        """As `at`, where the lines of iron and carbon are at a temperature, K."""
         in_liquid = self.liquid.carbon(middle)
+        gathered = self.beside.gathered(self.contents, solid, in_liquid)
+        share = 1.0 + sum(e * x for e, x in zip(self.beside.solid_carbon, gathered, strict=True))
         t = middle - self.beside.lowered(in_liquid, gathered)
         return t, in_liquid, share * self.solid.carbon(middle)
 
-    def end(self, middle: float) -> tuple[float, float, float]:
-        """Temperature and both carbons as `at`, of the last liquid; of its place on the lines."""
-        gathered = self.beside.gathered(self.contents, 1.0)
-        share = 1.0 + sum(
-            float(e * x) for e, x in zip(self.beside.solid_carbon, gathered, strict=True)
-        )
-        in_liquid = self.liquid.carbon(middle)
-        t = middle - float(self.beside.lowered(in_liquid, gathered))
-        return t, float(in_liquid), share * float(self.solid.carbon(middle))
-
-    def excess(self, t: Array | float, carbon: Array | float, gathered: list[Array]) -> Array:
-        """Carbon that a liquid lacks to that beside this solid, wt%; above 0 the solid grows.
+    def grows(self, other: Pair, place: tuple[Array, Array, Array], solid: Array) -> Array:
+        """Carbon that the liquid beside another solid lacks to grow this one, wt%.
 
         Args:
-            t: Temperatures (n,), K.
-            carbon: In the liquid (n,), wt%.
-            gathered: Manganese and silicon in it, each (n,), wt%.
+            other: Liquid with the other solid.
+            place: Its temperature and carbon, as `at`.
+            solid: Fraction of that which is solid.
         """
-        held = np.asarray(carbon, float)
+        t, held, _ = place
+        gathered = other.beside.gathered(self.contents, solid, held)
         return self.liquid.carbon(t + self.beside.lowered(held, gathered)) - held
 
 
@@ -168,19 +183,17 @@ class AlloyedIron:
     def solid_ends(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Where delta ferrite, and austenite, are beside liquid and each other: K and wt% C."""
         near, melting = self.lines.liquid_gamma.first[0], self.lines.liquid_delta.first[0]
-        found = []
+        one, found = np.ones(()), []
         for mine, other, start, end in (
             (*self.pairs, melting, near - REACH),
             (*self.pairs[::-1], near - REACH, near + GAMMA_REACH),
         ):
-            gathered = mine.beside.gathered(self.contents, 1.0)
 
-            def turns(t: float, mine: Pair = mine, other: Pair = other,
-                      gathered: list[Array] = gathered) -> bool:  # fmt: skip
-                return bool(other.excess(*mine.end(t)[:2], gathered) > 0.0)
+            def turns(t: float, mine: Pair = mine, other: Pair = other) -> bool:
+                return bool(other.grows(mine, mine.on_lines(t, one), one) > 0.0)
 
-            t, _, carbon = mine.end(root(turns, start, end))
-            found.append((t, carbon))
+            t, _, carbon = mine.on_lines(root(turns, start, end), one)
+            found.append((float(t), float(carbon)))
         return found[0], found[1]
 
     @cached_property
@@ -195,8 +208,7 @@ class AlloyedIron:
     def _ferrite(self) -> Array:
         """How much delta ferrite would grow from liquid beside austenite, at `FRACTIONS`."""
         one, other = self.pairs
-        gathered = other.beside.gathered(self.contents, FRACTIONS)
-        return one.excess(self.paths[1][0], self.paths[1][1], gathered)
+        return one.grows(other, self.paths[1], FRACTIONS)
 
     @property
     def austenitic(self) -> bool:

@@ -38,7 +38,7 @@ ELEMENTS = tuple(LIQUIDUS_DROP)
 # Of these the assessed diagram knows more, up to a content, wt% (`alloyed_iron`): it raises the
 # delta -> gamma temperature of iron, K per wt%, fitted to [PovodenKaradeniz2016]. Beyond it, and of
 # the other elements, the regression of the liquidus is known.
-FITTED = {"Mn": (22.0, 2.0), "Si": (-38.0, 0.6)}
+FITTED = {"Mn": (17.0, 2.0), "Si": (-38.0, 0.6)}
 
 
 def check_composition(composition: Mapping[str, float]) -> list[str]:

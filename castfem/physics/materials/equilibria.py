@@ -37,6 +37,9 @@ class Settings:
     fraction: float = 5e-4  # that linear interpolation between two rows may be off
     enthalpy: float = 100.0  # J/kg, likewise
     jump: float = 0.02  # of a fraction, over the narrowest, that no interpolation stands for
+    #: J/kg, by which pieces of a phase's enthalpy may miss one another where they meet; that of
+    #: liquid iron falls by 6 at 1811 K in [PovodenKaradeniz2016]
+    misfit: float = 20.0
     freezing: float = 0.02  # of all, that freezes in a step of a Scheil path before carbon moves
     passes: int = 30  # of freezing and moving of carbon in a step, at most
     step: float = 1.0  # K, largest of a Scheil path
@@ -105,6 +108,8 @@ class Equilibria:
 
     def _check(self, elements: Sequence[str], phases: Sequence[str]) -> None:
         known = sorted(e.capitalize() for e in self.data.elements if e.isalpha() and e != "VA")
+        if not known:
+            raise ValueError("has no elements; it is no thermodynamic database")
         if lacking := [e for e in elements if e not in known]:
             raise ValueError(f"has no data for {', '.join(lacking)}; it has {', '.join(known)}")
         if unknown := [name for name in phases if name not in self.data.phases]:

@@ -47,12 +47,17 @@ def _is_linear(cold: State, middle: State, hot: State) -> bool:
 
 
 def joined(rows: Sequence[State]) -> list[State]:
-    """Rows, one where a phase comes, of no mass of it there; two of one temperature at a jump."""
+    """Rows, one where a phase comes, of no mass of it there; two of one temperature at a jump.
+
+    A row is left out whose enthalpy falls by no more than `Settings.misfit`.
+    """
     found = [rows[0]]
     for cold, hot in itertools.pairwise(rows):
         near = hot.temperature - cold.temperature <= SETTINGS.narrowest
         if not near or cold.names == hot.names:
-            found.append(hot)
+            fall = found[-1].enthalpy - hot.enthalpy
+            if cold.names != hot.names or not 0.0 <= fall < SETTINGS.misfit:
+                found.append(hot)
             continue
         middle = 0.5 * (cold.temperature + hot.temperature)
         found[-1] = replace(found[-1], temperature=middle)

@@ -108,6 +108,8 @@ def _table(
 
     file = os.path.join(base, request.file)
     try:
+        if not composition:
+            raise ValueError("is asked for a metal without a composition; leave it out")
         return table_of(replace(request, file=file), composition)
     except ValueError as error:
         problems.append(Problem(("database",), f'("{request.file}"): {error}'))
