@@ -28,11 +28,11 @@ _TERMINAL, _LINES = 1.0, 10.0  # s between two looks: at a terminal, and elsewhe
 @output("Folder; by default results/<family>/<name>.")
 @overrides
 @options.accuracy
-@click.option("--resume/--no-resume", help="Go on from the last checkpoint.")
+@click.option("--resume/--no-resume", help="Continue from the last checkpoint.")
 @click.option("--overwrite/--no-overwrite", help="Replace a run of another case in the folder.")
-@click.option("--profile/--no-profile", help="Print where the time went.")
+@click.option("--profile/--no-profile", help="Print the time spent in each part of the run.")
 @quiet
-@click.option("--verbose", "-v", count=True, help="Say more; tracebacks of faults.")
+@click.option("--verbose", "-v", count=True, help="Print more, with tracebacks of errors.")
 def run(quiet: bool, verbose: int, **given: Any) -> None:
     """Run a case. Under mpirun it runs on all ranks."""
     from castfem.cli.running import Options, run_case
@@ -135,18 +135,19 @@ def show(folder: Path, at: tuple[str, ...], units: tuple[str, ...]) -> int:
 @command("watch results/billet125/thermal --html at_work.html")
 @folder("Folder of a run at work, or of a sweep.")
 @click.option(
-    "--html", metavar="FILE", type=PATH, help="Write its report, too, anew until it ends."
+    "--html",
+    metavar="FILE",
+    type=PATH,
+    help="Write its report as well, and update it until the run ends.",
 )
 @click.option(
     "--every",
     metavar="TIME",
     default="",
     show_default=False,
-    help='Between two looks, such as "5 s".',
+    help='Interval between updates, such as "5 s".',
 )
-@click.option(
-    "--wait", is_flag=True, help="Wait for runs that have not begun, or are to be taken up again."
-)
+@click.option("--wait", is_flag=True, help="Wait for runs that have not begun or will be resumed.")
 @options.units
 def watch(folder: Path, html: Path | None, every: str, wait: bool, units: tuple[str, ...]) -> int:
     """Show how far a run has come, until it ends; with --html as a page that refreshes itself."""
@@ -174,9 +175,9 @@ def watch(folder: Path, html: Path | None, every: str, wait: bool, units: tuple[
 @command("compare results/billet125/thermal slow")
 @folders
 @output("Folder; by default `compare` beside the runs.")
-@click.option("--base", help="Run the others are measured by; by default idealised, or the first.")
+@click.option("--base", help="Reference run of the comparison; by default idealised, or the first.")
 @click.option(
-    "everything", "--all", is_flag=True, help="All quantities, not only those of the headline."
+    "everything", "--all", is_flag=True, help="All quantities, not only the headline ones."
 )
 @click.option("--figures/--no-figures", default=True, help="Draw the figures.")
 @options.at

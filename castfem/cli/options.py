@@ -119,7 +119,7 @@ case_name: Decorator = click.argument(
     "case",
     metavar="CASE",
     type=CaseName(),
-    help="A case file, or the name of a shipped case.",
+    help="Case file, or name of a shipped case.",
     cls=Argument,
 )
 folders: Decorator = click.argument(
@@ -142,25 +142,28 @@ overrides: Decorator = click.option(
 accuracy: Decorator = click.option(
     "--accuracy",
     default="default",
-    help="Cells, steps and windows: coarse, default (the case's) or fine.",
+    help="Accuracy of cells, steps and windows: coarse, default (that of the case) or fine.",
 )
 at: Decorator = click.option(
-    "--at", metavar="POSITION", multiple=True, help='Results there, such as "800 mm"; repeatable.'
+    "--at",
+    metavar="POSITION",
+    multiple=True,
+    help='Results at this position, such as "800 mm"; repeatable.',
 )
 units: Decorator = click.option(
     "--units",
     metavar="UNITS",
     multiple=True,
-    help="In plant, si, or NAME=UNIT (temperature=degF, shell=inch); repeatable; by default "
-    "as the case says.",
+    help="Units: plant, si, or NAME=UNIT (temperature=degF, shell=inch); repeatable; by default "
+    "those of the case.",
 )
 jobs: Decorator = click.option(
-    "-j", "jobs", type=int, help="How many runs at once; by default one a core."
+    "-j", "jobs", type=int, help="Number of simultaneous runs; by default one per core."
 )
 ranks: Decorator = click.option(
     "--ranks", metavar="K", default=1, help="Under mpirun: run each case on K ranks."
 )
-quiet: Decorator = click.option("--quiet", "-q", is_flag=True, help="Say nothing but errors.")
+quiet: Decorator = click.option("--quiet", "-q", is_flag=True, help="Print only errors.")
 
 
 def folder(about: str) -> Decorator:

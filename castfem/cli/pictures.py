@@ -43,11 +43,15 @@ def mesh(case: str, output: Path | None, overrides: tuple[str, ...]) -> None:
 @command("mould billet125/hot --hot")
 @case_name
 @output("Picture, or a folder for it; by default <name>_mould.png.")
-@click.option("--hot", is_flag=True, help="How heat distorts it: cold and at work, [mould.tube].")
+@click.option(
+    "--hot",
+    is_flag=True,
+    help="Thermal distortion of the copper tube [mould.tube], cold and at work.",
+)
 @click.option(
     "--coupled",
     is_flag=True,
-    help="As --hot, and again with the strand in the hot mould, until both agree.",
+    help="Like --hot, iterated with the strand in the hot mould until both agree.",
 )
 @overrides
 def mould(
@@ -66,7 +70,7 @@ def mould(
 @command("section billet125/idealised")
 @case_name
 @output("Picture, or a folder for it; by default <name>_section.png.")
-@click.option("--at", help="Where; by default the end of the mould.")
+@click.option("--at", help="Position of the wanted section; by default the end of the mould.")
 @overrides
 def section(case: str, output: Path | None, at: str | None, overrides: tuple[str, ...]) -> None:
     """Find the outline at the meniscus whose strand has the case's section further down."""
@@ -78,7 +82,9 @@ def section(case: str, output: Path | None, at: str | None, overrides: tuple[str
 @command("machine slab1200/reference")
 @case_name
 @output("Picture, or a folder for it; by default <name>_machine.png.")
-@click.option("--run", type=PATH, help="Folder of a run: where it is solid, how drives pulled.")
+@click.option(
+    "--run", type=PATH, help="Folder of a run, to show where it is solid and how the drives pulled."
+)
 @overrides
 def machine(case: str, output: Path | None, run: Path | None, overrides: tuple[str, ...]) -> None:
     """Print the rolls of a case, and draw its caster."""
@@ -99,10 +105,10 @@ def machine(case: str, output: Path | None, run: Path | None, overrides: tuple[s
     "--database", type=PATH, metavar="FILE",
     help="Thermodynamic database (.tdb) for phases and heat, drawn beside those of the set.",
 )  # fmt: skip
-@click.option("--scheil", is_flag=True, help="Freeze by Scheil, with a database.")
+@click.option("--scheil", is_flag=True, help="With a database: freezing by Scheil.")
 @click.option(
     "--segregated", is_flag=True,
-    help="Freeze by the microsegregation of its solutes, drawn beside equilibrium.",
+    help="Freezing with microsegregation of the solutes, drawn beside equilibrium.",
 )  # fmt: skip
 def material(
     name: str,
@@ -122,7 +128,7 @@ def material(
 @command('strand results/slab1200/reference --every "50 mm"')
 @folder("Folder of a run.")
 @output("File; by default strand.vtu in DIR.")
-@click.option("--every", default="100 mm", help="Length of its cells along the strand, at most.")
+@click.option("--every", default="100 mm", help="Largest length of the cells along the strand.")
 def strand(folder: Path, output: Path | None, every: str) -> None:
     """Write the slices of a run, stacked along its caster, for ParaView."""
     from castfem.model import load_case
@@ -161,17 +167,21 @@ def strand(folder: Path, output: Path | None, every: str) -> None:
     "data",
     metavar="DATA.csv",
     type=PATH,
-    help="Tensile curves: temperature [..], strain rate [..], strain [..], stress [..].",
+    help="Tensile curves: columns temperature [..], strain rate [..], strain [..], stress [..].",
     cls=Argument,
 )
 @output("File of the law; by default DATA.toml.")
 @click.option(
-    "--degree", type=int, help="Smooth over temperature, of this degree; left out: each by itself."
+    "--degree",
+    type=int,
+    help="Degree of a polynomial fit over temperature; left out: each temperature separately.",
 )
 @click.option(
-    "--softening", default="positive", help="p1: positive (0 or more), free, or none (0)."
+    "--softening",
+    default="positive",
+    help="Constraint on p1: positive (0 or more), free, or none (0).",
 )
-@click.option("--overwrite", is_flag=True, help="Replace a law and a picture of these names.")
+@click.option("--overwrite", is_flag=True, help="Replace an existing law and picture of this name.")
 def identify(
     data: Path, output: Path | None, degree: int | None, softening: str, overwrite: bool
 ) -> None:

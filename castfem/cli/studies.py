@@ -24,33 +24,33 @@ from castfem.cli.options import PATH, asked, case_name, jobs, output, overrides,
     metavar="KEY=VALUE,...",
     multiple=True,
     type=Assignment(),
-    help="Values of a key; several keys: all combinations.",
+    help="Values of a key; several keys give all combinations.",
 )
 @click.option(
-    "--table", type=PATH, help="CSV file with a row for each run; its header names keys and units."
+    "--table", type=PATH, help="CSV file with one row per run; its header names keys and units."
 )
 @output("Folder; by default results/<family>/<name>_sweep.")
 @jobs
+@click.option("--resume/--no-resume", help="Continue interrupted runs from their checkpoints.")
 @click.option(
-    "--resume/--no-resume", help="Go on from the checkpoints of runs that were not finished."
+    "--overwrite/--no-overwrite", help="Repeat all runs, and replace runs of other cases."
 )
-@click.option("--overwrite/--no-overwrite", help="Run all anew, and replace runs of other cases.")
 @click.option("--figures/--no-figures", help="Draw the figures of each run.")
 @click.option(
     "--part",
     metavar="I/N",
     default="",
     show_default=False,
-    help="Do a share of the runs, the I-th of N, beside others.",
+    help="Make the I-th of N shares of the runs.",
 )
-@click.option("--collect", is_flag=True, help="Run nothing: the table of what has been run.")
+@click.option("--collect", is_flag=True, help="Make no runs: print the table of finished ones.")
 @options.ranks
 @click.option(
     "script",
     "--slurm",
     metavar="FILE",
     type=PATH,
-    help="Write a SLURM script for the parts; run nothing.",
+    help="Write a SLURM script for the parts; make no runs.",
 )
 @options.at
 @options.accuracy
@@ -73,13 +73,15 @@ def sweep(**given: Any) -> int:
 @output("Folder; by default results/<family>/<name>_error.")
 @overrides
 @jobs
-@click.option("--overwrite/--no-overwrite", help="Run all anew, and replace runs of another case.")
+@click.option(
+    "--overwrite/--no-overwrite", help="Repeat all runs, and replace runs of another case."
+)
 @click.option(
     "--to",
     metavar="PERCENT",
     default="",
     show_default=False,
-    help="Propose sizes with which errors are 1%, say.",
+    help="Propose sizes for a given error, such as 1%.",
 )
 @options.at
 @options.units
@@ -97,7 +99,7 @@ def error(**given: Any) -> int:
 @overrides
 @jobs
 @options.ranks
-@click.option("--figures/--no-figures", default=True, help="Draw the answer.")
+@click.option("--figures/--no-figures", default=True, help="Draw the result.")
 @options.units
 @quiet
 def optimise(**given: Any) -> int:
@@ -114,7 +116,7 @@ def optimise(**given: Any) -> int:
     metavar="DATA.csv",
     type=PATH,
     required=True,
-    help="What was measured (docs/calibrate.md).",
+    help="File with the measurements (docs/calibrate.md).",
 )
 @click.option(
     "--free",
@@ -144,15 +146,18 @@ def calibrate(case: str, to: Path, free: tuple[str, ...], output: Path | None, *
     metavar="KEY[=SPREAD],...",
     multiple=True,
     required=True,
-    help="By what: keys of the case, or steel.conductivity and the like; repeatable.",
+    help="Parameter: a key of the case, or steel.conductivity and others; repeatable.",
 )
 @click.option(
-    "--of", metavar="RESULT,...", multiple=True, help="Of what; by default heat and shell."
+    "--of",
+    metavar="RESULT,...",
+    multiple=True,
+    help="Result to differentiate; by default heat and shell; repeatable.",
 )
 @output("Folder; by default results/<family>/<name>_sensitivity.")
 @overrides
 @options.accuracy
-@click.option("--resume/--no-resume", help="Go on from the last checkpoint.")
+@click.option("--resume/--no-resume", help="Continue from the last checkpoint.")
 @click.option("--figures/--no-figures", default=True, help="Draw the figure.")
 @options.units
 @quiet
@@ -170,11 +175,11 @@ def sensitivity(**given: Any) -> None:
     "--follow",
     metavar="PLANT.csv",
     type=PATH,
-    help="Follow a history that grows, row by row, in the place of caster.plant.",
+    help="Follow a growing plant record, row by row, instead of caster.plant.",
 )
 @overrides
 @options.accuracy
-@click.option("--resume/--no-resume", help="Go on from the last checkpoint.")
+@click.option("--resume/--no-resume", help="Continue from the last checkpoint.")
 @click.option("--overwrite/--no-overwrite", help="Replace a run of another case in the folder.")
 @click.option("--figures/--no-figures", default=True, help="Draw the figure.")
 @options.units
