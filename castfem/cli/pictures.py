@@ -1,4 +1,4 @@
-"""The commands that draw a case before it is run, a steel, a law, or a strand in space.
+"""Commands that draw a case before its run, a steel, a law, or a strand in three dimensions.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -73,7 +73,7 @@ def mould(
 @click.option("--at", help="Position of the wanted section; by default the end of the mould.")
 @overrides
 def section(case: str, output: Path | None, at: str | None, overrides: tuple[str, ...]) -> None:
-    """Find the outline at the meniscus whose strand has the case's section further down."""
+    """Find the outline at the meniscus that gives the case's section further down."""
     from castfem.cli.mould import find_outline
 
     find_outline(*case_and_target(case, output, overrides, "section"), case, at)

@@ -1,6 +1,7 @@
-"""Commands that study a case by runs: sweep, error, optimise, calibrate, sensitivity, caster.
+"""Commands that make several runs: sweep, error, optimise, calibrate, sensitivity, caster.
 
-What a command only hands on to its `Options` is in `given` (`castfem.cli.options.asked`).
+Arguments that a command only passes on to its `Options` are in `given`
+(`castfem.cli.options.asked`).
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ from castfem.cli.options import PATH, asked, case_name, jobs, output, overrides,
 @options.units
 @quiet
 def sweep(**given: Any) -> int:
-    """Run a case with several values, in parallel. What is finished is not run again."""
+    """Run a case with several values, in parallel. Finished runs are not repeated."""
     from castfem.cli.sweeping import Options, sweep_case
 
     alone = given["part"] or given["overwrite"] or given["script"] is not None
@@ -87,7 +88,7 @@ def sweep(**given: Any) -> int:
 @options.units
 @quiet
 def error(**given: Any) -> int:
-    """Run a case on other meshes, with other steps and windows: the error of each number."""
+    """Compute the error of each result, from runs with other meshes, steps and windows."""
     from castfem.cli.accuracy import Options, error_of_case
 
     return error_of_case(asked(Options, **given))
@@ -103,7 +104,7 @@ def error(**given: Any) -> int:
 @options.units
 @quiet
 def optimise(**given: Any) -> int:
-    """Find the best values of a case's keys, by its table [optimise]. The same command goes on."""
+    """Find the best values of a case's keys, by its table [optimise]. A second call continues."""
     from castfem.cli.optimising import optimise_case
 
     return optimise_case(asked(options.Request, **given))
@@ -162,7 +163,7 @@ def calibrate(case: str, to: Path, free: tuple[str, ...], output: Path | None, *
 @options.units
 @quiet
 def sensitivity(**given: Any) -> None:
-    """Run a case once, with the derivatives of its results by some of its keys."""
+    """Run a case once and compute the derivatives of its results with respect to its keys."""
     from castfem.cli.sensitivity import Options, sensitivity_of_case
 
     sensitivity_of_case(asked(Options, **given))
