@@ -167,7 +167,7 @@ def strand(folder: Path, output: Path | None, every: str) -> None:
     "data",
     metavar="DATA.csv",
     type=PATH,
-    help="Tensile curves: columns temperature [..], strain rate [..], strain [..], stress [..].",
+    help="Tensile curves: temperature [..], strain rate [..], strain [..], stress [..].",
     cls=Argument,
 )
 @output("File of the law; by default DATA.toml.")

@@ -1,4 +1,4 @@
-"""The closed forms a case may name, made from its steel and its temperatures."""
+"""Closed forms that a case may name, built from its steel and temperatures."""
 
 from __future__ import annotations
 
@@ -20,48 +20,49 @@ if TYPE_CHECKING:
 
 Profile = Callable[[Array, float], Array]
 
-SHARP = 0.2  # K: a narrower freezing range is one temperature
+SHARP = 0.2  # K: a narrower freezing range counts as one temperature
 _PROPERTIES = ("density", "specific_heat", "conductivity")
 _WITHIN = "freezing at one temperature moves the front from vertex to vertex: within one cell"
 
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """A result at the mid-face."""
+    """A result at the mid-face according to the closed form."""
 
     value: float  #: in SI
-    unit: str  #: in which it is shown
-    note: str = ""  #: what a reader must know of it
+    unit: str  #: unit in which it is shown
+    note: str = ""  #: remark for the reader
 
 
 @dataclass(frozen=True, slots=True)
 class ClosedForm:
     """A half-space x > 0 chilled at x = 0."""
 
-    source: str  #: whose it is
+    source: str  #: reference
     temperature: Profile  #: K at depths (n,), m, and a time, s
-    #: where the last of the liquid is left behind at a time, m; errors are taken to there
+    #: depth of the liquidus (the end of the mushy zone) at a time, m; errors are evaluated down to
+    #: there
     depth: Callable[[float], float]
-    #: name in the summary to what it must be at a time
+    #: results at a time, by name in the summary
     results: Callable[[float], Mapping[str, Expected]]
-    #: sigma_yy = sigma_zz in the same way as the temperature, Pa; None without mechanics
+    #: sigma_yy = sigma_zz as a function like the temperature, Pa; None without mechanics
     stress: Profile | None = None
-    #: depth of the solid at a time, m; errors of the stress are taken to there
+    #: depth of the solid at a time, m; errors of the stress are evaluated down to there
     shell: Callable[[float], float] | None = None
-    unit_stress: float = field(default=1.0)  #: of which errors of the stress are told, Pa
+    unit_stress: float = field(default=1.0)  #: unit stress for relative errors, Pa
 
 
 def closed_form(name: str, steel: Steel, surface: float, start: float) -> ClosedForm:
-    """The closed form of a case.
+    """Return the closed form of a case.
 
     Args:
         name: One of `NAMES`.
-        steel: Its properties must be constants.
+        steel: Steel with constant properties.
         surface: Temperature of the surface, K.
-        start: Of the melt, K.
+        start: Initial temperature of the melt, K.
 
     Raises:
-        InputError: The steel or a temperature is none for which it holds.
+        InputError: The closed form does not hold for the steel or a temperature.
     """
     if not surface < steel.solidus < start:
         raise InputError(
@@ -141,7 +142,7 @@ def _neumann(steel: Steel, surface: float, start: float) -> ClosedForm:
 
 
 def _half_space(steel: Steel, surface: float, start: float) -> ClosedForm:
-    """It is of the constants of that problem alone."""
+    """It holds only for the constants of that problem."""
     found = (
         *_constants("weiner_boley", steel, surface, start),
         steel.latent_heat,
@@ -192,4 +193,4 @@ _MAKERS: Mapping[str, Callable[[Steel, float, float], ClosedForm]] = {
     "weiner_boley": _half_space,
 }
 NAMES = tuple(_MAKERS)
-"""Of the closed forms."""
+"""Names of the closed forms."""

@@ -1,4 +1,4 @@
-"""Matrices of the heat balance, which several steels may share, and options of its solvers."""
+"""Matrices of the heat balance, shared by several steels, and solver options."""
 
 from __future__ import annotations
 
@@ -18,41 +18,41 @@ from castfem.physics.thermal.deformed_section import Shape
 
 # Newton's full step on the enthalpy needs no line search.
 NEWTON = {"snes_linesearch_type": "basic", "snes_max_it": 100}
-# The Jacobian is a symmetric positive matrix with its columns scaled, and as well conditioned as a
-# time step makes it: a few iterations on an incomplete factorisation of each rank's own part
-# solve it to the accuracy that Newton's method can use, at any size (docs/benchmarks.md).
+# The Jacobian is a symmetric positive matrix with scaled columns, whose condition improves with
+# shorter time steps: a few iterations preconditioned by an incomplete factorisation of each rank's
+# part solve it as accurately as Newton's method needs, for any size (docs/benchmarks.md).
 REDUCTION = 1e-9
 ITERATIVE = {"ksp_type": "bcgs", "ksp_rtol": REDUCTION, "ksp_max_it": 300}
-# Where they do not, which a step a thousand times too long can bring about, it is factored.
+# If they do not, as with a step a thousand times too long, it is factored.
 DIRECT = {"ksp_type": "preonly", "pc_type": "lu"}
 SERIAL_LU = {"pc_factor_mat_solver_type": "petsc", "pc_factor_mat_ordering_type": "nd"}
 PARALLEL_LU = {"pc_factor_mat_solver_type": "mumps"}
 
 
 def default_options(ranks: int) -> dict[str, object]:
-    """Solver options on so many ranks."""
+    """Solver options for a number of ranks."""
     incomplete = {"pc_type": "ilu"} if ranks == 1 else {"pc_type": "bjacobi", "sub_pc_type": "ilu"}
     return {**NEWTON, **ITERATIVE, **incomplete}
 
 
 def direct_options(ranks: int) -> dict[str, object]:
-    """Options of the solver that takes over where the iterative one fails."""
+    """Options of the fallback solver, used where the iterative one fails."""
     return {**NEWTON, **DIRECT, **(SERIAL_LU if ranks == 1 else PARALLEL_LU)}
 
 
 @dataclass(frozen=True, slots=True)
 class Operators:
-    """What all heat balances on a section share, of whatever steel."""
+    """Data that all heat balances on a section share, for any steel."""
 
-    laplacian: PETSc.Mat  #: of the section, L
-    area: Array  #: of each owned vertex (owned,), m2
-    conduction: fem.Form | None  #: form of L, for a slice that moves; None if it does not
-    theta: PETSc.Vec  #: vector to compute with
-    work: PETSc.Vec  #: likewise
+    laplacian: PETSc.Mat  #: Laplacian of the section, L
+    area: Array  #: area of each owned vertex (owned,), m2
+    conduction: fem.Form | None  #: form of L, for a moving slice; None if it does not move
+    theta: PETSc.Vec  #: work vector
+    work: PETSc.Vec  #: work vector
 
     @classmethod
     def on(cls, section: Section, shape: Shape | None) -> Operators:
-        """Those of the slice as it is, or as it has moved (collective)."""
+        """Make the operators of the slice, undeformed or deformed (collective)."""
         space, mesh = section.vertex_space, section.mesh
         u, v, dx = ufl.TrialFunction(space), ufl.TestFunction(space), slice_measure(mesh)
         if shape is None:

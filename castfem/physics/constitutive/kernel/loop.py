@@ -1,4 +1,4 @@
-"""The loops over the quadrature points, which Python calls."""
+"""The loops over the quadrature points that Python calls."""
 
 from __future__ import annotations
 
@@ -39,20 +39,20 @@ def integrate_points(  # type: ignore[no-untyped-def]
     """Integrate all points over a step.
 
     Args:
-        kind: One of the laws of `constants`.
-        signed: Whether hardening goes by the viscoplastic strain tensor; the first three columns of
-            the state are then its xx, yy and sqrt(2) xy.
-        coefficients: (n, columns).
+        kind: Number of a law in `constants`.
+        signed: Whether hardening depends on the viscoplastic strain tensor; the first three columns
+            of the state are then its xx, yy and sqrt(2) xy.
+        coefficients: Coefficients (n, columns).
         strain: Total strain increments (n, 4).
         thermal: Isotropic thermal strain increments (n,).
-        stress_old: (n, 4), Pa.
-        state_old: (n, states).
-        dt: s.
-        stress: Out, (n, 4), Pa.
-        tangent: Out, (n, 4, 4), d stress / d strain, Pa.
-        state: Out, (n, states).
-        dissipation: Out, viscoplastic work (n,), J/m3, but for what a back stress stores.
-        flows: Out, whether the point flows (n,).
+        stress_old: Stresses at the start (n, 4), Pa.
+        state_old: States at the start (n, states).
+        dt: Time step, s.
+        stress: Output (n, 4), Pa.
+        tangent: Output (n, 4, 4), d stress / d strain, Pa.
+        state: Output (n, states).
+        dissipation: Output, viscoplastic work (n,), J/m3, without energy stored by a back stress.
+        flows: Output, whether the point flows (n,).
     """
     integrate_all(
         kind, signed, coefficients, strain, thermal, stress_old, state_old, dt,
@@ -66,30 +66,29 @@ def differentiate_points(  # type: ignore[no-untyped-def]
     d_coefficients, d_strain, d_thermal, d_stress_old, d_state_old, d_dt,
     d_stress, d_state, d_dissipation,
 ):  # fmt: skip
-    """Derivatives of what `integrate_points` writes, as what it is given changes in k ways.
+    """Derivatives of the output of `integrate_points` with respect to k parameters of its input.
 
-    A point is solved for; from there one step of Newton's method with numbers that have a
-    derivative (`dual`) ends where the point was, and has that of the solution. What flows goes on
-    flowing.
+    A point is solved first; one further Newton step with numbers that carry a derivative (`dual`)
+    stays at the solution and gives its derivative. Flowing points keep flowing.
 
     Args:
-        kind: As in `integrate_points`; so are the following up to `dt`.
-        signed: As there.
+        kind: As for `integrate_points`, like all following up to `dt`.
+        signed: As for `integrate_points`.
         coefficients: (n, columns).
         strain: (n, 4).
         thermal: (n,).
         stress_old: (n, 4).
         state_old: (n, states).
         dt: s.
-        d_coefficients: Change in each way (k, n, columns).
+        d_coefficients: Derivatives (k, n, columns), one per parameter.
         d_strain: (k, n, 4).
         d_thermal: (k, n).
         d_stress_old: (k, n, 4), Pa.
         d_state_old: (k, n, states).
         d_dt: (k,), s.
-        d_stress: Out, (k, n, 4), Pa.
-        d_state: Out, (k, n, states).
-        d_dissipation: Out, (k, n), J/m3.
+        d_stress: Output (k, n, 4), Pa.
+        d_state: Output (k, n, states).
+        d_dissipation: Output (k, n), J/m3.
     """
     columns, states = coefficients.shape[1], state_old.shape[1]
     vectors, stress, state = np.zeros((4, 4)), np.zeros((1, 4)), np.zeros((1, states))
@@ -101,7 +100,7 @@ def differentiate_points(  # type: ignore[no-untyped-def]
     its_stress, its_state = np.zeros((1, 4), dual), np.zeros((1, states), dual)
     for i in range(strain.shape[0]):
         near, near_rate = SEEK, 0.0
-        for _ in range(2):  # the second time to rounding
+        for _ in range(2):  # the second step converges to rounding
             near, _scale, _kept, _by_old, _length, near_rate, _work = respond(
                 kind, signed, coefficients[i], i, strain, thermal[i], stress_old, state_old, dt,
                 near, near_rate, vectors, stress, state, 0,

@@ -14,7 +14,7 @@ from castfem.physics.constitutive.kernel.loop import integrate_all
 from castfem.physics.machine.bulging.shell import Points, stiffness
 
 BALANCED = 1e-6
-"""What may be out of balance, over the largest moment."""
+"""Tolerance of the residual, relative to the largest moment."""
 ITERATIONS = 120
 
 
@@ -22,8 +22,8 @@ ITERATIONS = 120
 def _solve(matrix, right):  # type: ignore[no-untyped-def]
     """Solve for the columns of `right`, in place: elimination with partial pivoting.
 
-    numba compiles np.linalg.solve, and what that says of its errors, for 5 s. Of a singular matrix
-    comes what is not finite.
+    numba would compile np.linalg.solve and its error messages for 5 s. A singular matrix gives
+    values that are not finite.
     """
     n, columns = right.shape
     for k in range(n):
@@ -55,23 +55,23 @@ def _correction(  # type: ignore[no-untyped-def]
     """Newton's correction of the strain increments of all points.
 
     The unknowns are the strain across the width, the axial strain and the curvature of the whole
-    section, and at each point the strain through the thickness, which is eliminated first. There
-    is no stress through the thickness and no force across the width or along it; the moment is
+    section, and at each point the strain through the thickness, which is eliminated first. The
+    stress through the thickness and the forces across and along the strip are zero; the moment is
     given.
 
     Args:
-        stress: (n, 4).
-        tangent: (n, 4, 4).
-        weight: (n,), m.
-        arm: Neutral depth less depth (n,), m.
-        moment: Given, N.
+        stress: Stresses (n, 4).
+        tangent: Tangents (n, 4, 4).
+        weight: Weights (n,), m.
+        arm: Depth of the neutral axis minus depth (n,), m.
+        moment: Given moment, N.
         size: Thickness, m.
         change: Output: correction of the strain increments (n, 4).
 
     Returns:
-        The imbalance as a moment, N, and d curvature / d moment.
+        The residual as a moment, N, and d curvature / d moment.
     """
-    matrix, solved = np.zeros((3, 3)), np.zeros((3, 2))  # by what is out of balance, by the moment
+    matrix, solved = np.zeros((3, 3)), np.zeros((3, 2))  # columns: for the residual, for the moment
     row, net, through = np.zeros(3), np.zeros(3), 0.0
     for i in range(len(weight)):
         c, w, a = tangent[i], weight[i], arm[i]
@@ -108,28 +108,29 @@ def _lead(  # type: ignore[no-untyped-def]
     kind, signed, coefficients, thermal_rate, weight, arm, size, moment, dt, stress, state,
     curvature, axial, compliance,
 ):  # fmt: skip
-    """Lead the layers through a history of the moment, a step after the other.
+    """Integrate the layers over a history of the moment, step by step.
 
     Args:
-        kind: Of the law, as its `coefficients` (n, columns) and whether it is `signed`: see
-            `integrate_points`.
-        signed: As there.
-        coefficients: As there.
-        thermal_rate: (n,), 1/s.
-        weight: (n,), m.
-        arm: Neutral depth less depth (n,), m.
+        kind: Number of the law, with its `coefficients` (n, columns) and whether it is `signed`:
+            see `integrate_points`.
+        signed: See `integrate_points`.
+        coefficients: See `integrate_points`.
+        thermal_rate: Thermal strain rates (n,), 1/s.
+        weight: Weights (n,), m.
+        arm: Depth of the neutral axis minus depth (n,), m.
         size: Thickness, m.
-        moment: At the ends of the steps (m,), N per metre of width.
-        dt: Of the steps (m,), s.
-        stress: At the start and then at the end (n, 4), Pa.
-        state: The same (n, states).
-        curvature: Out, since the start (m+1,), 1/m.
-        axial: Out, strain of the neutral axis since the start (m+1,).
-        compliance: Out, d curvature / d moment (m,), 1/(N m).
+        moment: Moments at the ends of the steps (m,), N per metre of width.
+        dt: Durations of the steps (m,), s.
+        stress: Input: at the start; output: at the end (n, 4), Pa.
+        state: Likewise (n, states).
+        curvature: Output, curvature since the start (m+1,), 1/m.
+        axial: Output, strain of the neutral axis since the start (m+1,).
+        compliance: Output, d curvature / d moment (m,), 1/(N m).
 
     Returns:
-        Steps taken, all of them unless the layers cannot carry a moment, and what is out of balance
-        in the last, over what is carried.
+        Number of steps taken, all of them unless the layers cannot carry a moment, and relative
+            residual
+        of the last.
     """
     n, scale = len(weight), max(np.abs(moment).max(), 1e-300)
     new, state_new, tangent = np.empty_like(stress), np.empty_like(state), np.empty((n, 4, 4))
@@ -152,7 +153,7 @@ def _lead(  # type: ignore[no-untyped-def]
                 taken[:] = change
                 share, least = 1.0, rest
                 increment += taken
-            else:  # too far: halfway back
+            else:  # too far: halve the step
                 share *= 0.5
                 increment -= share * taken
         if not balanced:
@@ -168,10 +169,10 @@ def _lead(  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """Stress and state of all layers at one place."""
+    """Stress and state of all layers at one position."""
 
-    stress: Array  #: in Mandel's notation, Pa, (n, 4)
-    state: Array  #: of the law, (n, states)
+    stress: Array  #: Mandel vectors, Pa, (n, 4)
+    state: Array  #: state of the law, (n, states)
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,23 +180,23 @@ class LayerHistory:
     """Layers over a history of the moment."""
 
     curvature: Array  #: since the start, 1/m, (m+1,)
-    axial_strain: Array  #: of the neutral axis since the start, (m+1,)
+    axial_strain: Array  #: strain of the neutral axis since the start, (m+1,)
     compliance: Array  #: d curvature / d moment of each step, 1/(N m), (m,)
     end: Condition  #: stress and state at the end
 
 
 class Layers:
-    """The layers of a shell, to be led through histories of the moment.
+    """The layers of a shell, integrated over histories of the moment.
 
     Args:
-        law: Of the steel.
-        points: Where they are.
+        law: Law of the steel.
+        points: Points through the thickness.
 
     Attributes:
-        law: Of the steel.
-        points: Where they are.
-        stiffness: Elastic.
-        arm: Neutral depth less depth (n,), m.
+        law: Law of the steel.
+        points: Points through the thickness.
+        stiffness: Elastic stiffness.
+        arm: Depth of the neutral axis minus depth (n,), m.
     """
 
     def __init__(self, law: Law, points: Points) -> None:
@@ -205,20 +206,20 @@ class Layers:
         self._coefficients = law.coefficients(points.temperature, points.temperature)
 
     def virgin(self) -> Condition:
-        """Return layers free of stress that have never been strained."""
+        """Return stress-free, unstrained layers."""
         n = len(self.points.depth)
         return Condition(np.zeros((n, 4)), self.law.initial_state(n))
 
     def advance(self, start: Condition, moment: Array, dt: Array) -> LayerHistory:
-        """Lead the layers through a history of the moment.
+        """Integrate the layers over a history of the moment.
 
         Args:
-            start: Where it begins; it is not written to.
-            moment: At the ends of the steps (m,), N per metre of width.
-            dt: Of the steps (m,), s.
+            start: Initial condition; it is not modified.
+            moment: Moments at the ends of the steps (m,), N per metre of width.
+            dt: Durations of the steps (m,), s.
 
         Raises:
-            RunFailure: If no state of the layers carries a moment.
+            RunFailure: No state of the layers carries a moment.
         """
         steps, points = len(dt), self.points
         curvature, axial, compliance = np.zeros(steps + 1), np.zeros(steps + 1), np.zeros(steps)
