@@ -39,7 +39,7 @@ class Derivative:
 
     @property
     def of_mesh(self) -> float:
-        """Derivative of the discrete run: mean of both sides, which are equal where it is smooth."""
+        """Derivative of the discrete run: mean of both sides, which agree where it is smooth."""
         return 0.5 * (self.below + self.above)
 
     @property
