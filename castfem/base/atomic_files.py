@@ -61,7 +61,7 @@ UNWRITTEN = "cannot be written"  # part of the reason of a run that ends for thi
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _NO_RIGHT = (errno.EACCES, errno.EPERM, errno.EROFS)
 _NO_PLACE = (errno.ENOENT, errno.ENOTDIR)
-_AGAIN = ", and give the command again (a run goes on with --resume)"
+_AGAIN = ", and give the command again (--resume continues a run)"
 
 
 def temporary_name(path: Path) -> Path:

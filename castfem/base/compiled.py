@@ -81,7 +81,7 @@ class _Kept(FunctionCache):  # type: ignore[misc]
                 raise ValueError("compiled for other types by a process at the same time")
             return found
         except Exception as error:  # reason: numba passes on any pickle error
-            logger.debug("%s: damaged (%s), compiled anew", self.cache_path, error)
+            logger.debug("%s: damaged (%s), compiled again", self.cache_path, error)
             with suppress(OSError):
                 self.flush()
             return None

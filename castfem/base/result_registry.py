@@ -248,7 +248,7 @@ def fault(name: str, value: str) -> tuple[str, str] | None:
     unit = unit_of(name)
     if unit is None:
         near = units.nearest(name, result_names())
-        return "quantity", f'("{name}") is no result of a run{near}'
+        return "quantity", f'("{name}") is not a result of a run{near}'
     if units.parse_any(value)[1] == si_unit(unit):
         return None
     wanted = "a plain number" if unit == "1" else f'a unit such as "{unit}"'

@@ -91,7 +91,7 @@ def _done(ladder: Ladder, options: Options, comm: MPI.Intracomm | None) -> int:
     if not options.quiet:
         with chosen(options.units), shown_in(units_of_run(target / BASE)):
             print_table(table)
-            print(f"errors in {path}, and beside the results in {', '.join(map(str, written))}")
+            print(f"errors in {path} and with the results in {', '.join(map(str, written))}")
     if options.to:
         _propose(table, options)
     return 0
@@ -110,7 +110,7 @@ def _propose(table: ErrorTable, options: Options) -> None:
     print(f"castfem run {shlex.quote(options.name)} {settings} -o FOLDER")
     for name, left in found.unreached.items():
         label = plain_label(quantity_of(table.quantities[name]))
-        print(f"not by sizes within reach: {label}, {100 * left:.2g} %", file=sys.stderr)
+        print(f"not reachable by these sizes: {label}, {100 * left:.2g} %", file=sys.stderr)
 
 
 def show_errors(folder: Path) -> None:

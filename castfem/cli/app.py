@@ -165,7 +165,7 @@ def watch(folder: Path, html: Path | None, every: str, wait: bool, units: tuple[
         try:
             well = watch_runs(folder, Viewing(console, interval, page, wait))
         except KeyboardInterrupt:
-            print("stopped watching; the runs go on")
+            print("stopped watching; the runs continue")
             return 0
     if page is not None:
         print(f"page in {html}")

@@ -82,7 +82,7 @@ def _following(options: CasterRequest) -> tuple[CasterRequest, PlantFile | None]
         return options, None
     source = PlantFile(options.follow)
     if not options.follow.is_file():
-        log.logger.info("%s: is waited for", options.follow)
+        log.logger.info("waiting for %s", options.follow)
     while not source.take():
         time.sleep(PAUSE)
     # A gap in a growing file is reported, but not refused.

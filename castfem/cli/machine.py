@@ -38,7 +38,7 @@ def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None
     thickness = thickness_of(case.section)
     if rolls is None or thickness is None:
         raise InputError(
-            f"{origin}: machine: the table is missing, the strand goes straight down; add "
+            f"{origin}: machine: the table is missing, so the strand is vertical; add "
             '[machine] with rolls = "rolls.csv" (docs/machine.md)'
         )
     found = None if run is None else ended(run, case)
@@ -276,7 +276,7 @@ def ended(run: Path, case: Case) -> Ended:
     theirs, ours = (None if one is None else one.pairs() for one in (table, case.machine))
     if ours is not None and (what := _other(ours, theirs)):
         raise InputError(
-            f"--run {run}: is a run through another machine: {what}; give a run of this case"
+            f"--run {run}: the run has another machine: {what}; give a run of this case"
         )
     solid, liquid = (
         None if one is None or math.isnan(one.value) else one.value

@@ -124,7 +124,7 @@ def draw_hot_mould(case: Case, picture: Path, origin: str, *, coupled: bool) -> 
     found = drawn(table, nominal_mould(table, case.section), wall)
     if coupled and turns[0].strand is None:
         given = "flux" if table.tube is not None and table.tube.hot_face is None else "hot_face"
-        print(f"mould.tube.{given} heats the tube: the strand is not run, nothing to repeat\n")
+        print(f"mould.tube.{given} heats the tube: the strand is not computed, nothing iterated\n")
     out = parallel.console()
     say(out, pairs(hot_rows(wall)), "", size_table(found, wall))
     if len(turns) > 1:

@@ -149,7 +149,7 @@ def strand(folder: Path, output: Path | None, every: str) -> None:
     thickness = thickness_of(case.section)
     if rolls is None or thickness is None:
         raise InputError(
-            f"{folder / CASE_NAME}: machine: the table is missing, the strand goes straight down: "
+            f"{folder / CASE_NAME}: machine: the table is missing, so the strand is vertical: "
             "open fields.xdmf; or run the case with [machine] (docs/machine.md)"
         )
     if target.suffix != ".vtu":
@@ -194,7 +194,7 @@ def identify(
     there = [p for p in (target, target.with_suffix(".png")) if p.exists() and not overwrite]
     if there:
         raise InputError(
-            f"{there[0]}: is there already; choose another file with -o, or give --overwrite"
+            f"{there[0]}: exists already; choose another file with -o, or give --overwrite"
         )
     from castfem.base.atomic_files import write_text
     from castfem.studies.identification import fit

@@ -65,7 +65,7 @@ def _validated(comm: MPI.Intracomm | None, options: Options) -> tuple[AnyCase, P
         path, target = _place(options)
         resumed = options.resume and (path.parent / RUN_NAME).is_file()
         if options.accuracy != DEFAULT and resumed:
-            raise InputError("--resume goes on with the sizes of the run: leave out --accuracy")
+            raise InputError("--resume continues with the sizes of the run: leave out --accuracy")
         case, _, problems = problems_of(path, options.overrides, options.sizes(path))
     except InputError as error:
         problems = list(error.problems)
@@ -91,7 +91,7 @@ def _place(options: Options) -> tuple[Path, Path]:
     path = shipped_cases.find(options.name)
     if options.folder is None and path.parent == given:
         raise InputError(
-            f"{given}: is the folder of a run: `castfem run --resume {given}` goes on with it, "
+            f"{given}: is the folder of a run: `castfem run --resume {given}` continues it, "
             f"`castfem run {given} -o FOLDER` repeats it elsewhere"
         )
     return path, options.folder or shipped_cases.default_folder(options.name, path)

@@ -122,7 +122,8 @@ def _contact_changes(found: Sensitivity, name: str) -> str:
     return (
         f"by {name}: {met[0].points} points of the surface are about to touch the mould or to "
         f"leave it {place_said(met[0].position)} below the meniscus (x = {x}, y = {y}), "
-        f"in {len(met)} windows of the run: what hangs on them has the derivative to one side"
+        f"in {len(met)} windows of the run: "
+        "results that depend on them have the derivative to one side"
     )
 
 
@@ -132,10 +133,10 @@ def _in_steps(found: Sensitivity) -> str:
     if not (found.strained and names):
         return ""
     return (
-        f"by {', '.join(names)}: the shell grows cell by cell, and stress, strain and gap go with "
-        "it in small steps; the difference of two runs some per cent apart may differ from the "
-        "derivative by its error, and even have the other sign (docs/sensitivity.md); where the "
-        "error is large, compare two runs"
+        f"by {', '.join(names)}: the shell grows cell by cell, and stress, strain and gap "
+        "change with it in small steps; the difference of two runs a few per cent apart may differ "
+        "from the derivative by its error, and even have the other sign (docs/sensitivity.md); "
+        "where the error is large, compare two runs"
     )
 
 
@@ -145,9 +146,9 @@ def _cut(found: Sensitivity) -> str:
         return ""
     return (
         f"coupling windows were cut for their error {found.cut} times on the way to "
-        f"{found.windows}; runs near this one cut theirs alike, but where another one is cut "
+        f"{found.windows}; similar runs cut the same windows, but where another one is cut, "
         "results jump within that error, which no derivative shows; with coupling.window_error = "
-        '"500 K" none is cut, and a shorter coupling.interval makes them as right'
+        '"500 K" none is cut, and a shorter coupling.interval makes them as accurate'
     )
 
 

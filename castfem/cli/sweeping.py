@@ -240,7 +240,7 @@ def write_script(
         f"# {rows} runs in {parts} tasks of one array. Set what your cluster asks for, then, from",
         "# the folder in which castfem wrote this:",
         f"#   sbatch {shlex.quote(str(path))}",
-        "# A task that was killed goes on when it is submitted again. When all have ended:",
+        "# A killed task continues when it is submitted again. When all have ended:",
         f"#   {command} --collect",
         "#SBATCH --job-name=castfem",
         f"#SBATCH --array=1-{parts}",

@@ -48,7 +48,7 @@ FAILED = (
     "Failed just-in-time compilation", "Failed JIT compilation", "JIT compilation failed on rank 0",
 )  # fmt: skip
 
-_MEND = "let XDG_CACHE_HOME name a folder that can be written"
+_MEND = "set XDG_CACHE_HOME to a writable folder"
 _whole = set[Path]()  # marks of forms that this process has compiled, or found undamaged
 _looked_through = dict[Path, int]()  # folder -> its last change when all marks in it were checked
 
@@ -120,8 +120,8 @@ def _check_compiler(error: Exception) -> None:
     if lacking:
         raise RunFailure(
             f"there is no {' and no '.join(lacking)}, which DOLFINx compiles its forms with: "
-            "`apt install gcc python3-dev`, `conda install -c conda-forge c-compiler`, or let CC "
-            "name a compiler"
+            "`apt install gcc python3-dev`, `conda install -c conda-forge c-compiler`, or set CC "
+            "to a compiler"
         ) from error
 
 
@@ -191,7 +191,7 @@ def _temporary(why: str) -> Path:
     folder = Path(tempfile.mkdtemp(prefix="castfem-forms-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     logger.warning(
-        "the cache of compiled forms cannot be written (%s): each run compiles them anew; %s",
+        "the cache of compiled forms cannot be written (%s): each run compiles them again; %s",
         why,
         _MEND,
     )

@@ -143,7 +143,7 @@ class SolverOptions:
         """Warn once about options that PETSc has not read; call it after the first solve."""
         for key in self._unread:
             logger.warning(
-                '%s solver: PETSc has not read %s = "%s": a wrong name, or of no use with the rest',
+                '%s solver: PETSc has not read %s = "%s": its name is wrong, or it is unused',
                 self._prefix.rstrip("_"), key, self._options[key],
             )  # fmt: skip
         self._unread = []

@@ -35,7 +35,7 @@ def places_of(given: Any) -> tuple[Any, ...]:
 @check()
 def _strained(case: Case, _: object) -> Faults:
     if case.mould is not None and case.mechanics is None:
-        yield "mould", "needs the table [mechanics]: it is the strained slice that touches it"
+        yield "mould", "needs the table [mechanics]: contact needs the deformed slice"
 
 
 @check("mechanics.held.*")

@@ -118,7 +118,9 @@ def _plant(columns: Mapping[str, Sequence[Any]], places: Sequence[str]) -> Plant
     times = columns["time"]
     for (before, after), place in zip(itertools.pairwise(times), places[1:], strict=True):
         if not after > before:
-            raise ValueError(f"{place}: time ({after:g} s) does not exceed the row before")
+            raise ValueError(
+                f"{place}: time ({after:g} s) does not exceed that of the previous row"
+            )
     if len(times) < 2:
         raise ValueError(f"has one row, two are needed: {_COLUMNS.header}")
     values = {n: tuple(cells) for n, cells in columns.items() if n not in ("time", EVENT)}
@@ -316,7 +318,7 @@ def _plant_fits(case: Case, caster: Caster) -> Faults:
         fix = "the caster begins with steady casting, or empty with cast_from"
         yield "plant", f"begins with the strand at rest; {fix}"
     if not speeds[-1] > 0.0:
-        yield "plant", "ends with the strand at rest, from where it never goes on; add a row"
+        yield "plant", "ends with the strand at rest, so it never moves again; add a row"
     for name in plant.water:
         if name not in names:
             known = f"a circuit, or a zone with one spray: {', '.join(names) or 'there is none'}"
@@ -371,10 +373,10 @@ def _looks_at(case: Case, caster: Caster) -> Faults:
             text = f"({one.at:g} m): the strand is followed to {case.casting.length:g} m"
             yield f"pyrometer.{i}.at", text
         if one.name in names[:i]:
-            yield f"pyrometer.{i}.name", f"'{one.name}' stands there twice"
+            yield f"pyrometer.{i}.name", f"'{one.name}' appears twice"
     for moment in caster.moments:
         if not start <= moment <= end:
-            yield "moments", f"({moment:g} s): it is looked at from {start:g} s to {end:g} s"
+            yield "moments", f"({moment:g} s): the run goes from {start:g} s to {end:g} s"
 
 
 @check("caster")

@@ -183,7 +183,7 @@ def _with_database(_: Any, steel: Steel) -> Faults:
     """Report keys that need a database where there is none."""
     for key in ("phases", "scheil"):
         if getattr(steel, key) and steel.database is None:
-            yield key, 'is of a thermodynamic database; give one, database = "steel.tdb"'
+            yield key, 'needs a thermodynamic database; give one, database = "steel.tdb"'
 
 
 def _whole_percent(fraction: float | None) -> float | None:
@@ -310,7 +310,7 @@ def _stands(case: Case, casting: Casting) -> Faults:
     yield (
         "speed",
         f"the strand stands for good after {last:g} s, {casting.travel.position(last):.6g} m below "
-        f"the meniscus: it never comes to casting.length ({casting.length:g} m); let the last row "
+        f"the meniscus: it never reaches casting.length ({casting.length:g} m); let the last row "
         "of the table be above 0 m/min, or shorten the length",
     )
 
@@ -341,7 +341,7 @@ def _meniscus(case: Case, start: Start) -> Faults:
         return
     if start.profile is not None or start.at == "mould_exit":
         other = "profile" if start.profile is not None else 'at = "mould_exit"'
-        yield "meniscus", f"and {other} both say what the run begins with; leave one of them out"
+        yield "meniscus", f"and {other} both give the initial state; leave one of them out"
         return
     ends = case.cooling[0].to
     if ends is not None and not height < ends:

@@ -37,11 +37,11 @@ def _zones(case: Case, _: object) -> Faults:
                 yield f"cooling.{index}", "'to' is missing; only the last zone may leave it out"
             continue
         if zone.to <= reached:
-            end = f"the end of the zone before ({in_mm(reached)}); give zones in casting order"
+            end = f"the end of the previous zone ({in_mm(reached)}); give zones in casting order"
             yield key, f"({in_mm(zone.to)}) does not lie beyond {end}"
         elif zone.to - reached < shortest:
             least = f"a zone is at least {1e6 * shortest:g} um long: leave it out"
-            yield key, f"lies {1e9 * (zone.to - reached):.3g} nm below the zone before; {least}"
+            yield key, f"lies {1e9 * (zone.to - reached):.3g} nm below the previous zone; {least}"
         reached = max(reached, zone.to)
     last, length = len(zones) - 1, case.casting.length
     if case.secondary is not None:

@@ -73,7 +73,7 @@ def _known(case: Case, circuit: Circuit) -> Faults:
     if circuit.nozzle not in names:
         known = f"; there are {choices(names)}" if names else "; add [[secondary.nozzle]]"
         near = nearest(circuit.nozzle, names)
-        yield "nozzle", f'("{circuit.nozzle}") is no model of nozzle{known}{near}'
+        yield "nozzle", f'("{circuit.nozzle}") is not a nozzle model{known}{near}'
 
 
 @check("secondary")

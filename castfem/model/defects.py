@@ -154,7 +154,7 @@ class Misaligned(RollDefect):
         pitch = min((b - a for a, b in pairwise(places)), default=math.inf)
         if abs(self.by) > 0.1 * pitch:
             most = f"more than 0.1 of the {1e3 * pitch:.4g} mm to the next pair"
-            yield "by", f"({1e3 * self.by:g} mm): by {most} roll {self.roll} cannot be off"
+            yield "by", f"({1e3 * self.by:g} mm): roll {self.roll} cannot be misaligned by {most}"
 
     def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:
         """Return the resistances with the extra one, shared in proportion to the extra bending."""
@@ -261,7 +261,7 @@ def _repeated(case: Case, table: Machine) -> Faults:
             yield f"defect.{i}", "appears twice; leave one of the two out"
         if isinstance(defect, RollDefect) and not isinstance(defect, Lost) and defect.roll in lost:
             fix = "leave one of the two out"
-            yield f"defect.{i}.roll", f"({defect.roll}): this pair is lost as well; {fix}"
+            yield f"defect.{i}.roll", f"({defect.roll}): this pair is also missing; {fix}"
 
 
 def at_an_end(case: Case, table: Machine, normal: Rolls) -> Faults:

@@ -118,7 +118,9 @@ def _extend(document: Document, path: Path, base: str, chain: tuple[Path, ...]) 
         return
     if below.resolve() in chain:
         names = " -> ".join(p.name for p in (*chain, below))
-        document.faults.append(f'{document.label}: extends ("{base}"): goes in a circle: {names}')
+        document.faults.append(
+            f'{document.label}: extends ("{base}"): leads back to itself: {names}'
+        )
         return
     inherited = _read(below, os.path.normpath(below), chain)
     document.faults += inherited.faults
@@ -301,8 +303,8 @@ def end_layer(document: Document, before: Mapping[str, Any], labels: Collection[
         listed = [f"{key} ({document.origin(tuple(key.split('.')))})" for key in dropped]
         shape = document.data["section"]["shape"]
         document.left_out.append(
-            f'{where}: section.shape: "{shape}" does not know what was inherited, which is left '
-            f"out: {', '.join(listed)}"
+            f'{where}: section.shape: "{shape}" does not have these inherited keys, which '
+            f"are left out: {', '.join(listed)}"
         )
     layers.mark(before, document.data)
 

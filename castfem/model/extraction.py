@@ -125,6 +125,6 @@ def _leaves_out(case: Case, table: Extraction) -> Faults:
         yield (
             "resistance",
             f"goes from {rows[0]:.4g} to {rows[-1]:.4g} m, the rolls from {places[0]:.4g} to "
-            f"{places[-1]:.4g} m: {' and '.join(told)} resist with nothing; give the curve from "
+            f"{places[-1]:.4g} m: {' and '.join(told)} have no resistance; give the curve from "
             "the first pair to the last",
         )

@@ -71,7 +71,7 @@ def no_entry(place: Any, path: tuple[str | int, ...], part: str) -> str:
         return f"{where} is a single value, it has no keys{fix}"
     names = [str(e["name"]) for e in place if isinstance(e, Mapping) and "name" in e]
     named = f" or the name of one ({', '.join(names)}{nearest(part, names)})" if names else ""
-    return f"'{part}' is no entry of {where}; give an index from 0 to {len(place) - 1}{named}"
+    return f"'{part}' is not an entry of {where}; give an index from 0 to {len(place) - 1}{named}"
 
 
 Keys = tuple[str | int, ...]

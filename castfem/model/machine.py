@@ -72,7 +72,7 @@ class RollSegment(TableModel):
     diameter: Length = Field(examples=["215 mm"])
     """diameter of the rolls"""
     radius: Length | None = Field(None, examples=["8 m"])
-    """radius of the strand at the last pair; 1/R is linear from the segment before; left out:
+    """radius of the strand at the last pair; 1/R is linear from the previous segment; left out:
     straight"""
     aperture: Length | None = Field(None, examples=["222 mm"])
     """distance between the rolls of a pair; by default the section's height"""
@@ -154,7 +154,7 @@ def _holds(case: Case, table: Machine) -> Faults:
         yield _key(table), text
     width = case.section.outline()[0]
     if rolls.edges is not None and not isinstance(case.section, Rectangle):
-        other = f"a {case.section.tag} has no narrow faces that rolls could bear"
+        other = f"a {case.section.tag} has no narrow faces that rolls could support"
         yield _key(table), f"{rolls.edges.place(0)}: {other}; leave out the rows of side narrow"
     elif rolls.edges is not None and width is not None:
         edges = list(faults(rolls.edges, width, ends, "narrow face"))
@@ -229,8 +229,8 @@ def _edge_rolls(case: Case, table: Machine) -> Faults:
     if case.mechanics is None:
         return
     if bulging is None or not bulging.bears:
-        fix = 'mechanics.bulging = "creep" has faces that rolls bear'
-        yield _key(table), f"the rolls at the narrow faces bear nothing; {fix}"
+        fix = 'mechanics.bulging = "creep" has faces supported by rolls'
+        yield _key(table), f"the rolls at the narrow faces carry no load; {fix}"
 
 
 @caution("machine")

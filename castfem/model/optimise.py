@@ -49,7 +49,7 @@ def bound(text: str) -> Bound:
     if found is None:
         other = re.search(r"[<>=]+", text)
         fix = f' with >= or <=, not "{other[0]}",' if other and other[0] not in _SENSES else ""
-        raise ValueError(f"is no constraint; write it{fix} as {_EXAMPLE}")
+        raise ValueError(f"is not a constraint; write it{fix} as {_EXAMPLE}")
     name, sign, right = found.groups()
     share = _SHARE.fullmatch(right)
     if share is None:
@@ -216,7 +216,7 @@ class Optimise(TableModel):
 def _objectives(case: Case, table: Optimise) -> Faults:
     count = len(table.objectives)
     if count != 1:
-        told = "nothing is to become best" if not count else f"{count} results are to become best"
+        told = "no result to optimise" if not count else f"{count} results to optimise"
         more = ", and weigh it against another by [optimise.front]" if count else ""
         fix = f'give minimise = "von_mises_max" or maximise = "heat_removed", one of them{more}'
         yield "", f"{told}; {fix}"
@@ -228,7 +228,7 @@ def _objectives(case: Case, table: Optimise) -> Faults:
 def _unknown(name: str, key: str) -> Faults:
     if result_registry.unit_of(name) is None:
         near = units.nearest(name, result_registry.result_names())
-        yield key, f'("{name}") is no result of a run{near}'
+        yield key, f'("{name}") is not a result of a run{near}'
 
 
 @check("optimise.front")

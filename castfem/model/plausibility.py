@@ -317,7 +317,7 @@ def _clock(case: Case, start: Start) -> Faults:
     if not start.time:
         return
     if not (case.tables_by_clock() or case.output.by_clock):
-        yield "time", "has no effect: no speed, superheat or flow of water is over time"
+        yield "time", "has no effect: no speed, superheat or water flow varies in time"
 
 
 @caution("coupling")
@@ -359,4 +359,4 @@ def _extraction(case: Case, table: Extraction) -> Faults:
     locked = any(pair.locked for pair in rolls.pairs)
     for name in ("bending", *(() if locked else ("friction_axis", "friction_surface"))):
         if name in _changed(table):
-            yield name, "has no effect beside a maker's curve, which has it in it"
+            yield name, "has no effect beside a maker's curve, which includes it"

@@ -103,7 +103,7 @@ _PLAIN = {
     "too_short": "must not be empty",
     "string_too_short": "must not be empty",
     "greater_than_equal": "must not be negative",
-    "string_pattern_mismatch": "takes at most 100 letters, digits, - and _; the first is no sign",
+    "string_pattern_mismatch": "takes at most 100 letters, digits, - and _; begins with neither",
 }
 
 

@@ -197,9 +197,9 @@ def _followed(case: Case, quality: Quality) -> Faults:
         yield "brittle", text
     for name, table in (("won", quality.won), ("rdg", quality.rdg)):
         if table is not None and name not in criteria:
-            yield name, f'is of the criterion "{name}"; name it, hot_tearing = ["{name}"]'
+            yield name, f'belongs to the criterion "{name}"; name it, hot_tearing = ["{name}"]'
     if quality.ductility is not None and case.mechanics is None:
-        yield "ductility", "is held against strain; add [mechanics], or leave it out"
+        yield "ductility", "is compared with strain; add [mechanics], or leave it out"
 
 
 def band_of(case: Case) -> tuple[float, float]:

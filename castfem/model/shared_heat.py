@@ -62,7 +62,7 @@ def shared_heat(cases: Iterable[Case]) -> list[str]:
     return [
         f"{where}: {what} at each of the casting speeds {_listed(speeds)}, though a mould takes "
         "more at a higher speed: differences between these runs are overstated; give measured_at, "
-        "the speed at which this was measured (then the flux goes by the time in the mould), or "
+        "the speed at which this was measured (then the flux depends on the time in the mould), or "
         "the total as a table over speed (docs/thermal.md)"
         for (where, what), speeds in met.items()
         if _exceeds(max(speeds), min(speeds))
@@ -74,8 +74,8 @@ def fixed_while_varied(case: Case, keys: Iterable[str]) -> list[str]:
     if SPEED_KEY not in keys:
         return []
     return [
-        f"{one.where}: {one.what} at whatever casting speed, though a mould takes more at a higher "
-        "one: what depends on the speed is overstated; give measured_at, the speed at which this "
+        f"{one.where}: {one.what} at any casting speed, though a mould takes more at a higher "
+        "one: the effect of the speed is overstated; give measured_at, the speed at which this "
         "was measured, or the total as a table over speed (docs/thermal.md)"
         for one in fixed_heat(case)
     ]

@@ -49,7 +49,7 @@ def find(name: str, beside: Path | None = None) -> Path:
     if (path / CASE_NAME).is_file():
         return path / CASE_NAME
     if path.is_dir():
-        raise InputError(f"{name}: is a folder, not that of a run: there is no {CASE_NAME} in it")
+        raise InputError(f"{name}: is not the folder of a run: it has no {CASE_NAME}")
     if path.is_fifo() or path.parts[:3] == ("/", "dev", "fd"):  # such as <(...) in a shell
         raise InputError(f"{name}: is a pipe, not a file; write the case to a file first")
     others = (p for p in path.parent.glob("*.toml") if p != beside)

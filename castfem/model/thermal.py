@@ -117,20 +117,20 @@ def _is_that_case(case: Case, table: Verification) -> Faults:
     """Report differences between the case and that of its closed form."""
     key, name = "closed_form", table.closed_form
     if not isinstance(case.section, Strip):
-        yield key, f'("{name}") is of a half-space: give section.shape = "strip"'
+        yield key, f'("{name}") is for a half-space: give section.shape = "strip"'
     laws = [law for zone in case.cooling for law in zone.surface]
     if len(laws) != 1 or not isinstance(laws[0], PrescribedTemperature):
         fix = 'give one cooling zone with one law = "temperature"'
-        yield key, f'("{name}") is of a surface held at one temperature: {fix}'
+        yield key, f'("{name}") is for a surface held at one temperature: {fix}'
     if name != "weiner_boley":
         return
     if case.mechanics is None:
-        yield key, f'("{name}") is of stress: give the table [mechanics]'
+        yield key, f'("{name}") is for stress: give the table [mechanics]'
     elif case.mechanics.law != name:
-        yield key, f'("{name}") is of its own law: give mechanics.law = "{name}"'
+        yield key, f'("{name}") needs its own law: give mechanics.law = "{name}"'
     elif case.mechanics.strain != "small":
-        yield key, f'("{name}") is of small strains: give mechanics.strain = "small"'
+        yield key, f'("{name}") is for small strains: give mechanics.strain = "small"'
     elif case.coupling.follow_shape:
-        yield key, f'("{name}") is of the slice as it was cast: give coupling.follow_shape = false'
+        yield key, f'("{name}") is for the undeformed slice: give coupling.follow_shape = false'
     elif case.coupling.dissipation:
         yield key, f'("{name}") has no heat of flow: give coupling.dissipation = 0'

@@ -81,7 +81,7 @@ def gathered(rows: Array) -> WallDisplacement:
     order = np.lexsort((rows[:, 1], rows[:, 0]))
     moved = rows[order, 2:].reshape(len(positions), len(ways), 2)
     if not (rows[order, 1].reshape(len(positions), -1) == ways).all():
-        raise ValueError("a place stands twice at one position of the displaced wall")
+        raise ValueError("a place appears twice at one position of the displaced wall")
     return WallDisplacement(positions, ways, moved)
 
 

@@ -98,9 +98,9 @@ def _check_length(folder: Path, case: Case, resume: bool, fix: str, goes_on: boo
     reached = record.reached.get("position", 0.0)
     if not same_or_before(reached, end):
         if resume:
-            fix = f"a resumed run goes further down: give at least {reached:g} m, or {fix}"
+            fix = f"a resumed run must go further down: give at least {reached:g} m, or {fix}"
         raise InputError(
-            f"{folder}: casting.length: {end:g} m is asked for, and the run there has come to "
+            f"{folder}: casting.length: {end:g} m is requested, but the run there has reached "
             f"{reached:g} m; {fix}"
         )
     if not (resume or goes_on) and record.status != "finished" and reached > 0.0:

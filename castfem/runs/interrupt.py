@@ -53,7 +53,7 @@ class Interrupt(Closing):
         number = self.wanted if comm.size == 1 else comm.allreduce(self.wanted, op=MPI.MAX)
         if number:
             stop = Stopped(process.STOPS[signal.Signals(number)])
-            stop.add_note("The last step is kept; resume=True goes on from it.")
+            stop.add_note("The last step is kept; resume=True continues from it.")
             raise stop
 
     def __enter__(self) -> Self:

@@ -234,7 +234,9 @@ def begin_folder(case: Case, output: OutputFolder, comm: MPI.Comm, resume: bool)
         goes_on = output.begin(text, files=files, ranks=comm.size, resume=resume)
         log.to_file(output / "run.log", append=goes_on)
         if resume and not goes_on:
-            log.logger.warning("%s: no checkpoint to go on from; the run begins anew", output.path)
+            log.logger.warning(
+                "%s: no checkpoint to continue from; the run starts again", output.path
+            )
         return goes_on
 
     return bool(comm.bcast(on_root(comm, begin)))
@@ -297,7 +299,7 @@ def _tell_of_idle_ranks(simulation: Simulation) -> None:
     each = reductions.total(comm, simulation.section.owned) / comm.size
     if comm.size > 1 and each < 1000 and comm.rank == 0:
         log.logger.info(
-            "%.0f vertices on each of %d ranks: so few are slower than one rank, for the ranks "
+            "%.0f vertices on each of %d ranks: this is slower than one rank, because they "
             "wait for each other (docs/benchmarks.md); castfem sweep makes several runs at once",
             each, comm.size,
         )  # fmt: skip

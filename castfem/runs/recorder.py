@@ -86,8 +86,8 @@ class Recorder:
         if not same_or_before(time, case.casting.duration):
             come, length = self.simulation.machine.position(time), case.casting.length
             raise InputError(
-                f"{self.folder / CHECKPOINT_NAME}: casting.length: {length:g} m is asked for, and "
-                f"the run has come to {come:g} m; give at least that, or run without "
+                f"{self.folder / CHECKPOINT_NAME}: casting.length: {length:g} m is requested, but "
+                f"the run has reached {come:g} m; give at least that, or run without "
                 "--resume into another folder"
             )
         taken = Counts.restored(self.checkpoint[0]["counts"]).taken

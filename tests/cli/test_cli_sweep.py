@@ -91,8 +91,8 @@ def test_a_table_that_castfem_has_not_written_stays(castfem, tmp_path):
     refused = castfem("sweep", "small", *SPEEDS, "-j", 1, "-o", "out")
     assert refused.status == 1
     assert refused.err == (
-        "castfem: out: castfem would write its sweep.csv, and has not written the one that is "
-        "there; choose another folder, or move the file\n"
+        "castfem: out: sweep.csv was not written by castfem and would be overwritten; "
+        "choose another folder, or move the file\n"
     )
     assert mine.read_text() == "mine" and len(list(mine.parent.iterdir())) == 1
 

@@ -133,7 +133,7 @@ def test_missing_and_foreign_files_are_refused(tmp_path):
     with pytest.raises(InputError, match="no such file, nothing to resume from"):
         load_checkpoint(tmp_path / "c.h5")
     (tmp_path / "c.h5").write_text("time = 3\n")
-    with pytest.raises(InputError, match="is not a checkpoint of castfem, or cut off"):
+    with pytest.raises(InputError, match="is not a castfem checkpoint, or is truncated"):
         load_checkpoint(tmp_path / "c.h5")
     h5py.File(tmp_path / "d.h5", "w").close()
     with pytest.raises(InputError, match="is not a checkpoint of castfem"):
@@ -158,7 +158,7 @@ def test_a_cut_file_is_refused(tmp_path):
     for size in (10, len(image) // 2, len(image) - 1):
         (tmp_path / "cut.h5").write_bytes(image[:size])
         with pytest.raises(
-            InputError, match=r"cut\.h5: is not a checkpoint of castfem, or cut off"
+            InputError, match=r"cut\.h5: is not a castfem checkpoint, or is truncated"
         ):
             load_checkpoint(tmp_path / "cut.h5")
 

@@ -126,7 +126,7 @@ def test_an_interrupted_run_goes_on_from_its_last_step(tmp_path: Path) -> None:
     assert (found["status"], found["reason"]) == ("interrupted", "stopped by the user")
     summary = Summary.load(tmp_path / "cut")
     assert summary is not None and summary.status == "interrupted"
-    with pytest.raises(InputError, match=r"casting\.length: 0\.03 m .* has come to 0\.045 m"):
+    with pytest.raises(InputError, match=r"casting\.length: 0\.03 m .* has reached 0\.045 m"):
         run(billet("taper_1", "casting.length=30 mm"), tmp_path / "cut", resume=True)
     assert record(tmp_path / "cut") == found
     reached = read_history(tmp_path / "cut" / "history.csv")["time"].iloc[-1]

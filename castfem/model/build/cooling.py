@@ -260,7 +260,9 @@ class Zones:
             if isinstance(made, flux_laws.PrescribedTemperature):
                 cooling.prescribed.append((self._surface.patch(tags), made))
             elif not isinstance(made, flux_laws.SurfaceLaw):
-                raise TypeError(f"{type(made).__name__} is no flux law; derive it from SurfaceLaw")
+                raise TypeError(
+                    f"{type(made).__name__} is not a flux law; derive it from SurfaceLaw"
+                )
             else:
                 crossing |= {len(rows)} if law.crosses_gap else set()
                 rows.append((tags, made))

@@ -59,7 +59,7 @@ def build_mechanics(
 
     Raises:
         InputError: The law, a boundary group or a solver option is unavailable, the steel lacks a
-            property, or a free strain across cannot be told from a displacement.
+            property, or a free strain across cannot be distinguished from a displacement.
     """
     table = case.mechanics
     if table is None:

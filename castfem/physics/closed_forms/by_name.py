@@ -66,7 +66,7 @@ def closed_form(name: str, steel: Steel, surface: float, start: float) -> Closed
     """
     if not surface < steel.solidus < start:
         raise InputError(
-            f'verification.closed_form: "{name}" is of a melt whose surface is chilled below the '
+            f'verification.closed_form: "{name}" is for a melt whose surface is chilled below the '
             "solidus; mend cooling.0.surface.0.value or casting.temperature"
         )
     return _MAKERS[name](steel, surface, start)
@@ -80,7 +80,7 @@ def _constants(name: str, steel: Steel, surface: float, start: float) -> tuple[f
         values = getattr(steel, key)(temperatures)
         if np.ptp(values) > 1e-12 * np.abs(values).max():
             raise InputError(
-                f'verification.closed_form: "{name}" is of constant properties; {key} of '
+                f'verification.closed_form: "{name}" is for constant properties; {key} of '
                 f"{steel.name} changes with temperature"
             )
         found.append(float(values[0]))
@@ -98,7 +98,7 @@ def _alloy(steel: Steel, surface: float, start: float) -> ClosedForm:
     quarter = steel.solid_fraction(0.75 * steel.solidus + 0.25 * steel.liquidus)
     if not (np.isclose(middle, 0.5) and np.isclose(quarter, 0.75)):
         raise InputError(
-            'verification.closed_form: "alloy_similarity" is of a solid fraction linear in '
+            'verification.closed_form: "alloy_similarity" is for a solid fraction linear in '
             f"temperature; that of {steel.name} is not"
         )
     exact = ThreeZones(
@@ -126,7 +126,7 @@ def _neumann(steel: Steel, surface: float, start: float) -> ClosedForm:
     density, heat, conductivity = _constants("neumann", steel, surface, start)
     if steel.liquidus - steel.solidus > SHARP:
         raise InputError(
-            'verification.closed_form: "neumann" is of a steel that freezes at one temperature; '
+            'verification.closed_form: "neumann" is for a steel that freezes at one temperature; '
             'with a freezing range it is "alloy_similarity"'
         )
     phase, melting = (conductivity, heat), 0.5 * (steel.solidus + steel.liquidus)
@@ -160,7 +160,7 @@ def _half_space(steel: Steel, surface: float, start: float) -> ClosedForm:
         or max(abs(steel.liquidus - melting), start - melting) > 1.0  # K
     ):
         raise InputError(
-            'verification.closed_form: "weiner_boley" has constants of its own; it needs '
+            'verification.closed_form: "weiner_boley" has its own constants; it needs '
             f'steel.name = "weiner_boley", a surface of {half_space.SURFACE:g} degC, and a melt at '
             f"{half_space.MELTING:g} degC"
         )

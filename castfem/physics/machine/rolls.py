@@ -137,8 +137,8 @@ def _from_file(path: Path) -> Rolls:
     for row in file.rows:
         if len(row.cells) != width:
             raise ValueError(
-                f"'{path}' line {row.line}: {len(row.cells)} cells, the header has {width}; leave "
-                "a cell empty rather than out"
+                f"'{path}' line {row.line}: {len(row.cells)} cells, the header has {width}; write "
+                "an empty cell for a missing value"
             )
     names = [heading.name for heading in file.headings]
     if twice := next((name for name in names if names.count(name) > 1), None):
@@ -210,7 +210,9 @@ def _known(columns: Mapping[str, Sequence[Any]], units: Mapping[str, str]) -> st
             )
     for name in ("driven", "side"):
         if units.get(name):
-            raise _ColumnError(f"column '{name}' has words, and no unit; leave out {units[name]}")
+            raise _ColumnError(
+                f"column '{name}' holds words and has no unit; leave out {units[name]}"
+            )
     for name in ("position", "diameter"):
         if name not in columns:
             raise _ColumnError(f"column '{name}' is missing; such as {_HEADER}")
@@ -303,7 +305,7 @@ class Segment:
     rolls: int  #: number of pairs
     pitch: float  #: distance of each from the pair before, m
     diameter: float  #: diameter, m
-    #: radius at its last pair, m: 1/R is linear from the segment before
+    #: radius at its last pair, m: 1/R is linear from the previous segment
     radius: float = math.inf
     aperture: float | None = None  #: aperture, m; None for the thickness of the section
 
@@ -380,7 +382,7 @@ def _after(rolls: Rolls, index: int, thickness: float, at: str) -> Iterator[Faul
         yield Fault(
             index,
             "order",
-            f"position ({pair.position:g} m) does not lie below the roll before "
+            f"position ({pair.position:g} m) does not lie below the previous roll "
             f"({before.position:g} m); give the rolls in casting order",
         )
         return
@@ -389,7 +391,7 @@ def _after(rolls: Rolls, index: int, thickness: float, at: str) -> Iterator[Faul
         yield Fault(
             index,
             "overlap",
-            f"diameter ({1e3 * pair.diameter:g} mm) overlaps the roll before by "
+            f"diameter ({1e3 * pair.diameter:g} mm) overlaps the previous roll by "
             f"{-1e3 * clear:.3g} mm at the {at}, {1e3 * pitch:.4g} mm below it; make the rolls "
             "thinner or the pitch longer",
         )

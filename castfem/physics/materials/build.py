@@ -152,7 +152,7 @@ class Workshop:
         if form != "formula" and entry.parameters:
             raise self.fail(key, "parameters", text="only a formula has parameters")
         if form != "table" and "outside" in entry.model_fields_set:
-            raise self.fail(key, "outside", text="only a table ends somewhere")
+            raise self.fail(key, "outside", text="only a table has ends")
         return form
 
     def _constant(self, key: str, entry: Entry) -> float:
@@ -357,7 +357,9 @@ class Workshop:
             return DifferentialExpansion(table)
         if entry.origin is None:
             raise self.fail(
-                key, "origin", text='is missing; where the mean coefficient counts from, "20 degC"'
+                key,
+                "origin",
+                text='is missing; the temperature from which the mean coefficient holds, "20 degC"',
             )
         try:
             return MeanExpansion(table, TEMPERATURE.read(entry.origin))

@@ -84,7 +84,7 @@ def _cached(request: Request, composition: str, digest: str) -> PhaseTable:
             with suppress(OSError, ValueError):  # missing or incomplete: computed anew
                 return read(file.read_text(encoding="utf-8"))
             name = Path(request.file).name
-            logger.info("phases of the steel by %s are computed, once: some minutes", name)
+            logger.info("computing the phases of the steel by %s, once: some minutes", name)
             text = compute(request, amounts).to_text()
             with suppress(CannotWrite), replacing(file) as temporary:
                 temporary.write_text(text, encoding="utf-8")
@@ -133,9 +133,7 @@ def compute(request: Request, composition: Mapping[str, float]) -> PhaseTable:
         # a state was not the most stable one: try again with more starting points
         except ValueError as error:
             faults = str(error)
-    raise ValueError(
-        f"gives equilibria that do not fit together ({faults}); name fewer phases in steel.phases"
-    )
+    raise ValueError(f"gives inconsistent equilibria ({faults}); name fewer phases in steel.phases")
 
 
 def _columns(rows: Sequence[State]) -> tuple[Array, Mapping[str, Array]]:

@@ -121,7 +121,7 @@ class Equilibria:
         found: list[str] = sorted(filter_phases(self.data, made_of, list(names)))
         for needed in ("LIQUID", "BCC_A2", "FCC_A1"):
             if needed not in found:
-                raise ValueError(f"has no phase {needed}, or it is not among those asked for")
+                raise ValueError(f"has no phase {needed}, or it is not among those requested")
         return found
 
     def moles(self, composition: Mapping[str, float]) -> Moles:
@@ -129,7 +129,7 @@ class Equilibria:
         kg = {e.upper(): w / 100.0 for e, w in composition.items()}
         kg["FE"] = 1.0 - sum(kg.values())
         if kg["FE"] <= 0.0:
-            raise ValueError("is asked for a steel without iron; correct steel.composition")
+            raise ValueError("is for steels, and this one has no iron; correct steel.composition")
         return {e: m / self.molar[e] for e, m in kg.items()}
 
     def state(self, temperature: float, moles: Moles, phases: Sequence[str] = ()) -> State:
@@ -148,8 +148,8 @@ class Equilibria:
             f"{e.capitalize()} {100.0 * n * self.molar[e]:.4g}" for e, n in moles.items()
         )
         raise ValueError(
-            f"gives no equilibrium at {temperature - ZERO_CELSIUS:.2f} degC ({amounts} g) that "
-            "pycalphad finds; leave out an element, or name the phases with steel.phases"
+            f"gives no equilibrium at {temperature - ZERO_CELSIUS:.2f} degC ({amounts} g) with "
+            "pycalphad; leave out an element, or name the phases with steel.phases"
         )
 
     def _solve(

@@ -105,11 +105,13 @@ class PhaseTable:
                 "it needs two rows at least, with temperature, enthalpy, specific heat",
             ]
         if step.min() < 0.0 or (len(t) > 2 and (step[1:] + step[:-1]).min() <= 0.0):
-            faults.append("its temperatures must rise; one may stand twice, where all jumps")
+            faults.append("its temperatures must increase; one may appear twice, at a jump")
         if not (shares.min() >= 0.0 and np.abs(shares.sum(axis=0) - 1.0).max() < 1e-4):
             faults.append("the fractions of its phases must lie between 0 and 1 and sum to 1")
         if not (np.diff(heat[0]).min() > 0.0 and heat[1].min() > 0.0):
-            faults.append("its enthalpy must rise with temperature, its specific heat be positive")
+            faults.append(
+                "its enthalpy must increase with temperature, its specific heat be positive"
+            )
         liquid = shares[0]
         if not (liquid[0] == 0.0 and liquid[-1] == 1.0):
             faults.append("it must go from solid in the first row to liquid in the last")
@@ -220,7 +222,7 @@ def read(text: str) -> PhaseTable:
     """
     lines = text.splitlines()
     if not lines or lines[0] != f"# {FORMAT}":
-        raise ValueError(f'is no table of phases; its first line would be "# {FORMAT}"')
+        raise ValueError(f'is not a table of phases; its first line must be "# {FORMAT}"')
     notes = [line[2:].partition(": ") for line in lines[1:] if line.startswith("# ")]
     header = {key: value for key, _, value in notes}
     head, *rows = csv.reader(io.StringIO("\n".join(line for line in lines if line[:1] != "#")))
@@ -231,7 +233,7 @@ def read(text: str) -> PhaseTable:
         cells = np.array([[float(cell or "nan") for cell in row] for row in rows], float)
         columns = dict(zip(names, cells.T, strict=True))
     except ValueError:
-        raise ValueError("a row of it is not complete, or holds what is no number") from None
+        raise ValueError("a row is incomplete or has a cell that is not a number") from None
     temperature = columns.pop("temperature") + ZERO_CELSIUS
     return PhaseTable(MappingProxyType(header), temperature, MappingProxyType(columns))
 

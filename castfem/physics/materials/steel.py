@@ -263,7 +263,7 @@ class Steel:
         raise InputError(
             f"{self.name}: density: it rises so much from {t[first] - ZERO_CELSIUS:.6g} to "
             f"{t[last] - ZERO_CELSIUS:.6g} degC that what is warmer would hold less heat; "
-            "mend the density, or set coupling.follow_shape = false"
+            "correct the density, or set coupling.follow_shape = false"
         )
 
     def _isothermal(self, t: Array) -> Array:

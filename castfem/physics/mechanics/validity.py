@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 LOOK = "look at loads, supports, mould and cooling"
-NO_SHELL = "there is no shell yet that could bear a load: let that begin later, or leave it out"
+NO_SHELL = "there is no shell yet that could carry a load: let that begin later, or leave it out"
 
 
 @dataclass(frozen=True, slots=True)

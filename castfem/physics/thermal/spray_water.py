@@ -45,7 +45,7 @@ class CoefficientTable:
     def __post_init__(self) -> None:
         for name, axis in (("temperatures", self.temperatures), ("water", self.water)):
             if len(axis) < 2 or any(not b > a for a, b in itertools.pairwise(axis)):
-                raise ValueError(f"{name} must be at least two and increase")
+                raise ValueError(f"at least two increasing {name} are needed")
         if self._arrays[2].shape != (len(self.temperatures), len(self.water)):
             raise ValueError("a coefficient is needed for each temperature and flow")
 

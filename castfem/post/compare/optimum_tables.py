@@ -64,7 +64,7 @@ def _state(optimum: Optimum) -> str:
         state = f"found; held by {'; '.join(by)}" if by else "found; no constraint binds"
         if failed := optimum.runs["failed"]:
             state += f"; {failed} of the {optimum.runs['search']} runs by {optimum.fidelity} failed"
-        return f"{state}; another place is as good" if optimum.other_optima else state
+        return f"{state}; another point is as good" if optimum.other_optima else state
     if optimum.status == "not converged":
         return "not converged: better runs were still met; raise optimise.most_runs"
     if optimum.status == "independent":
@@ -128,7 +128,7 @@ def _variables(optimum: Optimum) -> Table:
         checked = ["" if value.checked is None else variable(value.checked) for _ in by]
         searched = " to ".join(variable(end) for end in value.range)
         rows.append((label, variable(value.value), *checked, interval(value), searched))
-    return Table(("variable", "best", *by, "cannot be told from", "looked for in"), rows)
+    return Table(("variable", "best", *by, "cannot be distinguished from", "looked for in"), rows)
 
 
 def interval(value: Value) -> str:
@@ -236,7 +236,7 @@ def _remarks(optimum: Optimum, objective: ResultWithError) -> Iterator[str]:
         yield f"{known.name} lies {apart} below {name}, its maximum"
     span = [abs(step.objective) for step in optimum.neighbours if math.isfinite(step.objective)]
     if span and max(span) <= 4.0 * objective.noise:
-        yield "all about it the objective changes by no more than its noise: it is flat here"
+        yield "all around it the objective changes by no more than its noise: it is flat here"
 
 
 def _by_check(optimum: Optimum, objective: ResultWithError) -> str:
@@ -318,7 +318,7 @@ def _front(front: Front) -> Iterator[Table | str]:
         rows.append((*(variable(value) for value in point.values), first, second, shown))
     yield Table((*front.keys, *heads), rows, words=())
     if front.exhausted:
-        yield "a search of the front has had its runs before it was done: raise optimise.most_runs"
+        yield "a search of the front ran out of runs: raise optimise.most_runs"
 
 
 MOULD_NAME, FRONT_NAME = "mould.csv", "front.csv"

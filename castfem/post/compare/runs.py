@@ -131,4 +131,6 @@ def base_of(runs: Sequence[Run], named: str | None) -> Run:
     for run in runs:
         if named == run.label or Path(named).resolve() == run.folder.resolve():
             return run
-    raise InputError(f"--base {named}: none of the runs ({', '.join(run.label for run in runs)})")
+    raise InputError(
+        f"--base {named}: not one of the runs ({', '.join(run.label for run in runs)})"
+    )

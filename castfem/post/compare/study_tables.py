@@ -168,9 +168,9 @@ def without_error(table: ErrorTable) -> list[str]:
         for entry in (table.quantities[name] for name in main_names(table.quantities))
         if not math.isfinite(entry.error())
     ]
-    none = [f"no error of {', '.join(lost)}: too few of the runs tell it"] if lost else []
+    none = [f"no error of {', '.join(lost)}: too few runs to estimate it"] if lost else []
     return none + [
-        f"{run.axis} x {run.factor:.3g}: nothing of this run: {run.message}"
+        f"{run.axis} x {run.factor:.3g}: no result of this run: {run.message}"
         for run in table.runs
         if run.message
     ]

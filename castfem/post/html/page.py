@@ -108,7 +108,7 @@ def _content(runs: Sequence[Run], at_work: AtWork | None, at: Sequence[float]) -
     for number, position in enumerate(at):
         there = [line for line in lines(runs, runs[0], at=(position,)) if line.unit != SHARE]
         if not there:
-            raise InputError(f"{runs[0].folder}: the run has not been at {place_said(position)}")
+            raise InputError(f"{runs[0].folder}: the run has not reached {place_said(position)}")
         tables.append((f"place{number}", f"At {place_said(position)}", _numbers(runs, there)))
     charts = charts_of(runs)[:60] if runs else []
     drawn_sections = sections([run.folder for run in runs])
@@ -219,7 +219,7 @@ def _notes(runs: Sequence[Run]) -> Iterator[str]:
     yield from cautions(*told[runs[0].label]) if len(runs) == 1 else cautions_of_all(told)
     sources = {c.reference.source for run in runs for c in run.summary.references if not c.missing}
     if sources:
-        yield f"References: {'; '.join(sorted(sources))}. In red: a bound that is not kept."
+        yield f"References: {'; '.join(sorted(sources))}. In red: a bound that is not met."
     if runs and not any(q.error is not None for r in runs for q in r.summary.quantities.values()):
         folder = runs[0].folder
         yield f"Errors of these numbers: castfem error {folder / CASE_NAME}."

@@ -54,7 +54,7 @@ def plot_field(fields: Fields, name: str, index: int, axes: Axes | None) -> Axes
 
     values = fields.values(name, index)
     if values.ndim != 1 or fields.centre(name) != "point":
-        raise InputError(f"section: {name} is no scalar at the nodes; take fields() and draw it")
+        raise InputError(f"section: {name} is not a scalar at the nodes; take fields() and draw it")
     unit, factor, offset = _SHOWN.get(UNITS.get(name, "-"), ("", 1.0, 0.0))
     mesh, shown = section_triangles(fields, factor * values + offset)
     drawn = axes if axes is not None else pyplot.subplots(layout="constrained")[1]

@@ -81,7 +81,7 @@ def _draw_column(
         here.append(shown(one.left))
         there.append([shown(step.left[number]) if step.left else math.nan for step in away])
     for axes, own, others in zip(column, here, there, strict=True):
-        words = "cannot be told from the best"
+        words = "cannot be distinguished from the best"
         axes.axvspan(value.low, value.high, color="0.88", lw=0, label=words)
         axes.axvline(value.value, color="0.5", lw=0.8)
         places = [*(step.value for step in away), value.value]

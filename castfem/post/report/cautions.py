@@ -259,7 +259,7 @@ def less_than_asked(summary: Summary) -> str:
         )
     return (
         f"the mould took {took}, {share:.1f} % less than the {wanted} that its flux asks for "
-        "without gaps. A heat that was measured at a mould has its gaps in it already: raise power "
+        "without gaps. A heat measured at a mould already includes its gaps: raise power "
         "or water_rise, or the taper, until the run takes what was measured"
     )
 

@@ -105,7 +105,7 @@ def _worst(
     for name, value, _, where in found.ranking:
         if name not in ("I1", "I2"):
             continue
-        ratio = "no limit is known of it: compare with the run of the machine in order"
+        ratio = "no limit is known: compare with a run of the intact machine"
         if base is not None and theirs is not None:
             ratio = _ratio(found, theirs, name, base[0])
         yield f"worst place by {name}", f"{where}: {value}; {ratio}"

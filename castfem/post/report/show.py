@@ -72,7 +72,7 @@ def _show(path: Path, out: Console, *, figures: bool, at: Sequence[float]) -> bo
         say(out, *_liquid_left(summary))
         say(out, *cautions(path, summary), style="yellow")
         if not (path / HISTORY_NAME).is_file():
-            text = "is missing: no figures over time, and nothing to look at"
+            text = "is missing: no figures over time and no remarks"
             say(out, f"{path / HISTORY_NAME} {text}", style="yellow")
     if (along := table_along(path, summary)) is not None:
         say(out, along, "")
@@ -184,7 +184,7 @@ def slow_output(record: RunRecord) -> str:
         return ""
     return (
         f"{written / total:.0%} of the time went into files: write the fields less often "
-        "(output.every), fewer of them (output.fields), checkpoints more seldom "
+        "(output.every), fewer of them (output.fields), checkpoints less often "
         "(output.checkpoint_every)"
     )
 

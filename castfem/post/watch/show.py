@@ -88,7 +88,7 @@ def _until_begun(folder: Path, viewing: Viewing) -> None:
     told = False
     while not any((folder / name).is_file() for name in (SWEEP_NAME, RUN_NAME)):
         if folder.exists() and not folder.is_dir():
-            raise InputError(f"{folder}: is no folder")
+            raise InputError(f"{folder}: is not a folder")
         if not viewing.wait:
             what = "holds no run of castfem" if folder.is_dir() else "no such folder"
             raise InputError(f"{folder}: {what}; --wait waits for one to begin")
@@ -121,7 +121,7 @@ def _watch_run(folder: Path, viewing: Viewing) -> bool:
 def _say_stopped(folder: Path, status: RunStatus, before: bool, viewing: Viewing) -> bool:
     """Report once that an awaited run is not running; return whether it is not."""
     if status.state != RUNNING and not before:
-        viewing.say(f"{ending(folder, status)}; waiting for it to be taken up again")
+        viewing.say(f"{ending(folder, status)}; waiting for it to be resumed")
     return status.state != RUNNING
 
 

@@ -230,9 +230,9 @@ def ending(folder: Path, status: RunStatus) -> str:
     """How a run ended, why, and what can be done, in one line."""
     how = how_it_ended(status.record)
     if status.state == KILLED:
-        return f"{how}; castfem run --resume {folder} goes on from its last checkpoint"
+        return f"{how}; castfem run --resume {folder} continues from its last checkpoint"
     if status.state == "interrupted":
-        return f"{how}; castfem run --resume {folder} goes on"
+        return f"{how}; castfem run --resume {folder} continues it"
     if status.state == "failed":
         return f"{how}; what happened: {folder / LOG_NAME}"
     return f"{how}; its results: castfem show {folder}"
@@ -359,9 +359,9 @@ def unfinished(found: SweepStatus) -> Iterator[str]:
             yield f"{len(names)} {why}: {listed}"
     if not found.complete:
         yield (
-            f"no run has been at work for {minutes(found.idle)}: the sweep was stopped, or the "
-            "rest waits for its turn; the command of the sweep goes on with it (--resume: from the "
-            "checkpoints), castfem watch --wait waits until it does"
+            f"no run has been running for {minutes(found.idle)}: the sweep was stopped, or its "
+            "other runs are queued; its command continues it (--resume: from the checkpoints), "
+            "castfem watch --wait waits until it does"
         )
     for row in found.rows:
         if row.status.state == FAILED:

@@ -54,7 +54,7 @@ class GrowingTable(Closing):
             write_text(path, _line(cells))
         else:
             if not path.is_file() or path.stat().st_size < size:
-                raise InputError(f"{path}: has lost rows since; run again without --resume")
+                raise InputError(f"{path}: rows are missing; run again without --resume")
             with saving(path):
                 os.truncate(path, size)
         self._file = AppendedFile(path)

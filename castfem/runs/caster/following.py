@@ -48,7 +48,7 @@ def first_looked_at(case: Case, source: PlantFile, ranks: int) -> Case:
     """
     if ranks > 1 or case.mechanics is not None:
         reason = "leave out [mechanics]" if ranks == 1 else "start castfem caster without mpirun"
-        raise InputError(f"{source.path}: is followed by the temperature, on one rank: {reason}")
+        raise InputError(f"{source.path}: only thermal runs on one rank can follow it: {reason}")
     while True:
         found = grown(case, source)
         assert found.caster is not None

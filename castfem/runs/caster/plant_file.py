@@ -184,7 +184,9 @@ class PlantFile:
         one = PlantTable().read(columns)
         now, last = one.times[0], self.last
         if not now > last:
-            raise ValueError(f"time ({now:g} s) does not exceed that of the row before, {last:g} s")
+            raise ValueError(
+                f"time ({now:g} s) does not exceed that of the previous row, {last:g} s"
+            )
         if now - last > self._long:
             self._report(f"line {number}: no row between {last:g} s and {now:g} s", 0)
         self._times.append(now)

@@ -292,7 +292,9 @@ class CasterRun:
         meta, arrays = loaded if loaded is not None else ({}, {})
         meta = comm.bcast(meta)
         if "looks" not in meta:
-            raise InputError(f"{path}: was written by an earlier castfem; begin anew (--overwrite)")
+            raise InputError(
+                f"{path}: was written by an earlier castfem; start again (--overwrite)"
+            )
         if self._source is not None:
             self._source.expect(*meta["plant"])
         self._index, self._gone = meta["index"], meta["gone"]

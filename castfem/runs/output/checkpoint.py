@@ -98,7 +98,7 @@ def _checked(path: Path) -> bytes:
         raise InputError(f"{path}: cannot be read ({error.strerror}); {_ANEW}") from error
     image, tail = content[:-8], content[-8:]
     if tail[:4] != _MARK:
-        raise InputError(f"{path}: is not a checkpoint of castfem, or cut off; {_ANEW}")
+        raise InputError(f"{path}: is not a castfem checkpoint, or is truncated; {_ANEW}")
     if tail[4:] != struct.pack("<I", zlib.crc32(image)):
         raise InputError(f"{path}: is damaged: its checksum differs; {_ANEW}")
     return image

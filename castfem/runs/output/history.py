@@ -100,7 +100,7 @@ class History(Closing):
         if rows is not None and len(times) != rows:
             raise InputError(
                 f"{path}: has {len(times)} rows to {upto_time:g} s, of {rows} that were written: "
-                f"it has been changed; put the file back as it was, or {_ANEW}"
+                f"it has been changed; restore the file, or {_ANEW}"
             )
         if any(later <= time for time, later in pairwise(times)):
             raise InputError(f"{path}: its times do not increase; correct it, or {_ANEW}")
@@ -172,7 +172,7 @@ def read_columns(path: Path | str) -> Columns:
     columns = _columns(path, header)
     values = [[_number(path, cell) for cell in row.split(",")] for row in rows]
     if any(len(row) != len(columns) for row in values):
-        raise InputError(f"{path}: a row has not the {len(columns)} cells of the header")
+        raise InputError(f"{path}: a row does not have the {len(columns)} cells of the header")
     for before, this in pairwise(row[0] for row in values):
         if not this >= before:  # also true for NaN
             raise InputError(f"{path}: its times do not increase ({this:g} s after {before:g} s)")
@@ -216,7 +216,7 @@ def last_row(path: Path | str) -> tuple[dict[str, float], dict[str, str]] | None
         return None
     cells = rows[-1].decode(errors="replace").split(",")
     if len(cells) != len(columns):
-        raise InputError(f"{path}: a row has not the {len(columns)} cells of the header")
+        raise InputError(f"{path}: a row does not have the {len(columns)} cells of the header")
     values = [_number(path, cell) for cell in cells]
     return {name: value for (name, _), value in zip(columns, values, strict=True)}, dict(columns)
 

@@ -75,8 +75,8 @@ class RunRecord:
             first = error.errors()[0]
             where = dotted(first["loc"])
             raise InputError(
-                f"{path}: {where}: {first['msg'].lower()}, it has been changed; correct it, or "
-                "take another folder"
+                f"{path}: {where}: {first['msg'].lower()}, the file has been changed; correct "
+                "it, or choose another folder"
             ) from error
         if found.status == "failed" and found.reason == _STOPPED:  # as castfem 0.1 wrote it
             return replace(found, status="interrupted")

@@ -48,7 +48,7 @@ def write_strand(folder: Path, target: Path, side: Side, every: float) -> tuple[
     with Fields(folder) as fields:
         times = np.flatnonzero(np.diff(fields.positions, prepend=-1.0) > 0.0)
         if len(times) < 2:
-            raise InputError(f"{folder}: has {len(times)} slices on its way; two are needed")
+            raise InputError(f"{folder}: has {len(times)} slices; two are needed")
         slices = fields.positions[times]
         maps = SurfaceMaps(folder) if SurfaceMaps.exist(folder) else None
         rows = between(slices, every)

@@ -307,7 +307,7 @@ def _comparison(content: Mapping[str, Any]) -> Comparison:
     if missing is None:
         note, missing = "", note
     if kind not in SIGNS:
-        raise ValueError(f"no kind of reference: {kind}")
+        raise ValueError(f"unknown kind of reference: {kind}")
     changed = tuple(content.get("changed", ()))
     reference = Reference(
         content["quantity"], value, unit, content["source"], content.get("at"), kind, note, changed

@@ -236,11 +236,11 @@ class MapWriter(Closing):
         there, found = _read(folder, names)
         path = folder / names[(folder / names[1]).is_file()]
         if there.text() != heading.text():
-            raise InputError(f"{path}: holds other maps than this run writes; {_ANEW}")
+            raise InputError(f"{path}: has maps that differ from those of this run; {_ANEW}")
         if len(found) < rows:
             raise InputError(
                 f"{path}: has {len(found)} rows of {rows} that were written: it has been changed; "
-                f"put the file back as it was, or {_ANEW}"
+                f"restore the file, or {_ANEW}"
             )
         return cls(folder, heading, found[:rows].tobytes(), names)
 

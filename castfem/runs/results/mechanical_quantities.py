@@ -57,7 +57,7 @@ of_slice(
 
 
 @smooth_twin(
-    "von_mises_smooth", "MPa", "smooth twin of the largest von Mises stress",
+    "von_mises_smooth", "MPa", "smooth approximation of the largest von Mises stress",
     smooth_twin_of="von_mises_max",
 )  # fmt: skip
 def von_mises_smooth(sample: Sample) -> float:
@@ -71,7 +71,7 @@ def von_mises_smooth(sample: Sample) -> float:
 
 
 @smooth_twin(
-    "way_von_mises_smooth", "MPa", "smooth twin of the largest von Mises stress on the way",
+    "way_von_mises_smooth", "MPa", "smooth approximation of the largest von Mises stress so far",
     of_way=True, smooth_twin_of="way_von_mises_max",
 )  # fmt: skip
 def way_von_mises_smooth(sample: Sample) -> float:

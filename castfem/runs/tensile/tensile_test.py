@@ -166,7 +166,7 @@ def _run(case: TensileCase, output: OutputFolder, ranks: int) -> Summary:
         facts: dict[str, Any] = {"wall_time": wall, "reached": writer.reached}
         if status == "failed":
             output.fail(reason, **facts)
-            raise RunFailure(f"{reason}; the history to there is in {output / HISTORY_NAME}")
+            raise RunFailure(f"{reason}; the history so far is in {output / HISTORY_NAME}")
         output.finish(**facts)
     return summary
 

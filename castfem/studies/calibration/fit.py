@@ -163,7 +163,7 @@ def fit(
     (first,) = residuals([at(begin)])
     if len(first) < p:
         raise InputError(
-            f"{len(first)} measured values cannot tell {p} keys; give more, or fit less"
+            f"{len(first)} measured values cannot determine {p} keys; give more, or fit fewer"
         )
     found = least_squares(
         lambda point: residuals([at(point)])[0], begin, jac=slopes, bounds=(0.0, 1.0),
@@ -249,8 +249,8 @@ def followed(case: Case, measured: Sequence[Measured]) -> Case:
     last, length = reach[farthest], case.casting.length
     if last <= 0.0:
         raise InputError(
-            f"{farthest.where}: all values are of the meniscus itself, where no casting has acted "
-            "yet; give some of further down"
+            f"{farthest.where}: all values are at the meniscus, where no parameter has an effect "
+            "yet; give some below it"
         )
     if last > length * (1 + ROUNDING):
         needed = "was measured" if last == farthest.position else "of mould take its heat"

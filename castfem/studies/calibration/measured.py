@@ -149,7 +149,7 @@ def _check_errors(path: Path, found: list[Measured]) -> None:
     if missing and len(missing) < len(found):
         name, place = missing[0].name, 1e3 * missing[0].position
         raise InputError(
-            f"{path}: {name} at {place:g} mm has no error and others have; give all of them, "
+            f"{path}: {name} at {place:g} mm has no error, but others have; give all of them, "
             f"{name}{_ERROR}, or none"
         )
     names = {m.name for m in found}

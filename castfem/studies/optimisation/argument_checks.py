@@ -68,8 +68,8 @@ def check_request(
             at = f"{value} {one.unit}".rstrip()
             ends = f"{one.low:g} to {one.high:g} {one.unit}".rstrip()
             raise InputError(
-                f"{problem.origin}: optimise.variable.{number}.range: a run with {one.key} = {at} "
-                f"lies outside of it, {ends}; widen the range, or leave the run out"
+                f"{problem.origin}: optimise.variable.{number}.range: {one.key} = {at} of a run "
+                f"is outside the range, {ends}; widen the range, or leave the run out"
             )
     check_word(request.fidelity)
     numbers = (_number(one, value, caller) for one, value in zip(variables, values, strict=True))
@@ -87,7 +87,7 @@ def _values(problem: DesignProblem, values: Mapping[str, Any], caller: str) -> t
             full = str(key)
         if full not in variables:
             raise InputError(
-                f"{caller}: {key} is no variable of [optimise]; there are {', '.join(variables)}"
+                f"{caller}: {key} is not a variable of [optimise]; there are {', '.join(variables)}"
                 f"{units.nearest(full, list(variables))}"
             )
         found[full] = round(_number(variables[full], value, caller), variables[full].decimals)
@@ -117,7 +117,7 @@ def quantities_of(
     if missing:
         near = difflib.get_close_matches(missing[0], found, n=1, cutoff=0.5)
         other = f'; write it so, not "{near[0]}"' if near else ""
-        raise InputError(f"tell: {', '.join(missing)} is missing, which [optimise] needs{other}")
+        raise InputError(f"tell: {', '.join(missing)} is missing; [optimise] needs it{other}")
     return found
 
 

@@ -33,8 +33,8 @@ from castfem.studies.optimisation.spread import InputSpread
 from castfem.studies.optimisation.store import Evaluation
 
 _NOISE = "noise was not measured: runs about the start, or about the best one, fail"
-_EXHAUSTED = "the search has had its runs before it was done: raise optimise.most_runs"
-_NO_SPREAD = "it lacks the spread by the inputs: too few of those runs came through"
+_EXHAUSTED = "the search ran out of runs: raise optimise.most_runs"
+_NO_SPREAD = "the spread by the inputs is missing: too few of those runs succeeded"
 
 
 @dataclass(frozen=True, slots=True)

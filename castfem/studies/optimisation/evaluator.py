@@ -156,9 +156,7 @@ class Evaluator(Closing):
                 self._workers.run(again, ended=note)
             self.store.write_table()
         if stopped:
-            raise RunFailure(
-                f"{stopped[0][1].message}; the same command goes on with what has been run"
-            )
+            raise RunFailure(f"{stopped[0][1].message}; the same command continues")
         found = [lost.get(job.name) or find(job.case) for job in jobs]
         return [one for one in found if one is not None]
 

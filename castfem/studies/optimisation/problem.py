@@ -120,7 +120,7 @@ class UncertainInput:
         try:
             number, unit = units.split(str(written))
         except ValueError:
-            raise InputError(f'{self.key}: ("{written}") is no number; give range') from None
+            raise InputError(f'{self.key}: ("{written}") is not a number; give range') from None
         if unit in _ABSOLUTE:
             raise InputError(f"{self.key}: a temperature is not multiplied; give range")
         return f"{float(number) * factor:.12g} {unit}".strip()
@@ -257,7 +257,7 @@ class DesignProblem:
         names = [name for _, name in keys]
         faults = faults_of(self.case, names)
         if self.table.fidelity == THERMAL and not any(faults):
-            alone = "is no result of temperature alone, of which fidelity thermal is"
+            alone = "is not a result of temperature alone, of which fidelity thermal is"
             found = faults_of(at_level(self.case, THERMAL), names)
             faults = [fault and f"{alone}; {_COUPLED}" for fault in found]
         problems = [

@@ -205,7 +205,7 @@ class Responses:
     def _quantity(self, results: Evaluation, name: str, key: str) -> Quantity:
         if name not in results.quantities:
             raise InputError(
-                f'{self.problem.origin}: optimise: {key} ("{name}") is no result of this case'
+                f'{self.problem.origin}: optimise: {key} ("{name}") is not a result of this case'
                 f"{units.nearest(name, results.quantities)}"
             )
         return results.quantities[name]

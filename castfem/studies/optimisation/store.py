@@ -99,7 +99,7 @@ class Evaluation:
             if self.failed:
                 raise InputError(f'"{name}": the run has failed: {self.message}; see `failed`')
             near = units.nearest(str(name), self.quantities)
-            raise InputError(f'"{name}" is no result of this run{near}')
+            raise InputError(f'"{name}" is not a result of this run{near}')
         return self.quantities[name].value
 
 

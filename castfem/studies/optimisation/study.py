@@ -241,7 +241,7 @@ class Study:
             InputError: The search has not finished.
         """
         if self.ask() or self._result is None:
-            raise InputError("the search has not come to its end: ask, run and tell go on")
+            raise InputError("the search has not ended: continue with ask, run and tell")
         return self._result
 
     def case_of(self, optimum: Optimum) -> Case:

@@ -100,7 +100,7 @@ class Workflow:
     def _about(self, search: Search, best: RunRequest) -> Findings:
         """Make the runs around a best one, and at the other levels."""
         responses = search.responses
-        self.stage("what a step away from the best run costs")
+        self.stage("cost of a step away from the best run")
         best, model = self._surroundings(search, best)
         search.measure_noise_at(best)
         error = self._numerical_error(search, best, model)
@@ -155,7 +155,7 @@ class Workflow:
         every = {word: RunRequest(best.values, word) for word in (*LEVELS, best.fidelity)}
         every = {word: one for word, one in every.items() if self._is_sound(one)}
         others = " and ".join(word for word in every if word != best.fidelity)
-        self.stage(f"numerical error: the best run on {others} cells, the last the dearest")
+        self.stage(f"numerical error: the best run on {others} cells, the last the most expensive")
         responses.fetch(list(every.values()))
         vectors = {word: responses.vector_or_nan(one) for word, one in every.items()}
         error = NumericalError.of(best.fidelity, vectors)

@@ -162,7 +162,7 @@ class Recorder:
         assert path is not None
         if lost := self.readings.of_tearing():
             raise InputError(
-                f"{path}: holds no derivatives of {lost[0]}, which hangs on the whole section in "
+                f"{path}: holds no derivatives of {lost[0]}, which depends on the whole section in "
                 "all steps; run without --resume"
             )
         read = on_root(comm, lambda: load_checkpoint(path, **self._physics))
@@ -187,7 +187,7 @@ class Recorder:
         if (coupled := self._coupled(run)) is not None:
             if not coupled.is_whole(meta["coupled"]):
                 raise InputError(
-                    f"{path}: an earlier castfem wrote it, without the derivatives of the rates; "
+                    f"{path}: written by an earlier castfem, without the derivatives of the rates; "
                     "run without --resume"
                 )
             coupled.restore(meta["coupled"], by_node)

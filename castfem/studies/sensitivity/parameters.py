@@ -58,10 +58,10 @@ _HELD = {
     "mesh": "it changes the mesh",
     "thermal": "it changes the steps, which are held",
     "output": "it changes what is written, not what is computed",
-    "reference": "it is a number of somebody else",
+    "reference": "it is a published value",
     "verification": "it belongs to the closed form",
-    "optimise": "a run does not look at it",
-    "title": "it is no number",
+    "optimise": "a run does not use it",
+    "title": "it is not a number",
 }
 
 
@@ -211,9 +211,9 @@ def _read(case: Case, steel: Steel, name: str, spread: str) -> Parameter:
     usual = 10.0 if temperature else 0.01 * abs(parameter.value)
     wide = _spread(spread, parameter, temperature) if spread else usual
     if spread and not wide > 0.0:
-        raise ValueError("by how much it may differ must be above 0")
+        raise ValueError("its spread must be above 0")
     if not wide > 0.0:
-        raise ValueError(f"it is 0; say by how much it may differ: {name}=SPREAD")
+        raise ValueError(f"it is 0; give its spread: {name}=SPREAD")
     size = _share(parameter) * max(abs(parameter.value), wide)
     return replace(parameter, spread=wide, step=STEPS.temperature if temperature else size)
 
@@ -255,7 +255,7 @@ def _of_steel(steel: Steel, name: str, entry: str, *, strained: bool) -> Paramet
         if not steel.has(entry):
             raise ValueError(f"{steel.name} has none")
         if entry == "specific_heat" and "enthalpy" in steel.properties:
-            raise ValueError(f"{steel.name} takes up its heat by its enthalpy; {_BY_CARBON}")
+            raise ValueError(f"{steel.name} is defined by its enthalpy; {_BY_CARBON}")
         return Parameter(name, "", 100.0, "percent", 0.0, entry)
     if entry not in ("solidus", "liquidus", "latent_heat"):
         allowed = (*scaled, "solidus", "liquidus", "latent_heat", "composition.C")
@@ -263,7 +263,7 @@ def _of_steel(steel: Steel, name: str, entry: str, *, strained: bool) -> Paramet
         raise ValueError(f"no number of a steel; one of {choices(allowed)}{near}")
     origin = steel.origins.get(entry)
     if entry == "latent_heat" and "enthalpy" in steel.properties:
-        raise ValueError(f"{steel.name} releases its heat by its enthalpy; {_BY_CARBON}")
+        raise ValueError(f"{steel.name} is defined by its enthalpy; {_BY_CARBON}")
     if origin is None:
         raise ValueError(f"it follows from the solid fraction of {steel.name}; {_BY_CARBON}")
     if entry == "latent_heat":
@@ -295,7 +295,7 @@ def _of_case(case: Case, steel: Steel, name: str) -> Parameter:
     try:
         number, unit = units.split(value)
     except ValueError:
-        raise ValueError(f'it is no number ("{value}")') from None
+        raise ValueError(f'it is not a number ("{value}")') from None
     return Parameter(name, key, float(number), unit, 0.0)
 
 

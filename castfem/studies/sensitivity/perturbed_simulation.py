@@ -259,8 +259,8 @@ def _check_effect(parameter: Parameter, below: Varied, above: Varied) -> None:
     same = same and below.simulation.steel is above.simulation.steel
     if same:
         raise InputError(
-            f"{parameter.name}: nothing that this run computes hangs on it (its steps and coupling "
-            "windows are held as they are)"
+            f"{parameter.name}: nothing that this run computes depends on it (its steps and "
+            "coupling windows are held as they are)"
         )
 
 

@@ -65,7 +65,7 @@ def asked_quantities(simulation: Simulation, names: Sequence[str]) -> Asked:
         if name not in having:
             fault = refused.get(name) or fault_of(simulation.case, name)
             near = units.nearest(name, having)
-            problems.append(f"--of {name}: {fault or f'is no result of this run{near}'}")
+            problems.append(f"--of {name}: {fault or f'is not a result of this run{near}'}")
     if problems:
         raise InputError(problems)
     return {name: having[name] for name in dict.fromkeys(wanted)}
@@ -74,7 +74,7 @@ def asked_quantities(simulation: Simulation, names: Sequence[str]) -> Asked:
 def _refusal(definition: QuantityDefinition) -> str:
     """Why a result is not differentiated; "" if it is."""
     if definition.name in _OF_STEPS:
-        return "it tells of steps or cells, which are held"
+        return "it describes steps or cells, which are held fixed"
     if definition.name in _OF_POINTS:
         return (
             "it counts points of the surface; what touches and what sticks is held; compare runs "

@@ -35,7 +35,7 @@ def refuse(case: Case) -> None:
     if start is not None and (start.at == "mould_exit" or start.meniscus is not None):
         problems.append(
             "casting.start: what the slice passes before the run begins is not differentiated; "
-            "let it begin at the meniscus"
+            "start at the meniscus"
         )
     if problems:
         raise InputError([f"{case.title}: {problem}" for problem in problems])
@@ -50,7 +50,7 @@ def _refused_mechanics(case: Case) -> Iterator[str]:
         "mechanics.strain": (mechanics.strain == "large", 'take strain = "small"'),
         "mechanics.bulging": (mechanics.bulging is not None, "bulging is not differentiated"),
         "mechanics.until": (
-            case.mechanics_end() is not None, "let the mechanics go on, or the run end, there"
+            case.mechanics_end() is not None, "let the mechanics continue, or end the run there"
         ),
         "coupling.order": (coupling.order != "thermal_first", 'take order = "thermal_first"'),
         "coupling.mechanical_step": (

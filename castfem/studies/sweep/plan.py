@@ -32,8 +32,8 @@ _NAME = "name"  # name of the column that names the runs
 _OWN = ("sweep", "compare", "report")  # files beside the runs, with any ending
 _LABEL = "sweep"  # origin of a value in messages
 _QUOTED = (
-    "(a cell with commas stands in quotes, quotes within it doubled; or part the cells by "
-    "semicolons, in the header, too)"
+    "(put a cell with commas in quotes, and double quotes within it; or separate the cells by "
+    "semicolons, also in the header)"
 )
 
 
@@ -75,7 +75,7 @@ def plan(base: Case, assignments: Iterable[str], table: Path | None = None) -> t
             key, values = read_assignment(assignment)
             key = full_key(Case, document, key)
             if key in keys:
-                raise ValueError(f"{key} is given twice; write all values behind one --set")
+                raise ValueError(f"{key} is given twice; write all values in one --set")
             keys[key] = values
         except ValueError as error:
             problems.append(f'--set "{assignment}": {error}')
@@ -86,7 +86,7 @@ def plan(base: Case, assignments: Iterable[str], table: Path | None = None) -> t
         except ValueError as error:
             problems.append(f"{table}: {error}")
         twice = keys.keys() & {key for row in rows for key in row.values}
-        problems += [f"{table}: {key} stands behind --set, too" for key in sorted(twice)]
+        problems += [f"{table}: {key} is also given by --set" for key in sorted(twice)]
     if not problems and not keys and table is None:
         problems.append("nothing to sweep; give --set KEY=VALUE,VALUE or --table RUNS.csv")
     if problems:
@@ -235,18 +235,18 @@ def _check_name(name: str, line: int, rows: Iterable[Row]) -> None:
         raise ValueError(f"line {line}: two rows are named {shortened(name)}")
     if not _safe(name):
         raise ValueError(
-            f'line {line}: the name "{shortened(name)}" makes no name of a folder; give it letters '
+            f'line {line}: the name "{shortened(name)}" cannot name a folder; give it letters '
             "(A to Z) or digits"
         )
     if name.partition(".")[0] in _OWN:
         raise ValueError(
-            f'line {line}: the name "{shortened(name)}" is kept for files of the sweep; choose '
+            f'line {line}: the name "{shortened(name)}" is reserved for files of the sweep; choose '
             f"another than {', '.join(_OWN)}"
         )
     if len(name) > LENGTHS.folder:
         raise ValueError(
-            f'line {line}: the name "{shortened(name)}" has {len(name)} characters; a folder is '
-            f"named so, give at most {LENGTHS.folder}"
+            f'line {line}: the name "{shortened(name)}" has {len(name)} characters; it names a '
+            f"folder, give at most {LENGTHS.folder}"
         )
 
 

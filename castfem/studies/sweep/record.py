@@ -76,8 +76,8 @@ def check_own(folder: Path, names: Iterable[str]) -> None:
     for name in names:
         if (folder / name).exists():
             raise InputError(
-                f"{folder}: castfem would write its {name}, and has not written the one that is "
-                "there; choose another folder, or move the file"
+                f"{folder}: {name} was not written by castfem and would be overwritten; choose "
+                "another folder, or move the file"
             )
 
 

@@ -255,7 +255,7 @@ class _Search:
     @property
     def pitch(self) -> Pitch:
         """The last computed pitch."""
-        assert self._latest is not None, "asked before the first pitch was computed"
+        assert self._latest is not None, "requested before the first pitch was computed"
         return self._latest
 
     def move(self, accelerated: bool) -> None:
