@@ -62,7 +62,7 @@ def thickening(at: Deformation, by: Direction) -> Expr:
 
 
 def second_thickening(one: Direction, other: Direction) -> Expr:
-    """Second variation of the thickness (the position enters it times the gradients)."""
+    """Second variation of the thickness, where the position is multiplied by the gradients."""
     return sum(
         one.generalized_strains[i + 1] * other.shift[i]
         + other.generalized_strains[i + 1] * one.shift[i]

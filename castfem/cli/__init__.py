@@ -142,7 +142,7 @@ def _unexpected(error: Exception) -> str:
 
 
 _GOES_ON = {
-    **dict.fromkeys(("sweep", "error", "optimise", "calibrate"), "the same command again"),
+    **dict.fromkeys(("sweep", "error", "optimise", "calibrate"), "the same command"),
     **{name: f"`castfem {name} ... --resume`" for name in ("run", "sensitivity", "caster")},
 }
 """How to continue an interrupted command, by its name."""
@@ -157,5 +157,5 @@ def _status(error: Exception) -> int:
 def _interrupted(first: bool, words: Sequence[str]) -> int:
     if first:
         mend = _GOES_ON.get(words[0] if words else "")
-        print(f"castfem: interrupted{f'; {mend} goes on' if mend else ''}", file=sys.stderr)
+        print(f"castfem: interrupted{f'; {mend} continues' if mend else ''}", file=sys.stderr)
     return _INTERRUPTED

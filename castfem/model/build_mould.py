@@ -118,7 +118,7 @@ def _sizes(case: Case, table: Mould) -> Faults:
         if short:
             limit = "that" if allowed == own else in_mm(allowed)
             fix = f"allowed: {bound} {limit}, or leave it out"
-            yield name, f"({in_mm(size)}) is too small for the strand of {in_mm(own)}; {fix}"
+            yield name, f"({in_mm(size)}) does not fit the strand, which has {in_mm(own)}; {fix}"
 
 
 def _widest_corner(table: Mould, section: Section, hot: float) -> float:

@@ -288,7 +288,7 @@ _REPEATED = ("passes", "settled", "window_error")
 
 
 def _changed(table: TableModel) -> list[str]:
-    """Keys with another value than the default (the case of a run states the defaults, too)."""
+    """Keys that differ from the default (a run's case also lists the defaults)."""
     fields = type(table).model_fields
     needed = {name for name, field in fields.items() if field.is_required()}
     plain = type(table).model_validate(table.model_dump(mode="json", include=needed))

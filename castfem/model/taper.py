@@ -161,8 +161,8 @@ def _segments(given: Sequence[Any]) -> tuple[TaperSegment, ...]:
                 raise ValueError("'to' is missing; only the last segment may leave it out")
             if segment.end is not None and above is not None and segment.end <= above:
                 raise ValueError(
-                    f"'to' ({1e3 * segment.end:g} mm) does not lie beyond the end of the segment "
-                    f"before ({1e3 * above:g} mm)"
+                    f"'to' ({1e3 * segment.end:g} mm) does not lie beyond the end of the "
+                    f"previous segment ({1e3 * above:g} mm)"
                 )
         except ValueError as error:
             raise ValueError(f"segment {number}: {error}") from None

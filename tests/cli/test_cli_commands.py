@@ -359,9 +359,9 @@ def test_mesh_parameters_are_si(case_file):
 @pytest.mark.parametrize(
     ("command", "mend"),
     [
-        ("optimise", "; the same command again goes on"),
-        ("sensitivity", "; `castfem sensitivity ... --resume` goes on"),
-        ("run", "; `castfem run ... --resume` goes on"),
+        ("optimise", "; the same command continues"),
+        ("sensitivity", "; `castfem sensitivity ... --resume` continues"),
+        ("run", "; `castfem run ... --resume` continues"),
         ("show", ""),
     ],
 )

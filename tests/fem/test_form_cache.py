@@ -183,7 +183,7 @@ def test_no_place_at_all_is_told_in_a_line(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr(tempfile, "mkdtemp", none)
     (tmp_path / "file").touch()
     with pytest.raises(
-        RunFailure, match=r"and there is no temporary folder .*; let XDG_CACHE_HOME"
+        RunFailure, match=r"and there is no temporary folder .*; set XDG_CACHE_HOME"
     ):
         area(MPI.COMM_SELF, tmp_path / "file" / "forms")
 

@@ -126,7 +126,7 @@ def test_liquid_presses_with_its_height_in_a_bent_machine() -> None:
     ("rows", "header", "said"),
     [
         (("0.9, 150, 222, x, no,",), HEADER, r"line 3, roll 1: radius_extrados \(x\): "),
-        (("0.9, 150",), HEADER, r"line 3: 2 cells, the header has 6; leave a cell empty"),
+        (("0.9, 150",), HEADER, r"line 3: 2 cells, the header has 6; write an empty cell"),
         (("0.9, 0, 222, , no,",), HEADER, r"roll 1: diameter \(0\): must be above 0 mm"),
 
         (("0.9, 150, 222, 8, maybe,",), HEADER, r"roll 1: driven \(maybe\): yes or no"),
@@ -252,8 +252,8 @@ def test_a_strand_that_bulges_ends_with_its_rolls() -> None:
     [
         (["0.87 m", "26.5 m"], ["7 kN", "700 kN"], ""),
         (["0.87 m", "26.3 m"], ["0 kN", "700 kN"], ""),  # within the last pitch
-        (["2 m", "26.5 m"], ["0 kN", "700 kN"], "26.5 m, the rolls .*: rolls 1 to 6 resist with n"),
-        (["2 m", "26 m"], ["0 kN", "700 kN"], ": rolls 1 to 6 and roll 87 resist with nothing"),
+        (["2 m", "26.5 m"], ["0 kN", "700 kN"], "26.5 m, the rolls .*: rolls 1 to 6 have no res"),
+        (["2 m", "26 m"], ["0 kN", "700 kN"], ": rolls 1 to 6 and roll 87 have no resistance"),
     ],
 )
 def test_a_curve_of_resistance_is_of_all_rolls(

@@ -24,7 +24,7 @@ def test_asks_tells_and_comes_to_the_same():
         wanted = one.ask()
         if not wanted:
             break
-        with pytest.raises(InputError, match="has not come to its end"):
+        with pytest.raises(InputError, match="has not ended"):
             one.result()
         told_so_far.update({run: bowl(run) for run in reversed(wanted)})
     assert one.result() == at_once

@@ -235,12 +235,12 @@ def test_steels_without_a_number_and_numbers_without_a_size_are_refused() -> Non
     (carbon,) = read_parameters(mixed, case_steel(mixed), ["steel.composition.C=0.01"])
     assert (carbon.value, carbon.unit, carbon.spread) == (0.1, "", 0.01)
     billet = castfem.load("billet125/thermal")
-    with pytest.raises(InputError, match="it is 0; say by how much it may differ"):
+    with pytest.raises(InputError, match="it is 0; give its spread"):
         read_parameters(billet, case_steel(billet), ["cooling.foot spray.absorption"])
 
 
 def test_what_is_no_result_is_refused_by_name() -> None:
-    with pytest.raises(InputError, match=r"--of heat_removd: is no result.*did you mean heat_rem"):
+    with pytest.raises(InputError, match=r"--of heat_removd: is not a result.*did you mean heat_rem"):
         castfem.sensitivities(bare(), "casting.speed", "heat_removd")
     with pytest.raises(InputError, match="--of newton: it describes steps or cells, which are held fixed"):
         castfem.sensitivities(bare(), "casting.speed", "newton")

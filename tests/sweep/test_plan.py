@@ -163,7 +163,7 @@ def test_refused(base, assignments, message):
             "speed [m/min],casting.speed [m/min]\n1,2\n",
             "line 1: two columns are of casting.speed; leave one out",
         ),
-        ("name,order\na,{ a=1, b=2 }\n", "run 1 has 3 cells, the header 2 (a cell with commas"),
+        ("name,order\na,{ a=1, b=2 }\n", "run 1 has 3 cells, the header 2 (put a cell with commas"),
         ("name,order\na,1\nb,2\na,2\n", "line 4: two rows are named a"),
         ("name,order\na,1\n.,2\n", 'line 3: the name "." cannot name a folder; give it let'),
         ("name,order\n/,1\n", 'line 2: the name "/" cannot name a folder'),

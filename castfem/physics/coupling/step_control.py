@@ -39,7 +39,7 @@ def rung(step: float, unit: float) -> float:
 
     Args:
         step: Step to be shortened.
-        unit: 1, 4/5, 5/8, 1/2 ... of it are on the ladder, and likewise longer steps.
+        unit: Reference step; the ladder has 1, 4/5, 5/8, 1/2 ... of it, and likewise longer steps.
     """
     limit = step / unit * (1.0 + LIMITS.rounding)
     whole = 2.0 ** (math.frexp(limit)[1] - 1)

@@ -375,7 +375,7 @@ def _too_tight(rolls: Rolls, index: int, thickness: float) -> Iterator[Fault]:
 
 
 def _after(rolls: Rolls, index: int, thickness: float, at: str) -> Iterator[Fault]:
-    """Yield conflicts with the pair before."""
+    """Yield conflicts with the previous pair."""
     before, pair = rolls.pairs[index - 1], rolls.pairs[index]
     pitch = pair.position - before.position
     if pitch <= 0.0:

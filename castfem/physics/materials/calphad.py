@@ -185,7 +185,7 @@ def described(name: str, data: bytes) -> dict[str, str]:
 def beyond_range(text: str, composition: Mapping[str, float]) -> list[str]:
     """Contents beyond the limits stated in the comments of a database, "C 1 (to 0.5)", wt%.
 
-    The limits are looked for after "wt.%" or "weight", such as `Cr<25`; most databases state none.
+    The limits are read after "wt.%" or "weight", such as `Cr<25`; most databases state none.
     """
     comments = "\n".join(line for line in text.splitlines() if line[:1] == "$")
     stated = re.search(

@@ -107,7 +107,7 @@ class MechanicalCheckpoint:
 
 
 def _written(bending: Bending) -> dict[str, Any]:
-    """The bending for a checkpoint."""
+    """The bending variables for a checkpoint."""
     found = asdict(bending)
     if bending.withdrawal is None:
         del found["withdrawal"]

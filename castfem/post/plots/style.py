@@ -154,7 +154,7 @@ def look() -> Iterator[None]:
 
 
 def new_figure(width: float, height: float, *, layout: Literal["none"] | None = None) -> Figure:
-    """An empty figure (inches) that needs no display; `layout` "none" for no layout."""
+    """An empty figure (inches) that needs no display; matplotlib's default layout if None."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -1,7 +1,7 @@
 """A plant record that is still being written: a CSV file to which rows are added.
 
 A line counts once it is complete. A line that cannot be read, or whose time does not exceed that of
-the row before, is reported and ignored.
+the previous row, is reported and ignored.
 """
 
 from __future__ import annotations

@@ -202,7 +202,7 @@ def factors_between(
     """Return the factors between the sizes of two cases, by axis.
 
     Returns:
-        Factors; None if the sizes do not differ by common factors, so that no error is known.
+        Factors; None if the sizes do not differ by common factors, so no error can be estimated.
     """
     if base.keys() != other.keys():
         return None

@@ -180,7 +180,7 @@ class Neighbour:
 
 @dataclass(frozen=True, slots=True)
 class CheckResult:
-    """Results of the check at its own optimum, SI."""
+    """Results of the checking level at its own optimum, SI."""
 
     objective: float
     left: tuple[float, ...]  #: margins of the constraints

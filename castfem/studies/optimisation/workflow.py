@@ -217,7 +217,7 @@ class FrontSearch:
         self._exhausted = False
 
     def run(self, best: RunRequest) -> Front:
-        """Return the front, beginning at the best run of the first result."""
+        """Return the front, starting from the best run of the first result."""
         before = len(self._responses.seen)
         search = self._search(self._other)
         far = search.towards(self._start, best)

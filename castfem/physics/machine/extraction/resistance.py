@@ -69,14 +69,14 @@ def pressed(pressure: npt.ArrayLike, lengths: npt.ArrayLike, width: npt.ArrayLik
 def bending_force(moments: Sequence[float], pitches: Sequence[float]) -> float:
     """Force on a pair from bending, N, positive on the roll of the extrados.
 
-    The strand between two pairs has the shear force Q = dM/ds; a pair carries its jump. Moments
-    that are equal from roll to roll give no force. The force of the axial tension on the rolls of
-    an arc, k N L, is left out: 2 kN of the 580 kN of the liquid's pressure.
+    The strand between two pairs has the shear force Q = dM/ds; a pair carries its jump. Equal
+    moments from roll to roll give no force. The force of the axial tension on the rolls of an arc,
+    k N L, is neglected: 2 kN compared with 580 kN from the liquid's pressure.
 
     Args:
         moments: M at the pair before, at the pair and at the one after, N m, positive for tension
             at the intrados.
-        pitches: From the pair before, and to the one after, m.
+        pitches: Distances from the previous pair and to the next one, m.
     """
     before, here, after = moments
     return (here - before) / pitches[0] - (after - here) / pitches[1]
