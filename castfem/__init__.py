@@ -14,7 +14,7 @@ For scripts (docs/scripting.md); imported at first use, so that `import castfem`
     mould_at_work                   how heat distorts the copper tube of a mould
     InputError, RunFailure          what goes wrong; both are a CastfemError
 
-What there is, upstream first; nothing knows what comes after it (docs/architecture.md):
+Packages, upstream first; each is independent of those after it (docs/architecture.md):
 
     base/           numbers with units, tables, files, log, errors
     meshes/ forms/  sections as plain arrays; weak forms in UFL

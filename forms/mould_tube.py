@@ -1,4 +1,4 @@
-"""Weak forms of a mould at work: heat conduction in its copper, and thermal distortion.
+"""Weak forms of a hot mould: heat conduction in its copper, and thermal distortion.
 
 Steady heat conduction, div(k(T) grad T) = 0, with the conduction integral theta(T) = int k dT
 (Kirchhoff) as the unknown, so that k may depend on T and the operator stays symmetric:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 class Closing(ABC):
-    """Base of objects that are closed at the end of a `with`, whatever happens in it."""
+    """Base of objects that are closed at the end of a `with` block, also after an error."""
 
     @abstractmethod
     def close(self) -> None:

@@ -35,7 +35,7 @@ class CaseError(InputError):
 
 
 class FolderInUse(InputError):
-    """Another run is at work in the folder."""
+    """Another run is active in the folder."""
 
 
 class RunFailure(CastfemError):

@@ -17,8 +17,8 @@ from castfem.base.errors import InputError
 
 STOPS: dict[signal.Signals, str] = {
     signal.SIGINT: "stopped by the user",
-    signal.SIGTERM: "stopped by SIGTERM, as a batch system sends it before it kills",
-    signal.SIGHUP: "stopped by SIGHUP, as a terminal or a connection sends it when it closes",
+    signal.SIGTERM: "stopped by SIGTERM, as sent by a batch system before it kills",
+    signal.SIGHUP: "stopped by SIGHUP, as sent by a closing terminal or connection",
     signal.SIGUSR1: "stopped by SIGUSR1, which mpirun passes on to its ranks",
 }
 """The signals, and the recorded reason of a run stopped by them."""

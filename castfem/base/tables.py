@@ -138,7 +138,7 @@ class Table:
         )
         raise ValueError(
             f"the table goes from {low} to {high} {kind.shown}, "
-            f"asked for {least} to {most} {kind.shown}"
+            f"needed {least} to {most} {kind.shown}"
         )
 
 

@@ -244,7 +244,7 @@ def split(text: str) -> tuple[str, str]:
     number, unit = found.groups()
     if re.match(r",\d", unit):
         raise ValueError(
-            f'"{text.strip()}" has a comma; write a decimal point, and thousands without a mark'
+            f'"{text.strip()}" has a comma; use a decimal point and no thousands separators'
         )
     return number, "" if unit == "-" else unit  # a placeholder for no unit
 

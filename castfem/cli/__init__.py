@@ -121,7 +121,7 @@ def report(error: Exception, *, verbose: bool = False, hint: str = "") -> int:
             traceback.print_exception(error)
         print(
             f"{prefix}unexpected {_unexpected(error)}\n"
-            f"This is a fault of castfem, not yours: please report it{'' if verbose else hint}.",
+            f"This is a bug in castfem: please report it{'' if verbose else hint}.",
             file=sys.stderr,
         )
     sys.stderr.flush()

@@ -102,7 +102,7 @@ def _propose(table: ErrorTable, options: Options) -> None:
     found = propose(table, main_names(table.quantities), read_share(options.to))
     case = load_case(shipped_cases.find(options.name), options.overrides)
     words = ", ".join(f"{axis} x {factor:.3g}" for axis, factor in found.factors.items())
-    took = f"some {duration(found.seconds)} instead of {duration(found.now)}"
+    took = f"about {duration(found.seconds)} instead of {duration(found.now)}"
     print(f"errors of {options.to}: {words}; {took}")
     given = [*options.overrides]
     given += [f"{key}={value}" for key, value in changes(case, found.factors).items()]

@@ -88,7 +88,7 @@ def _check_keys(case: Case, keys: Sequence[Free]) -> None:
     for number, key in enumerate(keys):
         where = f'--free "{key.key}"'
         if key.key in [other.key for other in keys[:number]]:
-            raise InputError(f"{where}: is named twice; leave one out")
+            raise InputError(f"{where}: is given twice; leave one out")
         ends = [key.text(value) for value in (key.low, key.high)]
         if problems := faults_of_key(case, key.key, ends, where):
             raise InputError(problems)

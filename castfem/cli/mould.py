@@ -239,7 +239,9 @@ def find_outline(case: Case, picture: Path, origin: str, at: str | None) -> None
 
     def progress(number: int, attempt: Attempt) -> None:
         if comm.rank == 0:
-            print(f"run {number}: {1e6 * attempt.worst:.1f} um off the wanted section", flush=True)
+            print(
+                f"run {number}: {1e6 * attempt.worst:.1f} um off the required section", flush=True
+            )
 
     try:
         attempts = find_section(case, comm, origin, position, report=progress)

@@ -103,7 +103,7 @@ class _Path(click.Path):
     def convert(self, value: Any, param: Any, ctx: Any) -> Any:
         """See `click.Path`."""
         if not str(value).strip():
-            self.fail("the name is empty; give that of a file or folder", param, ctx)
+            self.fail("the name is empty; give a file or folder", param, ctx)
         if any(len(part.encode(errors="replace")) > _LONGEST for part in Path(value).parts):
             self.fail(
                 f"a part of the name is longer than {_LONGEST} bytes; give a shorter one",

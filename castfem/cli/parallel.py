@@ -85,7 +85,7 @@ def _meet() -> None:
         return
     mend = "; start castfem by mpirun, without srun" if _by_slurm() else ""
     print(
-        f"castfem: rank {comm.rank} has waited for the other ranks in vain: MPI is set up, but no "
+        f"castfem: rank {comm.rank} waited for the other ranks in vain: MPI is set up, but no "
         f"message gets through{mend}",
         file=sys.stderr,
         flush=True,

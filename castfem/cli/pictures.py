@@ -70,7 +70,7 @@ def mould(
 @command("section billet125/idealised")
 @case_name
 @output("Picture, or a folder for it; by default <name>_section.png.")
-@click.option("--at", help="Position of the wanted section; by default the end of the mould.")
+@click.option("--at", help="Position of the required section; by default the end of the mould.")
 @overrides
 def section(case: str, output: Path | None, at: str | None, overrides: tuple[str, ...]) -> None:
     """Find the outline at the meniscus that gives the case's section further down."""

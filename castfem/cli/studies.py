@@ -65,7 +65,7 @@ def sweep(**given: Any) -> int:
     if given["collect"] and alone:
         raise InputError("--collect runs nothing: leave out --part, --overwrite and --slurm")
     if given["script"] is not None and given["overwrite"]:
-        raise InputError("--slurm and --overwrite exclude each other: parts are taken up again")
+        raise InputError("--slurm and --overwrite exclude each other: parts are always resumed")
     return sweep_case(asked(Options, **given))
 
 

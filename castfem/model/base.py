@@ -38,7 +38,7 @@ reported at once.
 
 
 class FaultyError(Exception):
-    """A check has asked for a value that could not be read."""
+    """A check has requested a value that could not be read."""
 
 
 class Unreadable:

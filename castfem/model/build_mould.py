@@ -185,7 +185,7 @@ def _corner(case: Case, mesh: Mesh) -> Faults:
     key = "surface_size" if mesh.corner_size is None else "corner_size"
     size, most = getattr(mesh, key), radius / 6.0
     if case.mould is not None and radius > 0.0 and size > most * (1.0 + ROUNDING):
-        fix = f"gap and shell may be off by a tenth; {_mm(most)} or less resolve it"
+        fix = f"gap and shell may be wrong by a tenth; {_mm(most)} or less resolve it"
         yield key, f"cells of {_mm(size)} along a corner of radius {_mm(radius)}: {fix}"
 
 
@@ -212,8 +212,10 @@ def _rows(closing: Table, half: float, length: float) -> Iterator[str]:
     """Report rows that are no wall displacement, or do not begin at the meniscus of this mould."""
     first, last, there = closing.arguments[0], closing.arguments[-1], closing(0.0)
     if abs(there) > 0.5 * half:  # no wall has moved this far at the meniscus
-        what = "how far each face has moved in since the meniscus: half of what the size has lost"
-        yield f"{_mm(there)} at the meniscus look like a size of the cavity; the table has {what}"
+        what = (
+            "the inward displacement of each face since the meniscus: half of the decrease in size"
+        )
+        yield f"{_mm(there)} at the meniscus look like a size of the cavity; the table gives {what}"
     elif first > ROUNDING * length and there != 0.0:
         fix = "give the row of the meniscus, where the wall has not moved"
         yield f"the table begins {_mm(first)} below the meniscus with {_mm(there)}, {fix}"
@@ -222,7 +224,7 @@ def _rows(closing: Table, half: float, length: float) -> Iterator[str]:
     ends = 0.02  # tolerance on where a table ends, relative to the length of the mould
     steep = 0.2 * half  # 1/m: a steeper wall has a step there
     if last > (1.0 + ends) * length:
-        yield f"the table goes on to {_mm(last)} {below}; {asked}"
+        yield f"the table continues to {_mm(last)} {below}; {asked}"
     elif last < (1.0 - ends) * length and 0.0 < abs(_slope(closing)) < steep:
         yield f"the table ends {_mm(last)} {below}; the wall is straight from there on: {asked}"
 

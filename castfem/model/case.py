@@ -157,7 +157,7 @@ class Case(TableModel):
         return self.cooling[: next((i for i, p in enumerate(of_mould) if not p), len(of_mould))]
 
     def mechanics_end(self) -> float | None:
-        """Return where the mechanics end while the run goes on, m; None if they do not."""
+        """Return where the mechanics end while the run continues, m; None if they do not."""
         until = None if self.mechanics is None else self.mechanics.until
         place = self.mould_exit() if until == MOULD_EXIT else until
         if not isinstance(place, float) or place >= self.casting.length * (1.0 - ROUNDING):

@@ -195,7 +195,7 @@ def _impossible_defects(rolls: Rolls, defects: Sequence[Defect], thickness: floa
 
 
 def _no_room(rolls: Rolls, defects: Sequence[Defect], wrong: Fault) -> str:
-    """What is wrong with the rolls with their defects, as text."""
+    """Faults of the rolls including their defects, as text."""
     named = " and ".join(dict.fromkeys(str(defect) for defect in defects))
     where, what = rolls.place(wrong.index), wrong.text.rpartition("; ")[0]
     return f"with {named} the strand is bent too sharply: {where}: {what}; move it less"

@@ -82,7 +82,9 @@ class AxisMark(Notation):
                 )
             found = {name: self.read(given[name]) for name in BENT}
             if any(place is None or place == FREE for place in found.values()):
-                raise ValueError(f'"{FREE}" goes with the whole way of the strand, or not at all')
+                raise ValueError(
+                    f'"{FREE}" must hold for bending and straightening, or for neither'
+                )
             return found
         if given is None or given == FREE or (isinstance(given, str) and given in AXES):
             return given

@@ -87,7 +87,7 @@ def _names(case: Case, output: Any) -> Faults:
 def _says_where(case: Case, probe: Probe) -> Faults:
     found = [given(probe, *way) for way in (("x", "y"), ("under", "depth"))]
     if all(found) or not any(found):
-        yield "", "one of x with y, or under with depth, is needed to say where it is"
+        yield "", "one of x with y, or under with depth, is needed to give its position"
     for one, other in (("x", "y"), ("y", "x"), ("under", "depth"), ("depth", "under")):
         if given(probe, one) and not given(probe, other):
             yield "", f"{other} is missing; {one} and {other} go together"

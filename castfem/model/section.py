@@ -97,7 +97,7 @@ class Section(Variants):
         Raises:
             ValueError: This shape has no mould.
         """
-        raise ValueError(f"a {self.tag} has no section that a mould could surround")
+        raise ValueError(f"a {self.tag} cannot have a mould")
 
 
 class Rectangle(Section):
@@ -240,7 +240,7 @@ class Strip(Section):
 
     def cavity(self, size: Size, hot: float) -> wall.Cavity:
         """See `Section.cavity`."""
-        raise ValueError("a strip has no section that a mould could surround; leave out [mould]")
+        raise ValueError("a strip cannot have a mould; leave out [mould]")
 
 
 class Mesh(TableModel):

@@ -93,7 +93,7 @@ def beyond_tables(case: Case, law: HeatLaw) -> Faults:
         first, last = table.arguments[0], table.arguments[-1]
         if _exceeds(first, min(moving)) or _exceeds(max(moving), last):
             text = f"the table goes from {_speed(first)} to {_speed(last)}, the strand at"
-            yield key, f"{text} {_listed(moving)}: the value of its end is taken there"
+            yield key, f"{text} {_listed(moving)}: the end value is used there"
 
 
 def _exceeds(speed: float, other: float) -> bool:

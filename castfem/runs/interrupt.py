@@ -48,7 +48,7 @@ class Interrupt(Closing):
         self._previous: dict[signal.Signals, Any] = {}
 
     def check(self) -> None:
-        """Stop here if a signal has asked for it (collective)."""
+        """Stop here if a signal has requested it (collective)."""
         comm = self._comm
         number = self.wanted if comm.size == 1 else comm.allreduce(self.wanted, op=MPI.MAX)
         if number:

@@ -259,7 +259,7 @@ def run(
         case: The case.
         folder: Output folder; see docs/output.md.
         comm: Communicator; None for all ranks.
-        resume: Continue from the checkpoint in `folder`; start anew if there is none.
+        resume: Continue from the checkpoint in `folder`; start from the beginning if there is none.
         profile: Log where the time was spent.
         progress: Called after each step, on rank 0.
         beside: Makes a companion of the built run, such as one for its derivatives; not for a

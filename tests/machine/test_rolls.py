@@ -156,8 +156,8 @@ def test_a_file_that_cannot_be_read(
         (0, "0.7, 150, 222, , no,", r"line 3, roll 1: position \(0\.7 m\) lies within the mould, "
          r"which ends at 0\.8 m"),
 
-        (1, "1.0, 150, 222, , no,", r"line 4, roll 2: diameter \(150 mm\) overlaps the previous roll "
-         r"by 50 mm at the intrados, 100 mm below it"),
+        (1, "1.0, 150, 222, , no,", r"line 4, roll 2: diameter \(150 mm\) overlaps the previous "
+         r"roll by 50 mm at the intrados, 100 mm below it"),
 
         (2, "1.5, 200, 223, 8, yes, 1", r"line 5, roll 3: aperture \(223 mm\) grows from 222 mm at "
          r"'.*' line 4, roll 2: .* one of the two is wrong"),

@@ -122,8 +122,8 @@ def test_runs_by_the_values_of_their_variables():
     [
         (
             {"casting.sped": 3.0, "casting.superheat": 30.0},
-            "casting.sped is not a variable of [optimise]; there are casting.speed, casting.superheat"
-            "; did you mean casting.speed?",
+            "casting.sped is not a variable of [optimise]; there are casting.speed, "
+            "casting.superheat; did you mean casting.speed?",
         ),
         ({"casting.speed": 3.0}, "casting.superheat is missing; give all variables a value"),
         (

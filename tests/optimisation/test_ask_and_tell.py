@@ -101,7 +101,10 @@ def test_a_result_that_is_not_there():
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ((5.01,), r"casting.speed = 5.01 m/min of a run is outside the range, 2 to 5 m/min; widen the range"),
+        (
+            (5.01,),
+            r"casting.speed = 5.01 m/min of a run is outside the range, 2 to 5 m/min",
+        ),
         ((np.nan,), r"casting.speed = nan m/min of a run is outside the range"),
         (
             (3.0, 20.0),

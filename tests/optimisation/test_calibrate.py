@@ -211,7 +211,7 @@ def test_data_of_the_meniscus_alone(twin: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("free", "message"),
     [
-        (["casting.speed=2..4 m/min"] * 2, r'^--free "casting\.speed": is named twice'),
+        (["casting.speed=2..4 m/min"] * 2, r'^--free "casting\.speed": is given twice'),
         (["casting.spede=2..4 m/min"], r'^--free "casting\.spede": .*did you mean speed'),
         (["title=0..1"], r'^--free "title": title: is a text \("'),
         (["casting.speed=2..4 mm"], r'^--free "casting\.speed": .*a speed is needed'),

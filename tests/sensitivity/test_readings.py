@@ -191,12 +191,15 @@ WRONG = [
     ("mesh.surface_size", "--to mesh.surface_size: a run has no derivative by it: it changes the"),
     ("casting.superheet", "the case has no number there"),
     ("cooling.mould.law", r'it is not a number \("contact"\)'),
-    ("cooling.mold.coefficient", r"'mold' is not an entry of cooling; .* \(mould; did you mean mould"),
+    (
+        "cooling.mold.coefficient",
+        r"'mold' is not an entry of cooling; .* \(mould; did you mean mould",
+    ),
     ("cooling.3.coefficient", "'3' is not an entry of cooling; give an index from 0 to 0"),
     ("steel.conductance", "no number of a steel; .* did you mean conductivity"),
     ("steel.composition.C", "carbon_042 is not computed from its composition; name steel.solidus"),
     ("casting.speed=1 kg", "'kg' is the unit of a mass, a speed is needed"),
-    ("casting.speed,casting.speed", "it is named twice"),
+    ("casting.speed,casting.speed", "it is given twice"),
     ("", "a key of the case is needed"),
 ]
 
@@ -240,9 +243,13 @@ def test_steels_without_a_number_and_numbers_without_a_size_are_refused() -> Non
 
 
 def test_what_is_no_result_is_refused_by_name() -> None:
-    with pytest.raises(InputError, match=r"--of heat_removd: is not a result.*did you mean heat_rem"):
+    with pytest.raises(
+        InputError, match=r"--of heat_removd: is not a result.*did you mean heat_rem"
+    ):
         castfem.sensitivities(bare(), "casting.speed", "heat_removd")
-    with pytest.raises(InputError, match="--of newton: it describes steps or cells, which are held fixed"):
+    with pytest.raises(
+        InputError, match="--of newton: it describes steps or cells, which are held fixed"
+    ):
         castfem.sensitivities(bare(), "casting.speed", "newton")
     judged = bare({"quality": {}})
     with pytest.raises(InputError, match="--of centre_solid_fraction: crack indexes and soft red"):

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 Memory = Mapping[str, Array]
 WIDTHLESS = (
     ". That is a strip, held by its rolls alone: where the narrow faces are not many pitches apart "
-    'they would hold it, too; mechanics.bulging = "elastic" leaves its creep out and goes on'
+    'they would hold it, too; mechanics.bulging = "elastic" neglects creep and continues'
 )
 
 

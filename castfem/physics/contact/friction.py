@@ -211,8 +211,8 @@ def return_friction(
         pressure: Contact pressure (n,), Pa; no friction where it is 0.
         stiffness: Tangential stiffness K_tau (n,), Pa/m.
         dt: Length of the step, s.
-        held: Points to be treated as touching, and as sliding, whatever pressure and trial friction
-            are. Viscous friction slides where it does.
+        held: Points to be treated as touching, and as sliding, for any pressure and trial friction.
+            Viscous friction slides where it does.
     """
     touches = pressure > 0.0 if held is None else held[0]
     size = np.hypot(*trial.T)

@@ -333,7 +333,7 @@ class StaggeredCoupling:
         return np.asarray(self.dissipation * work / problem.area)
 
     def release(self, state: StrandState) -> ThermalState:
-        """Return the thermal state after the mechanics, which goes on in the shape they have left.
+        """Return the thermal state after the mechanics, in the shape they have left.
 
         (Collective.)
 

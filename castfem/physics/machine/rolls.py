@@ -215,14 +215,14 @@ def _known(columns: Mapping[str, Sequence[Any]], units: Mapping[str, str]) -> st
             )
     for name in ("position", "diameter"):
         if name not in columns:
-            raise _ColumnError(f"column '{name}' is missing; such as {_HEADER}")
+            raise _ColumnError(f"column '{name}' is missing; an example header: {_HEADER}")
     given = [name for name in RADII if name in columns]
     if len(given) > 1:
         raise _ColumnError(f"{' and '.join(given)}: give the radius of one face")
     lengths = {name: len(cells) for name, cells in columns.items()}
     if len(set(lengths.values())) > 1:
         listed = ", ".join(f"{n} of {name}" for name, n in lengths.items())
-        raise _ColumnError(f"columns of different lengths: {listed}")
+        raise _ColumnError(f"columns differ in length: {listed}")
     if not lengths["position"]:
         raise _ColumnError("no rolls; a machine without rolls needs no [machine]")
     return given[0] if given else None

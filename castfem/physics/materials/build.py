@@ -359,7 +359,7 @@ class Workshop:
             raise self.fail(
                 key,
                 "origin",
-                text='is missing; the temperature from which the mean coefficient holds, "20 degC"',
+                text='is missing; the reference temperature of the mean coefficient, "20 degC"',
             )
         try:
             return MeanExpansion(table, TEMPERATURE.read(entry.origin))

@@ -81,7 +81,7 @@ def _cached(request: Request, composition: str, digest: str) -> PhaseTable:
         lock = FileLock(file.with_suffix(".lock"))
         taken(lock)
         try:
-            with suppress(OSError, ValueError):  # missing or incomplete: computed anew
+            with suppress(OSError, ValueError):  # missing or incomplete: computed again
                 return read(file.read_text(encoding="utf-8"))
             name = Path(request.file).name
             logger.info("computing the phases of the steel by %s, once: some minutes", name)

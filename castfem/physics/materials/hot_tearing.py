@@ -227,7 +227,7 @@ class MushyHistory:
     ) -> tuple[MushyHistory, Array]:
         """The history after a step, and the fraction of the step in the brittle range (n,).
 
-        Contributions of a step are uniform over it. A point that melts again begins anew.
+        Contributions of a step are uniform over it. A point that melts again starts from zero.
 
         Args:
             before: Enthalpy or temperature before the step (n,).

@@ -82,7 +82,7 @@ def _freezes(steel: Steel, key: str, at: float | None) -> bool:
 def _values(steel: Steel, key: str) -> list[tuple[float | None, float]]:
     """The numbers of a property with their temperatures in K; None for a constant.
 
-    Of a formula they are those over the temperatures of castings.
+    For a formula they are evaluated over the temperatures of castings.
     """
     if key in ("solidus", "liquidus", "latent_heat"):
         return [(None, float(getattr(steel, key)))]

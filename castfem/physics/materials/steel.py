@@ -262,7 +262,7 @@ class Steel:
         first, last = (knot, knot) if at_knots[knot] < on_pieces[piece] else (piece, piece + 1)
         raise InputError(
             f"{self.name}: density: it rises so much from {t[first] - ZERO_CELSIUS:.6g} to "
-            f"{t[last] - ZERO_CELSIUS:.6g} degC that what is warmer would hold less heat; "
+            f"{t[last] - ZERO_CELSIUS:.6g} degC that warmer steel would contain less heat; "
             "correct the density, or set coupling.follow_shape = false"
         )
 

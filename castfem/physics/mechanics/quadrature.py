@@ -156,8 +156,8 @@ class Points:
     def stiffness_temperature(self, temperature: Array) -> Array:
         """Temperatures (count,) at which moduli are evaluated, from those of the points.
 
-        Those of the points; if the rule of the mean stress has a negative weight, a single one for
-        all its points in a cell.
+        Temperatures of the points; if the rule of the mean stress has a negative weight, a single
+        one for all its points in a cell.
         """
         if self.whole:
             return temperature

@@ -210,7 +210,7 @@ def _different(panels: list[Panel]) -> list[Panel]:
 def _derive(table: pandas.DataFrame, base: pandas.DataFrame | None) -> None:
     """Add the heat flow, and the heat removed relative to the base run.
 
-    Below the mould there is no largest gap, though a history has 0.
+    Below the mould the largest gap is undefined, although a history has 0.
     """
     units = table.attrs["units"]
     if "gap_max" in table:

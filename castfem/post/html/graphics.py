@@ -303,7 +303,7 @@ def _read(folder: Path, runs: int) -> tuple[Section, dict[str, NDArray[np.float6
 
 
 def _marks(folder: Path, end: float) -> list[float]:
-    """Where a run that goes on to `end` (m) leaves its mould, and where it is solid, m."""
+    """Where a run to `end` (m) leaves its mould, and where it is solid, m."""
     summary = Summary.load(folder)
     if summary is None or summary.mould_exit is None or summary.mould_exit >= end:
         return []

@@ -145,17 +145,17 @@ def _content(runs: Sequence[Run], at_work: AtWork | None, at: Sequence[float]) -
 def _contents(found: Mapping[str, Any]) -> list[dict[str, str]]:
     """The existing parts of the page, for its table of contents."""
     there = {
-        "work": ("At work", found["at_work"] is not None),
-        "short": ("In short", any(run["short"] for run in found["runs"])),
+        "work": ("Running", found["at_work"] is not None),
+        "short": ("Summary", any(run["short"] for run in found["runs"])),
         **{key: (name, True) for key, name, _ in found["tables"]},
-        "look": ("What to look at", any(run["remarks"] for run in found["runs"])),
-        "cracks": ("Where it may crack", any(run["cracks"] for run in found["runs"])),
+        "look": ("Remarks", any(run["remarks"] for run in found["runs"])),
+        "cracks": ("Crack risk", any(run["cracks"] for run in found["runs"])),
         "case": ("Cases", found["differences"] is not None),
         "section": ("Section", any(run["section"] for run in found["runs"])),
-        "curves": ("Over the strand", bool(found["charts"])),
+        "curves": ("Curves along the strand", bool(found["charts"])),
         "pictures": ("Pictures", any(run["pictures"] for run in found["runs"])),
         "balances": ("Balances", bool(found["runs"])),
-        "provenance": ("Where it comes from", bool(found["runs"])),
+        "provenance": ("Provenance", bool(found["runs"])),
     }
     return [{"id": key, "name": name} for key, (name, present) in there.items() if present]
 

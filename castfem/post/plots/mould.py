@@ -192,7 +192,7 @@ def draw_section(
         steps.set_xticks(number)
         steps.set_xlabel("run")
         steps.set_ylabel("largest deviation [um]")
-        steps.set_title("deviation from the wanted section")
+        steps.set_title("deviation from the required section")
 
 
 def _outline(ax: Axes, outline: Outline, sides: Sides, where: str, colour: str) -> None:

@@ -79,7 +79,7 @@ def cautions_of_all(runs: Mapping[str, tuple[Path, Summary | None]]) -> list[str
     ]
     most = 10
     if len(lines) > most:
-        more = f"and {len(lines) - most} more of this kind"
+        more = f"and {len(lines) - most} further ones"
         lines[most:] = [f"{more}; castfem show FOLDER has those of one run"]
     return lines
 

@@ -82,7 +82,7 @@ class CrackReport:
 
     @cached_property
     def phases(self) -> list[str]:
-        """What is done to the strand at each row."""
+        """Treatment of the strand at each row (bending, straightening, ...)."""
         return [self.stations.phase(float(position)) for position in self.maps.position]
 
     def maxima(self, name: str) -> list[Maximum]:

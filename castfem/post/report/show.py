@@ -111,7 +111,7 @@ def _remarks(path: Path, summary: Summary | None) -> Iterator[Table | str]:
         for one in remarks_of(path, summary)
     ]
     if rows:
-        yield from (Table((), rows, "What to look at", words=(0, 2)), "")
+        yield from (Table((), rows, "Remarks", words=(0, 2)), "")
 
 
 def _cracks(path: Path, summary: Summary | None) -> Iterator[Table | str]:
@@ -120,9 +120,9 @@ def _cracks(path: Path, summary: Summary | None) -> Iterator[Table | str]:
     if found is None:
         return
     if found.ranking:
-        yield from (Table((), found.ranking, "Where it may crack", words=(0, 3)), "")
+        yield from (Table((), found.ranking, "Crack risk", words=(0, 3)), "")
     elif found.nowhere:
-        yield from (pairs([("", found.nowhere)], "Where it may crack"), "")
+        yield from (pairs([("", found.nowhere)], "Crack risk"), "")
     if found.others:
         yield from (pairs(found.others, found.title), "")
 

@@ -28,7 +28,7 @@ MOST = 2e8
 State = tuple[dict[str, Any], dict[str, Array]]
 """The state from which a run continues: description and arrays (`castfem.runs.restart`)."""
 Met = tuple[object, ...]
-"""What a slice meets while nothing changes, and its output times."""
+"""Conditions of a slice while nothing changes, and its output times."""
 
 
 @dataclass(frozen=True, slots=True)

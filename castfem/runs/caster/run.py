@@ -364,7 +364,7 @@ def run_caster(
         folder: Output folder; see docs/caster.md.
         comm: Ranks that share the slices; None for all.
         resume: Continue from the checkpoint in `folder`, which any number of ranks may have
-            written; start anew if there is none.
+            written; start again if there is none.
         progress: Called on rank 0 when a slice has reached an output time.
         save_every: Wall-clock time between two checkpoints, s.
         source: File to which the plant record of the case, after its first row, is being added; the

@@ -142,14 +142,14 @@ class OutputFolder(Closing):
             case: The resolved case as TOML.
             files: Name, below `PROPERTIES_NAME`, and content of its property files.
             ranks: Number of MPI processes.
-            resume: Continue the run in the folder; nothing of it is removed, unless it was cut
-                short before its first checkpoint.
+            resume: Continue the run in the folder; nothing of it is removed, unless it ended before
+                its first checkpoint.
 
         Returns:
-            Whether there is a checkpoint to continue from; False for a run that starts anew.
+            Whether there is a checkpoint to continue from; False for a run from the beginning.
 
         Raises:
-            InputError: Another run is at work there, files there are not castfem's, a finished run
+            InputError: Another run is active there, files there are not castfem's, a finished run
                 has no checkpoint to resume from, or the folder cannot be written.
         """
         try:
@@ -249,7 +249,7 @@ class OutputFolder(Closing):
                     self.fail(str(error) or type(error).__name__)
 
     def is_running(self) -> bool:
-        """Whether a run is at work in the folder now."""
+        """Whether a run is active in the folder now."""
         if self._lock is not None:
             return True
         from filelock import FileLock, Timeout

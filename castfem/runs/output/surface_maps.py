@@ -170,7 +170,7 @@ class SurfaceMap:
 
 @dataclass(frozen=True, slots=True)
 class Heading:
-    """What all rows have in common."""
+    """Data that all rows have in common."""
 
     line: SurfaceLine  #: the vertices
     maps: tuple[SurfaceMap, ...]  #: the maps, in the order of a row

@@ -73,7 +73,7 @@ class SprayRange:
             place = self._simulation.machine.position(time)
             log.logger.warning(
                 "secondary.nozzle.%d.table: the surface under '%s' has %.4g degC at %.4g m, its "
-                "coefficient is known from %s to %s: beyond, it is that of its end; add rows to "
+                "coefficient is known from %s to %s: beyond, the end value is used; add rows to "
                 "the table",
                 index, model.name, value - ZERO_CELSIUS, place, low, high,
             )  # fmt: skip

@@ -95,7 +95,7 @@ def find_section(
         start = Outline(start.ways, start.offset - end.offset)
     raise RunFailure(
         f"{origin}: after {LIMITS.runs} runs the section is still "
-        f"{1e6 * found[-1].worst:.0f} um off the wanted one at "
+        f"{1e6 * found[-1].worst:.0f} um off the required one at "
         f"{1e3 * at:g} mm (allowed: {1e6 * LIMITS.close:.0f} um)"
     )
 
@@ -105,17 +105,17 @@ def _checked(case: Case, origin: str) -> Rectangle:
     section = case.section
     if not isinstance(section, Rectangle) or section.corner_radius == 0.0:
         raise InputError(
-            f"{origin}: section: only a rectangle with rounded corners is looked for; shape = "
+            f"{origin}: section: only a rectangle with rounded corners is supported; shape = "
             '"rectangle" with corner_radius = "5 mm"'
         )
     if case.mechanics is None:
         raise InputError(
-            f"{origin}: mechanics: the table is missing, so that the strand keeps its outline; "
+            f"{origin}: mechanics: the table is missing, so the strand does not deform; "
             "billet125/idealised has one"
         )
     if case.mould is not None:
         raise InputError(
-            f"{origin}: mould: the outline is looked for in an idealised mould, which follows the "
+            f"{origin}: mould: the outline is computed in an idealised mould, which follows the "
             "strand; leave [mould] out, as billet125/idealised does"
         )
     return section

@@ -32,7 +32,7 @@ from castfem.studies.optimisation.search import SEARCH, Search
 from castfem.studies.optimisation.spread import InputSpread
 from castfem.studies.optimisation.store import Evaluation
 
-_NOISE = "noise was not measured: runs about the start, or about the best one, fail"
+_NOISE = "noise was not measured: runs around the start or the best one fail"
 _EXHAUSTED = "the search ran out of runs: raise optimise.most_runs"
 _NO_SPREAD = "the spread by the inputs is missing: too few of those runs succeeded"
 
@@ -186,7 +186,7 @@ def equivalent_optima(
     """Return runs that meet all constraints and whose objective is equal within scatter.
 
     Returns:
-        Those connected to the best one, including itself; of each other region the best.
+        Regions connected to the best one, including itself; of each other region the best.
     """
     responses = search.responses
     places = {w: search.problem.shares(w) for w in responses.of_level(best.fidelity)}

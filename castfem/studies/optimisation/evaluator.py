@@ -122,8 +122,8 @@ class Evaluator(Closing):
             derivatives: Derivatives to be computed by each; a run made without them is repeated.
 
         Raises:
-            RunFailure: A run was stopped by something other than its case: another run at work in
-                its folder for longer than that of a killed command would be, a full disk, the end
+            RunFailure: A run was stopped by something other than its case: another active run in
+                its folder, for longer than that of a killed command would be, a full disk, the end
                 of its process.
         """
         asked = derivatives or [None] * len(cases)

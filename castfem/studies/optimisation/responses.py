@@ -245,7 +245,7 @@ def obstacles(problem: DesignProblem, runs: Mapping[RunRequest, Case]) -> list[s
 def by_shares(problem: DesignProblem, request: RunRequest, slopes: Mapping[str, Slope]) -> Array:
     """Derivatives of a result by the fractions of the ranges (n + d,), SI; NaN if unknown.
 
-    Those by the d inputs only if the run has other inputs than the case.
+    The derivatives by the d inputs are included only if the run has other inputs than the case.
     """
     inputs = problem.inputs if request.inputs else ()
     ranges: Sequence[DesignVariable | UncertainInput] = (*problem.variables, *inputs)

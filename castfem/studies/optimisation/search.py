@@ -126,8 +126,8 @@ class Search:
     def measure_noise_at(self, best: RunRequest) -> None:
         """Measure the noise at a best run, too, if its coupling windows are shortened.
 
-        Those of its neighbours may be shortened elsewhere, even if not those of the runs around the
-        start.
+        The steps of its neighbours may be shortened elsewhere, even if not those of the runs around
+        the start.
         """
         if not self.responses.seen[best].cut:
             return

@@ -1,4 +1,4 @@
-"""A search with an ask-and-tell interface: it asks for runs, and is given their results.
+"""A search with an ask-and-tell interface: it requests runs and receives their results.
 
 study = Study("billet125/optimum_single")
 while wanted := study.ask():
@@ -40,8 +40,8 @@ Requests = tuple[RunRequest, ...]
 class Study:
     """The search for the optimum of a case with [optimise].
 
-    With the same results, from `tell` or from the folder, it asks for the same runs, so that a new
-    study continues where another one was ended.
+    With the same results, from `tell` or from the folder, it requests the same runs, so a new study
+    continues where another one ended.
 
     Args:
         case: The case, or its path or name as for `castfem.load`.

@@ -186,7 +186,7 @@ def read_parameters(case: Case, steel: Steel, texts: Iterable[str]) -> list[Para
         try:
             parameter = _read(case, steel, name, spread)
             if name in found:
-                raise ValueError("it is named twice")
+                raise ValueError("it is given twice")
             found[name] = parameter
         except ValueError as error:
             problems.append(f"--to {text}: {error}")

@@ -34,7 +34,7 @@ def refuse(case: Case) -> None:
     start = case.casting.start
     if start is not None and (start.at == "mould_exit" or start.meniscus is not None):
         problems.append(
-            "casting.start: what the slice passes before the run begins is not differentiated; "
+            "casting.start: the way before the run begins is not differentiated; "
             "start at the meniscus"
         )
     if problems:
@@ -54,7 +54,7 @@ def _refused_mechanics(case: Case) -> Iterator[str]:
         ),
         "coupling.order": (coupling.order != "thermal_first", 'take order = "thermal_first"'),
         "coupling.mechanical_step": (
-            coupling.mechanical_step is not None, "leave it out: one step a window"
+            coupling.mechanical_step is not None, "leave it out: one step per window"
         ),
     }  # fmt: skip
     found = [f"{key}: {why}" for key, (is_there, why) in refused.items() if is_there]

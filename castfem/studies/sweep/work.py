@@ -59,7 +59,7 @@ class Job:
     """Called with the folder of the finished run, such as `draw_figures`; a function of a module,
     since it is passed to other processes by name. None for nothing."""
     derivatives: Derivatives | None = None
-    """Derivatives to compute, if the case has them; None for none. Such a run starts anew instead
+    """Derivatives to compute, if the case has them; None for none. Such a run starts again instead
     of being resumed."""
 
 
@@ -233,7 +233,7 @@ class _Process:
             with _starting, _one_thread_each():
                 self.process.start()
         except BrokenPipeError:
-            raise ProcessEnded("its process ended as it was started") from None
+            raise ProcessEnded("its process ended during its start") from None
         finally:
             other.close()
 

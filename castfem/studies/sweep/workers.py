@@ -58,7 +58,7 @@ class Groups(Closing):
         begun: Callable[[Job], None] | None = None,
         ended: Callable[[Job, Outcome], None] | None = None,
     ) -> None:
-        """Make runs; rank 0 is told of those of other groups between its own and at the end.
+        """Make runs; rank 0 is informed of those of other groups between its own and at the end.
 
         Exceptions of `begun` or `ended` are raised after the last run, so that no rank is left
         waiting.

@@ -26,7 +26,7 @@ LAST = {
 DELTA_STRAIN_SCALE = 1000.0  # in (1 + 1000 p)^m of the delta-ferrite law
 LN_SQRT3 = 0.5 * math.log(3.0)
 
-# What is known of the increment dp of a point: nothing, or a nearby value (0: elastic).
+# Knowledge of the increment dp of a point: nothing, or a nearby value (0: elastic).
 SEEK = -1.0
 
 # Limits of the safeguarded Newton methods for the scalar problems.
