@@ -44,7 +44,7 @@ def _name(definition: QuantityDefinition) -> str:
 
 def _columns(definitions: Iterable[QuantityDefinition]) -> str:
     rows = (f"| {_name(d)} | {d.unit} | {d.about} |\n" for d in definitions)
-    return "| column | unit | what it is |\n|---|---|---|\n" + "".join(rows)
+    return "| column | unit | description |\n|---|---|---|\n" + "".join(rows)
 
 
 def _results(definitions: Iterable[QuantityDefinition]) -> str:
