@@ -14,7 +14,7 @@ SLAB := cases/slab1200/slab.toml
 SLABS := reference locked_48 locked_48_52 misaligned_48 imposed_axis warm_edges nozzles_47_52
 MOULDS := idealised taper_3 taper_1 taper_0 taper_minus_1 taper_minus_3
 
-.PHONY: help env billet billets slab slabs test lint test-browser test-paraview test-pip benchmark docs clean-env clean
+.PHONY: help env billet billets slab slabs test lint test-browser test-paraview test-pip benchmark docs pages clean-env clean
 
 help:
 	@echo "make billet      the 125 mm billet in a mould tapered by 1 %/m; results in $(OUT)"
@@ -29,6 +29,7 @@ help:
 	@echo "make test-pip    sdist and wheel, built, installed from PyPI in a new venv, and run (0.4 GB to fetch)"
 	@echo "make benchmark   error against run time; tables and figures in docs/"
 	@echo "make docs        the manual as pages to browse and search; build/docs/index.html"
+	@echo "make pages       the reference pages and the picture of the packages, from the code, anew"
 	@echo "make env         only the environment: $(BIN)/castfem, python, mpirun"
 	@echo "make clean       remove results and caches of this checkout"
 	@echo "make clean-env   remove the environment and the shared Debian userlands"
@@ -90,6 +91,14 @@ docs:
 	@tools/env.sh docs
 	@tools/enter.sh $(CURDIR)/$(HOME_OF_ENV)/docs python -m sphinx -W --keep-going -q -b html -d build/doctrees docs build/docs
 	@echo "the manual: build/docs/index.html"
+
+# What is written from the code; a page that cannot be written stays as it is.
+pages: env
+	@$(BIN)/castfem schema --markdown >$(HOME_OF_ENV)/case_files.md
+	@mv $(HOME_OF_ENV)/case_files.md docs/case_files.md
+	@$(BIN)/python -m castfem.cli.reference_page docs/commands.md
+	@$(BIN)/python -m castfem.runs.results.reference_table docs/output.md
+	@$(BIN)/python tools/packages.py
 
 clean-env:
 	@tools/env.sh clean

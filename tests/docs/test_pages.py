@@ -198,7 +198,7 @@ def test_what_is_wrong_is_found() -> None:
 # Files, tests, benchmarks, commands and their options that a page names are there
 
 
-NAMED_PAGES = [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "README.md"]
+NAMED_PAGES = [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
 PLACES = ("castfem", "tests", "forms", "meshes", "docs", "cases", "benchmarks", "tools")
 PATH = re.compile(rf"`((?:{'|'.join(PLACES)})/[\w./*-]+)`")
 SHIPPED = re.compile(r"`((?:billet125|slab1200|copper200|tensile|verification)/\w+)`")

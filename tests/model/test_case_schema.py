@@ -131,7 +131,7 @@ def test_starter_is_a_sound_case_with_every_key_known(tmp_path):
 
 def test_reference_page_is_up_to_date():
     page = (ROOT / "docs" / "case_files.md").read_text(encoding="utf-8")
-    assert page == markdown_page(), "write it anew: castfem schema --markdown > docs/case_files.md"
+    assert page == markdown_page(), "write it anew: make pages"
 
 
 def test_reference_page_has_every_table_and_key():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -361,6 +362,14 @@ def test_the_index_of_the_manual_is_known_everywhere(monkeypatch: pytest.MonkeyP
     exec(page.partition("### An index of your own")[2].split("```")[1].removeprefix("python\n"), {})
     for name in ("way_tension_max", "bending_tension_max", "straightening_tension_max"):
         assert_named_everywhere(name, "2 MPa")
+
+
+def test_the_manual_has_each_map_of_the_surface() -> None:
+    page = (ROOT / "docs" / "output.md").read_text(encoding="utf-8")
+    rows = page.partition("| map | what it is |")[2].partition("\n\n")[0].splitlines()
+    told = {name for row in rows for name in re.findall(r"`(\w+)`", row.split(" | ")[0])}
+    maps = {one.name for one in registry.declared_indexes() if one.on == "surface"}
+    assert not told ^ maps, f"table of maps in docs/output.md, by hand: {sorted(told ^ maps)}"
 
 
 def test_a_case_without_it_writes_nothing_of_it(tmp_path: Path) -> None:

@@ -201,9 +201,8 @@ def test_a_sample_has_what_its_simulation_has(samples: tuple[Sample, ...]) -> No
 
 
 def test_the_page_is_that_of_the_registry() -> None:
-    """`python -m castfem.runs.results.reference_table docs/output.md` mends it."""
     page = (ROOT / "docs" / "output.md").read_text(encoding="utf-8")
-    assert written(page) == page
+    assert written(page) == page, "write it anew: make pages"
     for d in declared():
         assert f"`{d.named('P' if d.each else '')}`" in page, d.name
 

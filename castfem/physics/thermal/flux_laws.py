@@ -47,7 +47,11 @@ class SurfaceLaw(ABC):
 
     @abstractmethod
     def ambient_range(self, time: float) -> tuple[float, float]:
-        """Lowest and highest temperature to which the law drives the surface, K."""
+        """Lowest and highest temperature to which the law drives the surface, K.
+
+        They and the old temperatures bound the new ones of a step. A flux without an ambient
+        temperature has 0 and infinity.
+        """
 
 
 @dataclass(frozen=True)

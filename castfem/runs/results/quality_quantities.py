@@ -61,7 +61,8 @@ def band_time(step: SliceStep) -> Array:
 def brittle_strain(step: SliceStep) -> Array:
     """Mechanical axial tensile strain accumulated in the brittle range.
 
-    It is the effect of bending, straightening and misalignment on the solidification front.
+    Compression in the range is subtracted. It is the effect of bending, straightening and
+    misalignment on the solidification front.
     """
     taken = step.mechanical_strain * step.share_within(*step.brittle)
     return np.maximum(step.value + taken, 0.0)
