@@ -265,9 +265,7 @@ def test_noise_that_was_not_measured():
     found = solve(study({**SPEED, "start": "3.6 m/min"}, fidelity="coarse"), given)
     (value,) = found.values
     assert value.open_low and value.open_high
-    assert "noise was not measured: runs around the start or the best one fail" in lines(
-        found
-    )
+    assert "noise was not measured: runs around the start or the best one fail" in lines(found)
     assert found.objective is not None and not found.objective.measured
     assert found.to_json()["objective"]["noise"] is None
 
