@@ -141,7 +141,7 @@ def test_the_folder_of_a_run_stands_for_its_case(castfem, engine, case_file):
     assert castfem("check", "out/mine").status == 0
     empty = castfem("run", "--resume", "out")
     assert empty.status == 1
-    assert "out: is a folder, " in empty.err
+    assert "out: is not the folder of a run" in empty.err
 
 
 def test_a_file_in_the_way(castfem, engine, case_file):

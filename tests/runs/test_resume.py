@@ -195,7 +195,7 @@ def test_a_history_with_holes_is_not_resumed(tmp_path: Path) -> None:
     text = path.read_text()
     lines = text.splitlines(keepends=True)
     path.write_text("".join(lines[:2] + lines[4:]))
-    with pytest.raises(InputError, match=r"history\.csv: has 3 rows to 1 s, of 5 .* put the file"):
+    with pytest.raises(InputError, match=r"history\.csv: has 3 rows to 1 s, of 5 .* restore the"):
         run(longer, tmp_path, resume=True)
     assert (record(tmp_path)["status"], len(lines)) == ("finished", 6)
     path.write_text(text)

@@ -75,7 +75,7 @@ def alone(folder: Path) -> Run | None:
 
 def _run(folder: Path, label: str = "") -> Run:
     if not folder.is_dir():
-        raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
+        raise InputError(f"{folder}: {'not a' if folder.exists() else 'no such'} folder")
     if (folder / CASTER_NAME).is_file():
         fix = f"use castfem show {folder}, or castfem report {folder} alone"
         raise InputError(f"{folder}: is a caster of many slices; {fix}")
