@@ -304,7 +304,7 @@ def test_a_pair_that_is_lost_is_neither_off_nor_locked(lost_first: bool) -> None
     lost = {"kind": "lost", "roll": 30}
     for other in ({"kind": "misaligned", "roll": 30, "by": "2 mm"}, {"kind": "locked", "roll": 30}):
         both, at = ((lost, other), 1) if lost_first else ((other, lost), 0)
-        with pytest.raises(InputError, match=rf"defect\.{at}\.roll: \(30\): this pair is lost"):
+        with pytest.raises(InputError, match=rf"defect\.{at}\.roll: \(30\): this pair is also"):
             slab(*both)
         slab(lost, other | {"roll": 31})
 

@@ -79,7 +79,7 @@ def test_keys_that_the_data_do_not_tell_apart() -> None:
 
 
 def test_fewer_data_than_keys_are_refused() -> None:
-    with pytest.raises(InputError, match="1 measured values cannot tell 2 keys"):
+    with pytest.raises(InputError, match="1 measured values cannot determine 2 keys"):
         fit(lambda values: [np.zeros(1) for _ in values], KEYS, [1.0, 1.0], errors_known=False)
 
 
@@ -173,7 +173,7 @@ HEAD = "position [mm], shell_mid_face [mm], shell_mid_face error [mm]"
         ("position [mm], shell_mid_face [mm]\n-5, 1", r"line 2: the position lies above the men"),
         (f"{HEAD}\n5, 1", r"line 2: 2 cells, not 3"),
         (f"{HEAD}\n5, 1, 0", r"line 2: shell_mid_face error must be above 0"),
-        (f"{HEAD}\n5, 1, 0.1\n6, 2, ", r"at 6 mm has no error and others have"),
+        (f"{HEAD}\n5, 1, 0.1\n6, 2, ", r"at 6 mm has no error, but others have"),
         (f"{HEAD}\n, 1, 0.1", "the position is missing"),
         ("position [mm], shell_mid_face [mm], heat_removed [MJ/m]\n5, 1, 2", "need their errors"),
         ("position [mm], shell_mid_face [mm]\n5, x", r"line 2: shell_mid_face \[mm\] \(x\)"),
