@@ -204,7 +204,7 @@ def test_data_beyond_the_case(twin: Path, tmp_path: Path) -> None:
 def test_data_of_the_meniscus_alone(twin: Path, tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     path.write_text("position [mm], shell_mid_face [mm]\n0, 0\n")
-    with pytest.raises(InputError, match=r"data\.csv: line 2: shell_mid_face: .*of the meniscus"):
+    with pytest.raises(InputError, match=r"data\.csv: line 2: shell_mid_face: .*at the meniscus"):
         calibrate_case(str(twin / "case.toml"), path, ["casting.speed=2..4 m/min"], tmp_path / "f")
 
 
